@@ -1,0 +1,65 @@
+"""Errors that teach: each message is one line that names the offender and the way out.
+
+The command line maps them to exit codes: `InputError` and its kinds to 2, every other
+`TwinError` to 1. Library users catch the class they care about.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import Any
+
+
+class TwinError(Exception):
+    """Base of every error that the three packages raise on purpose."""
+
+    exit_code = 1
+
+
+class InputError(TwinError, ValueError):
+    """The caller's input cannot be used; nothing was changed."""
+
+    exit_code = 2
+
+
+class VehicleError(InputError):
+    """A vehicle file lacks an element or holds a wrong one."""
+
+
+class MissionError(InputError):
+    """A mission plan is impossible or names something unknown."""
+
+
+class CurrentError(InputError):
+    """A current field cannot be built or read, or does not cover the mission."""
+
+
+class StoreError(InputError):
+    """A store is missing, damaged, of another schema, or in the way."""
+
+
+class LayoutError(TwinError):
+    """MuJoCo's C structs are not laid out as the native callbacks need."""
+
+
+class NoSteadyState(TwinError):
+    """These actuator positions have no steady glide, or none that is stable."""
+
+
+class SimulationUnstable(TwinError):
+    """A simulation left the finite numbers; `partial` holds what it had until then."""
+
+    def __init__(self, message: str, *, mission: int, time_s: float, partial: Any = None):
+        super().__init__(message)
+        self.mission = mission
+        self.time_s = time_s
+        self.partial = partial
+
+
+def unknown_name(kind: str, name: str, allowed: Iterable[str]) -> str:
+    """One line for a name that is not among `allowed`, with the nearest one when there is one."""
+    names = sorted(allowed)
+    near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    return f"unknown {kind} {name!r}: {hint}(allowed: {', '.join(names)})"
