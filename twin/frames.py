@@ -1,0 +1,76 @@
+"""Frames: the one place where MuJoCo's axes meet the field's.
+
+Public frames are NED (north, east, down) for the world and FRD (forward, starboard, down) for
+the body. MuJoCo's world here is x north, y west, z up and its hull x forward, y port, z up, so
+both conversions are the same involution diag(1, -1, -1); it maps vectors, axial vectors and
+the vector part of quaternions alike because it is a proper rotation (180 deg about x).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+FLIP = np.array([1.0, -1.0, -1.0])
+FLIP_TWIST = np.concatenate([FLIP, FLIP])
+FLIP_QUATERNION = np.array([1.0, 1.0, -1.0, -1.0])
+
+
+def flip_vector(vector: ArrayLike) -> Array:
+    """NED to MuJoCo world, FRD to hull axes, and back. Shape (..., 3), any unit."""
+    return np.asarray(vector, float) * FLIP
+
+
+def flip_quaternion(quaternion: ArrayLike) -> Array:
+    """Body-to-world quaternion (w, x, y, z) between NED/FRD and MuJoCo. Shape (..., 4)."""
+    return np.asarray(quaternion, float) * FLIP_QUATERNION
+
+
+def flip_matrix6(matrix: ArrayLike) -> Array:
+    """A 6x6 body matrix (mass, damping) between FRD and hull axes. Shape (6, 6)."""
+    return np.asarray(matrix, float) * np.outer(FLIP_TWIST, FLIP_TWIST)
+
+
+def euler_to_quaternion(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> Array:
+    """ZYX Euler angles [rad] to the body-to-NED quaternion (w, x, y, z). Shape (..., 4).
+
+    Fossen (2021), section 2.2.2.
+    """
+    half = [np.asarray(angle, float) / 2 for angle in (roll, pitch, heading)]
+    (cr, cp, ch), (sr, sp, sh) = [np.cos(h) for h in half], [np.sin(h) for h in half]
+    return np.stack(
+        [
+            cr * cp * ch + sr * sp * sh,
+            sr * cp * ch - cr * sp * sh,
+            cr * sp * ch + sr * cp * sh,
+            cr * cp * sh - sr * sp * ch,
+        ],
+        axis=-1,
+    )
+
+
+def quaternion_to_euler(quaternion: ArrayLike) -> tuple[Array, Array, Array]:
+    """Body-to-NED quaternion (..., 4) to roll, pitch, heading [rad], heading in [0, 2 pi)."""
+    w, x, y, z = np.moveaxis(np.asarray(quaternion, float), -1, 0)
+    roll = np.arctan2(2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - x * z), -1.0, 1.0))
+    heading = np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z))
+    return roll, pitch, np.mod(heading, 2 * np.pi)
+
+
+def quaternion_to_matrix(quaternion: ArrayLike) -> Array:
+    """Rotation body to NED from the quaternion (..., 4). Shape (..., 3, 3)."""
+    w, x, y, z = np.moveaxis(np.asarray(quaternion, float), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def euler_to_matrix(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> Array:
+    """Rotation body to NED of ZYX Euler angles [rad]. Shape (..., 3, 3)."""
+    return quaternion_to_matrix(euler_to_quaternion(roll, pitch, heading))
