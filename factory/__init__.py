@@ -1,0 +1,1 @@
+"""Data factory: randomised glider missions in bulk, written to one zarr store."""

@@ -1,0 +1,1 @@
+"""Learning: networks for surge and sway, and the dead reckoning that uses them."""

@@ -1,0 +1,41 @@
+# Two commands for users: `make demo` and `make test`. Both set everything up themselves.
+# PYTHON chooses the interpreter that .venv is made from: make setup PYTHON=python3.12
+
+PYTHON ?= python3
+BIN := .venv/bin
+BENCHMARKS := benchmarks/cli_startup.py
+
+.NOTPARALLEL:
+.PHONY: setup demo test lint check bench gallery lock clean
+
+setup: .venv/.installed   ## virtual environment with the pinned versions, GL libraries
+	@scripts/gl.sh
+
+.venv/.installed: pyproject.toml constraints.txt scripts/venv.sh
+	@scripts/venv.sh "$(PYTHON)"
+
+demo: setup               ## the main job, into demo/ (overwritten)
+	@scripts/demo.sh
+
+test: setup               ## the test suite; ARGS="-k name" chooses tests
+	@$(BIN)/python -m pytest $(ARGS)
+
+lint: setup               ## style and types
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+
+check: lint test          ## all that must hold before a commit; the tests build and try the wheel
+
+bench: setup              ## measured costs, printed beside their yardsticks
+	@for benchmark in $(BENCHMARKS); do $(BIN)/python $$benchmark || exit 1; done
+
+gallery: setup            ## the pictures of the README, from the commands shown beside them
+	@$(BIN)/python scripts/gallery.py README.md
+
+lock:                     ## constraints.txt anew, from the newest versions that pyproject.toml allows
+	@scripts/lock.sh "$(PYTHON)"
+
+clean:                    ## the environment and the caches; data/, runs/ and demo/ stay
+	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -1,0 +1,38 @@
+#!/usr/bin/env bash
+# Makes .venv with the versions of constraints.txt and this package installed editable.
+# Usage: scripts/venv.sh [PYTHON]
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+python=${1:-python3}
+
+if ! command -v "$python" >/dev/null; then
+    echo "setup: '$python' is not there: install Python 3.11 or newer (Debian: apt-get install python3 python3-venv)" >&2
+    exit 1
+fi
+if ! "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then
+    echo "setup: '$python' is $("$python" -V 2>&1), but 3.11 or newer is needed: make setup PYTHON=python3.12, say" >&2
+    exit 1
+fi
+if ! "$python" -c 'import ensurepip, venv' 2>/dev/null; then
+    # Debian splits venv off. Its package is named after the interpreter's minor version.
+    package="$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')"
+    echo "setup: '$python' cannot make virtual environments: it lacks the package $package" >&2
+    if [ "$(id -u)" -eq 0 ] && command -v apt-get >/dev/null; then
+        (apt-get update -qq && apt-get install -y -qq --no-install-recommends "$package") >&2
+    else
+        echo "setup: install it (apt-get install $package) and call make again" >&2
+        exit 1
+    fi
+fi
+
+# An environment left by an interrupted run, or made by an interpreter that is gone, is made anew.
+if ! .venv/bin/python -m pip --version >/dev/null 2>&1; then
+    rm -rf .venv
+    "$python" -m venv .venv
+fi
+echo "setup: installing the pinned dependencies into .venv (some minutes the first time)" >&2
+.venv/bin/python -m pip install --quiet --disable-pip-version-check \
+    --constraint constraints.txt --editable '.[dev]'
+.venv/bin/python -m pip check --disable-pip-version-check >&2
+touch .venv/.installed

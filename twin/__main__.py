@@ -1,0 +1,26 @@
+"""`twin`: the physics of one glider."""
+
+import sys
+
+from twin.program import Command, Program
+
+PROGRAM = Program(
+    name="twin",
+    summary="Twin of an underwater glider: steady glides, simulated missions, checks.",
+    commands=(
+        Command(
+            name="version",
+            summary="versions of this package and of the libraries that can change a result",
+            loader="twin.commands.version:Version",
+        ),
+    ),
+)
+
+
+def main() -> int:
+    """Entry point of the console script."""
+    return PROGRAM.main()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
