@@ -126,9 +126,11 @@ class Program:
             raise InputError("no command given")
         first, *rest = words
         if first in ("-h", "--help"):
-            return _print(self.help())
+            _print(self.help())
+            return None
         if first == "--version":
-            return _print(f"{self.name} {__version__}\n")
+            _print(f"{self.name} {__version__}")
+            return None
         if first.startswith("-"):
             raise InputError(
                 f"unknown option {first!r} before the command: options of a command come after "

@@ -1,0 +1,30 @@
+"""Settings that every test needs before the libraries read them."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+
+import hypothesis
+
+
+def _egl_is_there() -> bool:
+    try:
+        ctypes.CDLL("libEGL.so.1")
+    except OSError:
+        return False
+    return True
+
+
+# MuJoCo and dm_control choose how to draw when they are imported. Without a screen their own choice
+# tries GLFW first and warns; where nothing can draw, the tests that draw skip themselves.
+os.environ.setdefault("MUJOCO_GL", "egl" if _egl_is_there() else "disable")
+
+# Plots go to files.
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+# No deadline: the first call of a compiled function takes seconds. In CI the examples are always
+# the same, so that a red run means a changed program.
+hypothesis.settings.register_profile("here", deadline=None)
+hypothesis.settings.register_profile("ci", deadline=None, derandomize=True)
+hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "here")

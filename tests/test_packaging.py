@@ -1,0 +1,187 @@
+"""The distribution: the wheel works on its own, names and versions agree, documents are true."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import os
+import re
+import subprocess
+import sys
+import sysconfig
+import tomllib
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+from factory.__main__ import PROGRAM as FACTORY
+from learn.__main__ import PROGRAM as LEARN
+from twin.__main__ import PROGRAM as TWIN
+from twin.assets_path import asset_path, assets_folder
+from twin.errors import InputError
+from twin.version import __version__
+
+ROOT = Path(__file__).resolve().parent.parent
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PACKAGES = ("twin", "factory", "learn")
+
+
+def _run(command: list[str | Path], cwd: Path) -> str:
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_wheel_works_outside_the_checkout(tmp_path: Path) -> None:
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
+    _run(
+        [*pip, "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", tmp_path, ROOT],
+        cwd=tmp_path,
+    )
+    (wheel,) = tmp_path.glob("*.whl")
+    environment = tmp_path / "environment"
+    _run([sys.executable, "-m", "venv", "--without-pip", environment], cwd=tmp_path)
+    python = environment / "bin" / "python"
+    # The dependencies come from the environment that runs the tests. A path file is not read
+    # recursively, so the editable install of this checkout stays out of sight.
+    (packages,) = environment.glob("lib/python*/site-packages")
+    (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    _run(
+        [*pip, "--python", python, "install", "--quiet", "--no-deps", "--no-index", wheel],
+        cwd=tmp_path,
+    )
+
+    for name in PACKAGES:
+        assert (
+            _run([environment / "bin" / name, "--version"], tmp_path) == f"{name} {__version__}\n"
+        )
+    shipped = _run(
+        [python, "-c", "import twin.assets_path as a; print(a.asset_path('glider.xml'))"], tmp_path
+    )
+    assert Path(shipped.strip()).is_relative_to(environment)
+    assert Path(shipped.strip()).read_bytes() == asset_path("glider.xml").read_bytes()
+
+
+def test_assets_are_found_and_a_wrong_name_is_explained() -> None:
+    assert asset_path("glider.xml").is_file()
+    assert assets_folder().name == "assets"
+    with pytest.raises(InputError, match=r"unknown asset 'glidr\.xml': did you mean 'glider\.xml'"):
+        asset_path("glidr.xml")
+
+
+def test_versions_agree() -> None:
+    assert metadata.version("glider-twin") == __version__
+    newest = re.search(r"^## \[(\d[^\]]*)\]", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert newest is not None
+    assert newest[1] == __version__
+    cited = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
+    assert cited is not None
+    assert cited[1] == __version__
+
+
+def test_import_factory_is_this_package() -> None:
+    # factory_boy installs a package of the same name.
+    import factory
+
+    assert Path(factory.__file__).resolve().parent == ROOT / "factory"
+    names = {_name(dist.metadata["Name"]) for dist in metadata.distributions()}
+    assert "factory-boy" not in names
+    assert "pytest-factoryboy" not in names
+
+
+def test_lightning_is_not_installed() -> None:
+    # Releases of it on PyPI were compromised in 2026.
+    names = {_name(dist.metadata["Name"]) for dist in metadata.distributions()}
+    assert not names & {"lightning", "pytorch-lightning"}
+
+
+def test_every_dependency_is_pinned_within_its_range() -> None:
+    pins = {}
+    for line in (ROOT / "constraints.txt").read_text().splitlines():
+        if line and not line.startswith("#"):
+            name, _, version = line.partition("==")
+            pins[_name(name)] = version
+    project = PYPROJECT["project"]
+    extras = project["optional-dependencies"]
+    wanted = project["dependencies"] + [r for extra in extras.values() for r in extra]
+    from packaging.requirements import Requirement
+
+    for text in wanted:
+        requirement = Requirement(text)
+        if _name(requirement.name) != "glider-twin":
+            assert requirement.specifier.contains(pins[_name(requirement.name)]), text
+
+
+def test_console_scripts_are_the_three_programs() -> None:
+    scripts = PYPROJECT["project"]["scripts"]
+    assert scripts == {name: f"{name}.__main__:main" for name in PACKAGES}
+    for target in scripts.values():
+        module, _, function = target.partition(":")
+        assert callable(getattr(importlib.import_module(module), function))
+
+
+def test_dm_control_loads_a_model_under_this_mujoco() -> None:
+    # dm-control 1.0.50 cannot do this under mujoco 4.
+    from dm_control import mujoco
+
+    physics = mujoco.Physics.from_xml_string(
+        "<mujoco><worldbody><body name='hull'><freejoint/><geom size='0.1'/></body></worldbody>"
+        "</mujoco>"
+    )
+    start = physics.named.data.qpos.copy()
+    physics.step(10)
+    assert physics.named.data.xpos["hull", "z"] < start[2]
+    physics.free()
+
+
+def test_commands_in_the_documents_exist() -> None:
+    programs = {program.name: program for program in (TWIN, FACTORY, LEARN)}
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    shown = 0
+    for page in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")]:
+        for program, command in re.findall(
+            r"^(?: {4}|\$ )?(twin|factory|learn|make) ([a-z0-9-]+)", _code(page.read_text()), re.M
+        ):
+            shown += 1
+            if program == "make":
+                assert command in targets, f"{page.name}: make {command}"
+            elif not command.startswith("-"):
+                names = [known.name for known in programs[program].commands]
+                assert command in names, f"{page.name}: {program} {command}"
+    assert shown > 0
+
+
+def test_links_in_the_documents_lead_somewhere() -> None:
+    for page in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]:
+        for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text()):
+            if "://" not in target and not target.startswith("mailto:"):
+                assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def _modules_with_examples() -> list[str]:
+    files = (path for name in PACKAGES for path in (ROOT / name).rglob("*.py"))
+    return sorted(
+        ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        for path in files
+        if ">>> " in path.read_text()
+    )
+
+
+@pytest.mark.parametrize("module", _modules_with_examples())
+def test_examples_in_docstrings_are_true(module: str) -> None:
+    result = doctest.testmod(importlib.import_module(module))
+    assert result.attempted > 0
+    assert result.failed == 0
+
+
+def _code(page: str) -> str:
+    """The code blocks of a Markdown text, fenced or indented."""
+    fenced = re.findall(r"^```[^\n]*\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    indented = re.findall(r"^ {4}.*$", page, re.MULTILINE)
+    return "\n".join([*fenced, *indented])
+
+
+def _name(distribution: str) -> str:
+    return re.sub(r"[-_.]+", "-", distribution).lower()
