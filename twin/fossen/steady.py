@@ -1,0 +1,238 @@
+"""Steady glides and spirals of the Fossen equations, and their stability.
+
+A motion is steady when the body velocity, roll, pitch and the turn rate about the vertical are
+constant: six accelerations vanish for the six unknowns (u, v, w, roll, pitch, turn rate).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import NoSteadyState
+from twin.fossen.equations import acceleration
+from twin.fossen.forces import Parameters, damping_wrench
+from twin.trim import Trim, solve_steady_state
+
+Array = NDArray[np.float64]
+
+DEEP = 1e4
+"""[m] a depth at which the hull is immersed at any pitch"""
+
+NEUTRAL = 1e-9
+"""[kg] a net mass below this drives no glide"""
+
+ROTATION_STEP = math.radians(5.0)
+"""[rad] largest step when a spiral is continued from the straight glide"""
+
+SMALLEST_STEP = math.radians(0.05)
+"""[rad] the continuation stops at a fold of the family of spirals"""
+
+SCAN_POINTS = 721
+"""angles of attack, from -180 to 180 deg, searched for straight glides"""
+
+DIFFERENCE_STEP = 1e-6
+"""[SI] step of the central differences of the linearisation, near the cube root of epsilon"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteadyMotion:
+    """One steady motion of the Fossen equations."""
+
+    trim: Trim
+    nu_r: Array
+    """velocity through the water [m/s] and body rates [rad/s], shape (6,), body FRD"""
+    eigenvalues: Array
+    """[1/s], shape (8,), complex: the motion linearised in nu_r, roll and pitch, slowest last"""
+
+    @property
+    def stable(self) -> bool:
+        """Whether every small disturbance dies out (heading and position stay free)."""
+        return bool(np.max(self.eigenvalues.real) < 0.0)
+
+
+def down_axis(roll: float, pitch: float) -> Array:
+    """The NED down axis in body axes, shape (3,)."""
+    return np.array(
+        [
+            -math.sin(pitch),
+            math.cos(pitch) * math.sin(roll),
+            math.cos(pitch) * math.cos(roll),
+        ]
+    )
+
+
+class SteadyProblem:
+    """The steady equations at fixed `shift` [m], `rotation` [rad] and `net_mass` [kg]."""
+
+    def __init__(self, p: Parameters, shift: float, rotation: float, net_mass: float):
+        self.p = p
+        self.shift = shift
+        self.rotation = rotation
+        self.net_mass = net_mass
+
+    def _acceleration(self, nu_r: Array, down: Array) -> Array:
+        displaced = self.p.mass - self.net_mass
+        no_current = np.zeros(3)
+        return acceleration(
+            self.p, down, DEEP, nu_r, self.shift, self.rotation, displaced, no_current
+        )
+
+    @staticmethod
+    def nu_r(x: Array) -> Array:
+        """nu_r, shape (6,), of the unknowns (u, v, w, roll, pitch, turn rate)."""
+        return np.concatenate((x[:3], x[5] * down_axis(x[3], x[4])))
+
+    def residual(self, x: Array) -> Array:
+        """Accelerations, shape (6,), of the unknowns (u, v, w, roll, pitch, turn rate)."""
+        return self._acceleration(self.nu_r(x), down_axis(x[3], x[4]))
+
+    def _rate(self, s: Array) -> Array:
+        """Rate of (nu_r, roll, pitch), shape (8,)."""
+        p, q, r, roll, pitch = s[3:]
+        rate = np.empty(8)
+        rate[:6] = self._acceleration(s[:6].copy(), down_axis(roll, pitch))
+        turning = q * math.sin(roll) + r * math.cos(roll)
+        rate[6] = p + turning * math.tan(pitch)
+        rate[7] = q * math.cos(roll) - r * math.sin(roll)
+        return rate
+
+    def eigenvalues(self, x: Array) -> Array:
+        """Eigenvalues [1/s], shape (8,), fastest decay first, of the motion about the root `x`."""
+        s = np.concatenate((self.nu_r(x), x[3:5]))
+        jacobian = np.empty((8, 8))
+        for k in range(8):
+            step = np.zeros(8)
+            step[k] = DIFFERENCE_STEP
+            jacobian[:, k] = (self._rate(s + step) - self._rate(s - step)) / (2 * DIFFERENCE_STEP)
+        values = np.linalg.eigvals(jacobian).astype(complex)
+        return values[np.argsort(values.real)]
+
+    def straight_glide(self, alpha: float) -> Array | None:
+        """Unknowns of the upright straight glide whose forces balance at `alpha` [rad].
+
+        Speed and pitch follow from the resultant of lift and drag; None when it points to the
+        wrong side, so that only an inverted glider could balance it. The pitch moment is free.
+        """
+        unit = np.array([math.cos(alpha), 0.0, math.sin(alpha), 0.0, 0.0, 0.0])
+        wrench = damping_wrench(self.p, unit)
+        resultant = math.hypot(wrench[0], wrench[2])
+        side = math.copysign(1.0, self.net_mass)
+        if side * wrench[2] >= 0.0:
+            return None
+        speed = math.sqrt(abs(self.net_mass) * self.p.gravity / resultant)
+        pitch = math.asin(side * wrench[0] / resultant)
+        return np.array([speed * unit[0], 0.0, speed * unit[2], 0.0, pitch, 0.0])
+
+    def straight_roots(self) -> list[Array]:
+        """Guesses for every straight glide, from the sign changes of the pitch acceleration."""
+        found: list[Array] = []
+        previous: tuple[float, float] | None = None
+        for alpha in np.linspace(-math.pi, math.pi, SCAN_POINTS):
+            x = self.straight_glide(float(alpha))
+            if x is None:
+                previous = None
+                continue
+            moment = float(self.residual(x)[4])
+            if previous is not None and previous[1] * moment <= 0.0:
+                gap = previous[1] - moment
+                part = previous[1] / gap if gap != 0.0 else 0.0
+                between = self.straight_glide(previous[0] + part * (float(alpha) - previous[0]))
+                if between is not None:
+                    found.append(between)
+            previous = (float(alpha), moment)
+        return found
+
+    def with_rotation(self, rotation: float) -> SteadyProblem:
+        """The same problem at another rotation [rad]."""
+        return SteadyProblem(self.p, self.shift, rotation, self.net_mass)
+
+
+def _continued(problem: SteadyProblem, straight: Array) -> Array | None:
+    """Follow one straight glide from rotation 0 to the problem's rotation, or None at a fold."""
+    here, x = 0.0, straight
+    slope = np.zeros(6)
+    step = math.copysign(ROTATION_STEP, problem.rotation)
+    while here != problem.rotation:
+        target = here + step
+        if (problem.rotation - target) * step <= 0.0:
+            target = problem.rotation
+        found = solve_steady_state(
+            problem.with_rotation(target).residual, [x + slope * (target - here)]
+        )
+        if found:
+            slope = (found[0] - x) / (target - here)
+            here, x = target, found[0]
+        else:
+            step *= 0.5
+            if abs(step) < SMALLEST_STEP:
+                return None
+    return x
+
+
+def _spiral_guesses(straight: Array) -> list[Array]:
+    """Rolled and turning neighbours of a straight glide, to both sides."""
+    guesses = []
+    for side in (-1.0, 1.0):
+        for roll, turn_rate in ((10.0, 0.005), (30.0, 0.02), (60.0, 0.05)):
+            guess = straight.copy()
+            guess[3] = -side * math.radians(roll)
+            guess[5] = side * turn_rate
+            guesses.append(guess)
+    return guesses
+
+
+def steady_motions(problem: SteadyProblem, linear_angle: float) -> list[SteadyMotion]:
+    """Every steady motion found, stable ones first, then by the size of the angle of attack.
+
+    Raises NoSteadyState when the net mass is zero or no motion is found.
+    """
+    if abs(problem.net_mass) < NEUTRAL:
+        raise NoSteadyState(
+            "net mass 0 kg: a neutrally buoyant glider has no force to glide with; "
+            "give a net mass above or below 0"
+        )
+    straight_problem = problem.with_rotation(0.0)
+    straight = solve_steady_state(straight_problem.residual, straight_problem.straight_roots())
+    if problem.rotation == 0.0:
+        guesses = straight + [g for x in straight for g in _spiral_guesses(x)]
+    else:
+        continued = [_continued(problem, x) for x in straight]
+        guesses = [x for x in continued if x is not None]
+        guesses += [g for x in straight for g in (x, *_spiral_guesses(x))]
+    motions = []
+    for x in solve_steady_state(problem.residual, guesses):
+        if math.cos(x[4]) <= 0.0 or abs(x[3]) > math.pi:
+            continue  # another set of Euler angles of a motion found upright
+        trim = Trim.from_motion(
+            v_rel=x[:3], roll=x[3], pitch=x[4], turn_rate=x[5], linear_angle=linear_angle
+        )
+        motions.append(
+            SteadyMotion(trim=trim, nu_r=problem.nu_r(x), eigenvalues=problem.eigenvalues(x))
+        )
+    if not motions:
+        raise NoSteadyState(
+            f"no steady motion at shift {problem.shift:g} m, rotation "
+            f"{math.degrees(problem.rotation):g} deg, net mass {problem.net_mass:g} kg: "
+            "move the shift forward to dive or aft to climb, or turn the rotation less"
+        )
+    motions.sort(key=lambda m: (not m.stable, abs(m.trim.angle_of_attack_deg)))
+    return motions
+
+
+def stable_motion(problem: SteadyProblem, linear_angle: float) -> SteadyMotion:
+    """The stable steady motion with the smallest angle of attack; NoSteadyState without one."""
+    best = steady_motions(problem, linear_angle)[0]
+    if not best.stable:
+        growth = float(np.max(best.eigenvalues.real))
+        raise NoSteadyState(
+            f"no stable steady motion at shift {problem.shift:g} m, rotation "
+            f"{math.degrees(problem.rotation):g} deg, net mass {problem.net_mass:g} kg: the one at "
+            f"pitch {best.trim.pitch_deg:.1f} deg, angle of attack "
+            f"{best.trim.angle_of_attack_deg:.1f} deg grows by {growth:.3g} 1/s; turn the rotation "
+            "less or shift further from neutral"
+        )
+    return best
