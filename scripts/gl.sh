@@ -4,7 +4,8 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-packages="libegl1 libgl1-mesa-dri"
+# EGL itself, the OpenGL library that PyOpenGL calls, and Mesa's driver that draws on the CPU.
+packages="libegl1 libopengl0 libgl1-mesa-dri"
 stamp=.venv/.gl
 
 draws() {
@@ -23,8 +24,10 @@ if [ -e "$stamp" ] || draws; then
 fi
 if [ "$(id -u)" -eq 0 ] && command -v apt-get >/dev/null; then
     echo "setup: installing $packages for drawing without a screen" >&2
+    export DEBIAN_FRONTEND=noninteractive
     # shellcheck disable=SC2086
-    if (apt-get update -qq && apt-get install -y -qq --no-install-recommends $packages) >&2 && draws; then
+    if apt-get update -qq >/dev/null &&
+        apt-get install -y -qq --no-install-recommends $packages >/dev/null && draws; then
         touch "$stamp"
         exit 0
     fi

@@ -18,9 +18,9 @@ if ! "$python" -c 'import ensurepip, venv' 2>/dev/null; then
     # Debian splits venv off. Its package is named after the interpreter's minor version.
     package="$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')"
     echo "setup: '$python' cannot make virtual environments: it lacks the package $package" >&2
-    if [ "$(id -u)" -eq 0 ] && command -v apt-get >/dev/null; then
-        (apt-get update -qq && apt-get install -y -qq --no-install-recommends "$package") >&2
-    else
+    export DEBIAN_FRONTEND=noninteractive
+    if ! { [ "$(id -u)" -eq 0 ] && command -v apt-get >/dev/null && apt-get update -qq >/dev/null &&
+        apt-get install -y -qq --no-install-recommends "$package" >/dev/null; }; then
         echo "setup: install it (apt-get install $package) and call make again" >&2
         exit 1
     fi

@@ -8,12 +8,17 @@ import os
 import hypothesis
 
 
-def _egl_is_there() -> bool:
+def _loads(library: str) -> bool:
     try:
-        ctypes.CDLL("libEGL.so.1")
+        ctypes.CDLL(library)
     except OSError:
         return False
     return True
+
+
+def _egl_is_there() -> bool:
+    # PyOpenGL needs both, and takes either library for the second.
+    return _loads("libEGL.so.1") and (_loads("libOpenGL.so.0") or _loads("libGL.so.1"))
 
 
 # MuJoCo and dm_control choose how to draw when they are imported. Without a screen their own choice
