@@ -1,0 +1,102 @@
+"""What the sensors cost: milliseconds per device and simulated hour at 2 Hz.
+
+    python benchmarks/sensor_cost.py
+
+Best of several runs after compilation; the truth is a synthetic saw-tooth of one hour.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from twin.density import DensityProfile
+from twin.sensors import SUITE_PRESETS, SensorSuite
+from twin.sensors.noise import DEVICES, device_generator
+
+HOUR = 3600.0
+DT = 0.5
+REPEATS = 30
+BUDGET_MS = 5.0
+"""per mission-hour: 5 of the 144 s that 1000 h may take"""
+
+
+def saw_tooth(duration: float = HOUR, dt: float = DT) -> dict[str, np.ndarray]:
+    """Truth of a glider that dives and climbs at 0.15 m/s between the surface and 150 m."""
+    t = np.arange(0.0, duration, dt)
+    phase = np.mod(t, 2000.0)
+    depth = np.where(phase < 1000.0, 0.15 * phase, 0.15 * (2000.0 - phase)) + 0.05
+    pitch = np.where(phase < 1000.0, -25.0, 25.0)
+    heading = np.mod(40.0 + 0.02 * t, 360.0)
+    speed = 0.35
+    truth = {
+        "true_depth": depth,
+        "true_pitch": pitch,
+        "true_heading": heading,
+        "true_surge": np.full_like(t, speed),
+        "true_velocity_north": speed * np.cos(np.deg2rad(heading)),
+        "true_velocity_east": speed * np.sin(np.deg2rad(heading)),
+        "true_velocity_down": np.where(phase < 1000.0, 0.15, -0.15),
+        "true_specific_force_z": np.full_like(t, -9.81),
+        "true_immersion": np.where(depth < 0.11, 0.99, 1.0),
+    }
+    truth["true_north"] = np.cumsum(truth["true_velocity_north"]) * dt
+    truth["true_east"] = np.cumsum(truth["true_velocity_east"]) * dt
+    for name in (
+        "roll", "sway", "heave", "roll_rate", "pitch_rate", "yaw_rate", "specific_force_x",
+        "specific_force_y", "shift", "rotation", "pump",
+    ):  # fmt: skip
+        truth[f"true_{name}"] = np.zeros_like(t)
+    return truth
+
+
+def best_ms(call: Callable[[], Any], repeats: int = REPEATS) -> float:
+    """Shortest wall time of `call` [ms]."""
+    call()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - start)
+    return 1e3 * min(times)
+
+
+def main() -> None:
+    truth = saw_tooth()
+    seed = np.random.SeedSequence(1)
+    density = DensityProfile.thermocline()
+    setting: dict[str, Any] = {
+        "dt": DT,
+        "rng_seed": seed,
+        "bottom_depth": 200.0,
+        "density": density,
+    }
+    field = SensorSuite.preset("field")
+    measured = field.measure(truth, **setting)
+    drawn = field.draw(seed)
+    extra: dict[str, dict[str, Any]] = {
+        "pressure": {"density": density, "latitude": 36.8},
+        "dvl": {"gyro": measured, "bottom_depth": 200.0, "current": None},
+    }
+    print("device        ms per mission-hour (field)")
+    for name in DEVICES:
+        device = getattr(field, name)
+        signals = measured if name == "onboard" else truth
+        cost = best_ms(
+            lambda device=device, signals=signals, name=name: device.measure(
+                signals, dt=DT, drawn=drawn, rng=device_generator(seed, name),
+                **extra.get(name, {}),
+            )
+        )  # fmt: skip
+        print(f"{name:12s} {cost:8.3f}")
+    print(f"\nsuite          ms per mission-hour (budget of field: {BUDGET_MS:g})")
+    for name, suite in SUITE_PRESETS.items():
+        cost = best_ms(lambda suite=suite: suite.measure(truth, **setting))
+        print(f"{name:18s} {cost:8.3f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,245 @@
+"""Density: in-situ density of sea water over depth, and the pressure that it makes.
+
+A profile is a table. It compiles to a flat float64 array that the native plant reads with
+`density_at`, and it integrates to the pressure that a gauge at some depth feels.
+Equation of state: TEOS-10 through `gsw` (McDougall and Barker, 2011).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from twin.errors import InputError
+
+Array = NDArray[np.float64]
+
+REFERENCE_DENSITY = 1025.0
+"""[kg/m3], the density inside the Sea-Wing's coefficients (Zhang et al., 2013)"""
+DENSITY_RANGE = (950.0, 1100.0)
+"""[kg/m3], sea, brackish and fresh water from the surface to the deepest trench"""
+GRAVITY_DEPTH_RATE = 2.26e-7
+"""[1/m], relative growth of gravity with depth in TEOS-10"""
+PASCAL_PER_DBAR = 1e4
+DEFAULT_LONGITUDE = -121.8
+"""[deg], Monterey Bay: longitude only enters the small composition anomaly of salinity"""
+DEFAULT_LATITUDE = 36.8
+"""[deg], Monterey Bay, where the paper's vehicle sailed"""
+DEFAULT_SPACING = 1.0
+"""[m], grid of a compiled profile whose own depths are not equally spaced"""
+PROGRAM_HEADER = 2
+MAX_PROGRAM_POINTS = 20_000
+"""12 000 m at 1 m fits; a longer program means a wrong spacing"""
+
+
+def gravity(latitude: float, depth: ArrayLike = 0.0) -> Array:
+    """Gravity [m/s2] at `latitude` [deg] and `depth` [m]; TEOS-10, as `gsw.grav` computes it."""
+    sin2 = np.sin(np.deg2rad(latitude)) ** 2
+    surface = 9.780327 * (1.0 + (5.2792e-3 + 2.32e-5 * sin2) * sin2)
+    return np.asarray(surface * (1.0 + GRAVITY_DEPTH_RATE * np.asarray(depth, float)))
+
+
+@njit(cache=True, error_model="numpy")
+def density_at(program, depth):  # type: ignore[no-untyped-def]
+    """Density [kg/m3] at `depth` [m] in a compiled profile, clamped at both ends; NaN stays NaN.
+
+    Allocation-free, for other compiled code. `program`: float64 vector (n, dz, n values).
+    """
+    if depth != depth:
+        return depth
+    last = int(program[0]) - 1
+    if depth <= 0.0 or last == 0:
+        return program[PROGRAM_HEADER]
+    x = depth / program[1]
+    if x >= last:
+        return program[PROGRAM_HEADER + last]
+    i = int(x)
+    f = x - i
+    return (1.0 - f) * program[PROGRAM_HEADER + i] + f * program[PROGRAM_HEADER + i + 1]
+
+
+@njit(cache=True, error_model="numpy")
+def _pressure_kernel(top, values, above, surface_gravity, depth, out):  # type: ignore[no-untyped-def]
+    """out [dbar] at each depth from the rows `top` [m] and the pressure `above` them [Pa]."""
+    i = 0
+    last = top.shape[0] - 1
+    for k in range(depth.shape[0]):
+        z = depth[k]
+        if z <= 0.0:
+            out[k] = 0.0
+            continue
+        # A vehicle's depth moves little from sample to sample, so the row is near the last one.
+        while i > 0 and top[i] > z:
+            i -= 1
+        while i < last and top[i + 1] <= z:
+            i += 1
+        rest = z - top[i]
+        mean = values[i]
+        if i < last:
+            mean += 0.5 * rest * (values[i + 1] - values[i]) / (top[i + 1] - top[i])
+        gravity_here = surface_gravity * (1.0 + GRAVITY_DEPTH_RATE * 0.5 * (z + top[i]))
+        out[k] = (above[i] + mean * rest * gravity_here) / PASCAL_PER_DBAR
+
+
+def _check_table(depth: Array, values: Array, name: str) -> None:
+    if depth.ndim != 1 or values.shape != depth.shape or depth.size == 0:
+        raise InputError(
+            f"density profile: depth has shape {depth.shape} and {name} {values.shape}; "
+            "give two vectors of one length"
+        )
+    for label, array in (("depth", depth), (name, values)):
+        if not np.isfinite(array).all():
+            row = int(np.flatnonzero(~np.isfinite(array))[0])
+            raise InputError(
+                f"density profile: {label} is {array[row]} in row {row}; drop that row"
+            )
+    if depth[0] < 0.0:
+        raise InputError(
+            f"density profile: depth {depth[0]:g} m is negative; depth counts positive downwards"
+        )
+    if np.any(np.diff(depth) <= 0.0):
+        row = int(np.flatnonzero(np.diff(depth) <= 0.0)[0]) + 1
+        raise InputError(
+            f"density profile: depth {depth[row]:g} m in row {row} does not exceed the row above; "
+            "sort the rows by depth and drop duplicates"
+        )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class DensityProfile:
+    """In-situ density over depth, linear between the rows and constant beyond them."""
+
+    depth: Array
+    """[m], shape (n,), positive down, increasing"""
+    values: Array
+    """[kg/m3], shape (n,), in-situ density"""
+
+    def __post_init__(self) -> None:
+        depth = np.array(self.depth, float, copy=True)
+        values = np.array(self.values, float, copy=True)
+        _check_table(depth, values, "density")
+        low, high = DENSITY_RANGE
+        if values.min() < low or values.max() > high:
+            worst = values.min() if values.min() < low else values.max()
+            raise InputError(
+                f"density profile: {worst:g} kg/m3 is not in-situ density of sea water "
+                f"({low:g} to {high:g}); sigma values need 1000 added"
+            )
+        depth.flags.writeable = values.flags.writeable = False
+        object.__setattr__(self, "depth", depth)
+        object.__setattr__(self, "values", values)
+
+    @classmethod
+    def constant(cls, density: float = REFERENCE_DENSITY) -> DensityProfile:
+        """The same density [kg/m3] at every depth."""
+        return cls(depth=np.zeros(1), values=np.array([density]))
+
+    @classmethod
+    def from_temperature_salinity(
+        cls,
+        depth: ArrayLike,
+        temperature: ArrayLike,
+        salinity: ArrayLike,
+        *,
+        latitude: float = DEFAULT_LATITUDE,
+        longitude: float = DEFAULT_LONGITUDE,
+    ) -> DensityProfile:
+        """Density of a cast: depth [m], in-situ temperature [degC], practical salinity [1].
+
+        Each of shape (n,) or, for temperature and salinity, a number. latitude, longitude [deg].
+        Raises InputError for NaN, negative or unsorted depth.
+        """
+        import gsw
+
+        z = np.asarray(depth, float)
+        t = np.broadcast_to(np.asarray(temperature, float), z.shape)
+        sp = np.broadcast_to(np.asarray(salinity, float), z.shape)
+        _check_table(z, t, "temperature")
+        _check_table(z, sp, "salinity")
+        if not -90.0 <= latitude <= 90.0:
+            raise InputError(f"density profile: latitude {latitude:g} deg is outside -90..90")
+        pressure = gsw.p_from_z(-z, latitude)
+        absolute = gsw.SA_from_SP(sp, pressure, longitude, latitude)
+        conservative = gsw.CT_from_t(absolute, t, pressure)
+        return cls(depth=z, values=gsw.rho(absolute, conservative, pressure))
+
+    @classmethod
+    def thermocline(
+        cls,
+        *,
+        surface_temperature: float = 16.0,
+        deep_temperature: float = 4.0,
+        surface_salinity: float = 33.4,
+        deep_salinity: float = 34.4,
+        mixed_layer_depth: float = 30.0,
+        decay_depth: float = 200.0,
+        max_depth: float = 1000.0,
+        latitude: float = DEFAULT_LATITUDE,
+        longitude: float = DEFAULT_LONGITUDE,
+    ) -> DensityProfile:
+        """A climatology-like profile: a mixed layer over an exponential thermocline.
+
+        Temperature [degC] and practical salinity relax from their surface to their deep values
+        as exp(-(z - mixed_layer_depth) / decay_depth) [m]. The defaults resemble Monterey Bay.
+        """
+        for name, value in (
+            ("mixed_layer_depth", mixed_layer_depth),
+            ("decay_depth", decay_depth),
+            ("max_depth", max_depth),
+        ):
+            low_ok = value >= 0.0 if name == "mixed_layer_depth" else value > 0.0
+            if not (np.isfinite(value) and low_ok):
+                raise InputError(f"density profile: {name} is {value:g} m; give a positive depth")
+        z = np.linspace(0.0, max_depth, max(2, int(np.ceil(max_depth / DEFAULT_SPACING)) + 1))
+        decay = np.exp(-np.maximum(z - mixed_layer_depth, 0.0) / decay_depth)
+        temperature = deep_temperature + (surface_temperature - deep_temperature) * decay
+        salinity = deep_salinity + (surface_salinity - deep_salinity) * decay
+        return cls.from_temperature_salinity(
+            z, temperature, salinity, latitude=latitude, longitude=longitude
+        )
+
+    def density(self, depth: ArrayLike) -> Array:
+        """[kg/m3] at `depth` [m], any shape; constant above the first and below the last row."""
+        return np.asarray(np.interp(np.asarray(depth, float), self.depth, self.values))
+
+    def pressure(self, depth: ArrayLike, *, latitude: float) -> Array:
+        """Gauge pressure [dbar] at `depth` [m], any shape: the integral of rho g dz; 0 in air.
+
+        Exact for the table's straight segments with gravity at the segment's mean depth.
+        """
+        z = np.ascontiguousarray(depth, dtype=np.float64)
+        # A row at the surface turns the clamped end above the first row into a segment.
+        top = np.concatenate([[0.0], self.depth[self.depth > 0.0]])
+        values = self.density(top)
+        surface = float(gravity(latitude))
+        slab = 0.5 * (values[1:] + values[:-1]) * np.diff(top)
+        slab *= surface * (1.0 + GRAVITY_DEPTH_RATE * 0.5 * (top[1:] + top[:-1]))
+        above = np.concatenate([[0.0], np.cumsum(slab)])
+        out = np.empty(z.size)
+        _pressure_kernel(top, values, above, surface, z.ravel(), out)
+        return out.reshape(np.shape(depth))
+
+    def compile(self, *, spacing: float | None = None) -> Array:
+        """The profile as a flat float64 array for `density_at`: n, dz [m], n densities from 0 m.
+
+        Without `spacing` [m] the table's own spacing is kept when it is uniform from the surface
+        on; otherwise the table is interpolated every DEFAULT_SPACING.
+        """
+        if self.depth.size == 1:
+            return np.array([1.0, DEFAULT_SPACING, self.values[0]])
+        steps = np.diff(self.depth)
+        uniform = self.depth[0] == 0.0 and np.allclose(steps, steps[0], rtol=1e-9, atol=0.0)
+        if spacing is None:
+            spacing = float(steps[0]) if uniform else DEFAULT_SPACING
+        if not (np.isfinite(spacing) and spacing > 0.0):
+            raise InputError(f"density profile: spacing {spacing:g} m must be positive")
+        n = int(np.ceil(self.depth[-1] / spacing * (1.0 - 1e-12))) + 1
+        if n > MAX_PROGRAM_POINTS:
+            raise InputError(
+                f"density profile: {n} points of {spacing:g} m exceed {MAX_PROGRAM_POINTS}; "
+                "compile with a larger spacing"
+            )
+        return np.concatenate([[n, spacing], self.density(np.arange(n) * spacing)])

@@ -1,0 +1,51 @@
+"""Attitude: roll and pitch as the AHRS's Kalman filter reports them."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.sensors.checks import (
+    Drawn,
+    Signals,
+    require_non_negative,
+    require_positive,
+    signal,
+)
+from twin.sensors.noise import gauss_markov
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Attitude:
+    """Roll and pitch error of the filter: one stationary Gauss-Markov process per angle."""
+
+    rms_deg: float = 0.25
+    """[deg] RMS per angle: the 3DM-GX5-25's extended Kalman filter (0.5 for its
+    complementary filter)"""
+    correlation_time: float = 120.0
+    """[s] ours: the filter's error follows the gyro bias that it estimates, over minutes"""
+
+    def __post_init__(self) -> None:
+        require_non_negative(self, "rms_deg")
+        require_positive(self, "correlation_time")
+
+    @classmethod
+    def ideal(cls) -> Attitude:
+        """No error at all."""
+        return cls(rms_deg=0.0)
+
+    def measure(
+        self, truth: Signals, *, dt: float, drawn: Drawn, rng: np.random.Generator
+    ) -> dict[str, NDArray[np.float64]]:
+        """measured_roll and measured_pitch [degree]."""
+        out = {}
+        for name in ("roll", "pitch"):
+            true = signal(truth, f"true_{name}")
+            error = gauss_markov(
+                rng, true.shape[0], std=self.rms_deg, dt=dt, correlation_time=self.correlation_time
+            )
+            error += true
+            out[f"measured_{name}"] = error
+        return out

@@ -1,0 +1,283 @@
+"""DVL: Doppler velocity log with four beams, on the bottom or in the water below the vehicle.
+
+Each ping, beam i along b_i (azimuth 45, 135, 225, 315 deg, tilted from the instrument's axis)
+reads b_i . (v + omega x r) (1 + scale error) + noise, where v is the velocity over ground in
+bottom lock and the velocity through the water of the cell layer in water lock, and r the lever
+arm. A beam sees the bottom while its slant range lies in the instrument's range and the beam is
+not too far from the vertical. Three beams are enough: least squares over the ones that are left
+gives the velocity. Pings are averaged to the mission's grid, over the interval centred on the
+sample at which the lock is decided, and the vehicle removes the lever arm with its own gyro.
+
+Defaults: LinkQuest 600 kHz micro (the paper's table: 0.3-110 m, 1 % +- 1 mm/s, 5 Hz); beams and
+water mode as in the osrf/lrauv simulation. Frame: body FRD, positive as the vehicle moves.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from twin.errors import InputError
+from twin.sensors.checks import (
+    Drawn,
+    Signals,
+    drawn_value,
+    require_finite,
+    require_non_negative,
+    require_positive,
+    signal,
+)
+from twin.sensors.noise import normals
+
+Array = NDArray[np.float64]
+
+DEG = math.pi / 180.0
+AZIMUTHS_DEG = (45.0, 135.0, 225.0, 315.0)
+"""[deg] of the beams about the instrument's axis, from forward to starboard"""
+MODES = {"none": 0, "bottom": 1, "water": 2}
+"""measured_dvl_mode; the record of the instrument flags them the same way"""
+CELL_SAMPLES = 3
+"""depths across the cell layer at which the current is averaged"""
+CELL_PERIOD = 5.0
+"""[s] between evaluations of the current below; the layer is 40 m thick and changes slowly"""
+BODY_RATES = ("roll_rate", "pitch_rate", "yaw_rate")
+OUTPUTS = ("measured_dvl_surge", "measured_dvl_sway", "measured_dvl_heave")
+
+
+def beam_directions(tilt: float) -> Array:
+    """Unit vectors of the beams, shape (4, 3), body FRD, `tilt` [rad] from straight down."""
+    azimuth = np.array(AZIMUTHS_DEG) * DEG
+    horizontal = math.sin(tilt)
+    return np.stack(
+        [
+            horizontal * np.cos(azimuth),
+            horizontal * np.sin(azimuth),
+            np.full(4, math.cos(tilt)),
+        ],
+        axis=1,
+    )
+
+
+@functools.lru_cache(maxsize=8)
+def beam_solutions(tilt: float) -> Array:
+    """Least-squares inverses, shape (16, 3, 4): entry `set` uses beam i where bit i is set."""
+    beams = beam_directions(tilt)
+    out = np.zeros((16, 3, 4))
+    for used in range(16):
+        index = [i for i in range(4) if used >> i & 1]
+        if len(index) >= 3:
+            out[used][:, index] = np.linalg.pinv(beams[index])
+    return out
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Dvl:
+    """One instrument; the scale error and the sound-speed error are drawn once per mission."""
+
+    fitted: bool = True
+    """False: the vehicle carries none, velocities are NaN and the mode is 0"""
+    exact: bool = False
+    """True: the true velocity over ground in bottom mode, whatever the depth"""
+    ping_rate: float = 5.0
+    """[Hz]"""
+    tilt_deg: float = 30.0
+    """[deg] of each beam from the instrument's axis"""
+    lever_arm: tuple[float, float, float] = (-0.60, 0.0, 0.11)
+    """[m] body FRD from the CB; the lrauv simulation's station, at the Sea-Wing's hull bottom"""
+    min_range: float = 0.3
+    """[m] smallest slant range of bottom lock"""
+    max_range: float = 110.0
+    """[m] largest slant range of bottom lock"""
+    max_beam_angle_deg: float = 60.0
+    """[deg] from the vertical; a beam beyond gets no bottom echo"""
+    cell_min: float = 20.0
+    """[m] nearest water cell, below a level instrument"""
+    cell_max: float = 60.0
+    """[m] farthest water cell"""
+    scale: float = 0.005
+    """[1] standard deviation of the scale error: the sheet's 1 % read as two sigma"""
+    sound_speed: float = 0.0
+    """[1] standard deviation of dc/c, which adds to the scale; 0: the sheet's 1 % contains it"""
+    bottom_noise: float = 0.001
+    """[m/s] per beam and ping: the sheet's 1 mm/s read as one sigma"""
+    water_noise: float = 0.0035
+    """[m/s] per beam and ping, as in the lrauv simulation"""
+    mean_lock_time: float = 600.0
+    """[s] of the two-state Markov chain; ours"""
+    mean_loss_time: float = 5.0
+    """[s] without any lock; 0: lock is never lost"""
+    outlier_probability: float = 0.0075
+    """[1] per ping"""
+    outlier_size: float = 0.5
+    """[m/s] uniform within +- this, on one beam"""
+    wrong_beam_share: float = 0.5
+    """[1] of the outliers, in which a beam reports its neighbour's velocity instead"""
+
+    def __post_init__(self) -> None:
+        require_positive(self, "ping_rate", "max_range", "mean_lock_time", "cell_max")
+        require_non_negative(
+            self, "min_range", "cell_min", "scale", "sound_speed", "bottom_noise", "water_noise",
+            "mean_loss_time", "outlier_probability", "outlier_size", "wrong_beam_share",
+        )  # fmt: skip
+        require_finite(self, "lever_arm", "ping_rate")
+        for name in ("outlier_probability", "wrong_beam_share"):
+            if getattr(self, name) > 1.0:
+                raise InputError(f"Dvl.{name} is {getattr(self, name):g}: it must be at most 1")
+        for name in ("tilt_deg", "max_beam_angle_deg"):
+            if not 0.0 < getattr(self, name) < 90.0:
+                raise InputError(
+                    f"Dvl.{name} is {getattr(self, name):g} deg: it must lie between 0 and 90"
+                )
+        if self.min_range >= self.max_range or self.cell_min >= self.cell_max:
+            raise InputError(
+                f"Dvl ranges {self.min_range:g}..{self.max_range:g} m and cells "
+                f"{self.cell_min:g}..{self.cell_max:g} m: each maximum must exceed its minimum"
+            )
+
+    @classmethod
+    def ideal(cls) -> Dvl:
+        """The true velocity over ground, always."""
+        return cls(exact=True, scale=0.0, lever_arm=(0.0, 0.0, 0.0))
+
+    @classmethod
+    def noise_free(cls) -> Dvl:
+        """The geometry, range and modes of the default instrument without random errors."""
+        return cls(
+            scale=0.0, bottom_noise=0.0, water_noise=0.0, mean_loss_time=0.0,
+            outlier_probability=0.0,
+        )  # fmt: skip
+
+    def draw(self, rng: np.random.Generator) -> dict[str, float]:
+        """The mission's relative scale and sound-speed errors [1]."""
+        unit = rng.standard_normal(2)
+        return {
+            "dvl_scale": float(self.scale * unit[0]),
+            "dvl_sound_speed": float(self.sound_speed * unit[1]),
+        }
+
+    def measure(
+        self,
+        truth: Signals,
+        *,
+        dt: float,
+        drawn: Drawn,
+        rng: np.random.Generator,
+        gyro: Signals,
+        bottom_depth: ArrayLike | None,
+        current: Array | None,
+    ) -> dict[str, NDArray[np.float64]]:
+        """measured_dvl_surge/_sway/_heave [m/s] at the CB and measured_dvl_mode.
+
+        gyro: the measured_* body rates [rad/s], which remove the lever arm. bottom_depth [m]:
+        a number, one per sample, or None for a bottom out of reach. current: the compiled
+        current field, evaluated at the cell layer; None: the vehicle's own current, as in a
+        current that does not change with depth.
+        """
+        n = np.shape(truth["true_depth"])[0]
+        velocity = np.empty((3, n))
+        mode = np.zeros(n)
+        if not self.fitted:
+            velocity[:] = np.nan
+        else:
+            self._measure(truth, dt, drawn, rng, gyro, bottom_depth, current, velocity, mode)
+        return dict(zip(OUTPUTS, velocity, strict=True)) | {"measured_dvl_mode": mode}
+
+    def _measure(
+        self, truth: Signals, dt: float, drawn: Drawn, rng: np.random.Generator, gyro: Signals,
+        bottom_depth: ArrayLike | None, current: Array | None, velocity: Array, mode: Array,
+    ) -> None:  # fmt: skip
+        from twin.sensors.kernels import body_kernel, dvl_kernel
+
+        n = mode.shape[0]
+        angles = [signal(truth, f"true_{name}") for name in ("roll", "pitch", "heading")]
+        over_ground = [signal(truth, f"true_velocity_{name}") for name in ("north", "east", "down")]
+        plumb = np.empty((3, n))
+        if self.exact:
+            body_kernel(*angles, *over_ground, velocity, plumb)
+            mode[:] = MODES["bottom"]
+            return
+        ground = np.empty((3, n))
+        body_kernel(*angles, *over_ground, ground, plumb)
+        if current is None:
+            water = np.stack([signal(truth, f"true_{name}") for name in ("surge", "sway", "heave")])
+        else:
+            below = self._cell_current(truth, dt, plumb[2], current)
+            through = [v - c for v, c in zip(over_ground, below, strict=True)]
+            water = np.empty((3, n))
+            body_kernel(*angles, *through, water, np.empty((3, n)))
+        rates = np.stack([signal(truth, f"true_{name}") for name in BODY_RATES])
+        depth = signal(truth, "true_depth")
+        bottom = np.full(n, np.inf)
+        if bottom_depth is not None:
+            bottom[:] = np.asarray(bottom_depth, float)
+        ping_dt = 1.0 / self.ping_rate
+        pings = max(1, math.ceil((n - 0.5) * dt * self.ping_rate))
+        tilt = self.tilt_deg * DEG
+        outlier, outlier_beam = self._outliers(rng, pings)
+        factor = 1.0 + drawn_value(drawn, "dvl_scale") + drawn_value(drawn, "dvl_sound_speed")
+        dvl_kernel(
+            ground, water, rates, plumb, depth, bottom, np.array(self.lever_arm),
+            beam_directions(tilt), beam_solutions(tilt), ping_dt / dt,
+            self._locked(rng, pings, ping_dt), factor, self.bottom_noise, self.water_noise,
+            normals(rng, n, 4), outlier, outlier_beam, self.min_range, self.max_range,
+            math.cos(self.max_beam_angle_deg * DEG), self.cell_max / math.cos(tilt), velocity, mode,
+        )  # fmt: skip
+        x, y, z = self.lever_arm
+        p, q, r = (signal(gyro, f"measured_{name}") for name in BODY_RATES)
+        velocity[0] -= q * z - r * y
+        velocity[1] -= r * x - p * z
+        velocity[2] -= p * y - q * x
+
+    def _cell_current(
+        self, truth: Signals, dt: float, plumb_z: Array, current: Array
+    ) -> tuple[Array, Array, Array]:
+        """Current [m/s] north, east, down averaged over the cell layer, each of shape (n,)."""
+        from twin.current.sampler import sample_track
+
+        n = plumb_z.shape[0]
+        at = np.arange(0, n, max(1, round(CELL_PERIOD / dt)))
+        t = at * dt
+        north, east, depth = (
+            signal(truth, f"true_{name}")[at] for name in ("north", "east", "depth")
+        )
+        still = np.zeros(at.size)
+        total = np.zeros((at.size, 3))
+        for cell in np.linspace(self.cell_min, self.cell_max, CELL_SAMPLES):
+            down = depth + cell * plumb_z[at]
+            total += sample_track(current, t, north, east, down, still, still, still)[:, :3]
+        total /= CELL_SAMPLES
+        index = np.arange(n)
+        return tuple(np.interp(index, at, total[:, i]) for i in range(3))  # type: ignore[return-value]
+
+    def _locked(self, rng: np.random.Generator, pings: int, ping_dt: float) -> NDArray[np.bool_]:
+        """Which pings have lock: alternating exponential stays of the two-state chain."""
+        locked = np.ones(pings, bool)
+        if self.mean_loss_time == 0.0:
+            return locked
+        cycle = self.mean_lock_time + self.mean_loss_time
+        lost_first = rng.random() < self.mean_loss_time / cycle
+        now, end = 0.0, pings * ping_dt
+        if lost_first:
+            now = rng.exponential(self.mean_loss_time)
+            locked[: math.ceil(now / ping_dt)] = False
+        while True:
+            now += rng.exponential(self.mean_lock_time)
+            if now >= end:
+                return locked
+            lost = math.ceil(now / ping_dt)
+            now += rng.exponential(self.mean_loss_time)
+            locked[lost : math.ceil(now / ping_dt)] = False
+
+    def _outliers(self, rng: np.random.Generator, pings: int) -> tuple[Array, NDArray[np.int64]]:
+        """Per ping the wrong velocity [m/s] (0 none, NaN the neighbour's beam) and its beam."""
+        size, beam = np.zeros(pings), np.zeros(pings, np.int64)
+        count = rng.binomial(pings, self.outlier_probability)
+        where = rng.integers(pings, size=count)
+        size[where] = rng.uniform(-self.outlier_size, self.outlier_size, count)
+        size[where[rng.random(count) < self.wrong_beam_share]] = np.nan
+        beam[where] = rng.integers(4, size=count)
+        return size, beam

@@ -1,0 +1,186 @@
+"""IMU: the gyroscope and accelerometer triads.
+
+measured = (I + scale + misalignment) true + turn-on bias + bias instability + rate random walk
++ white noise, per axis. The terms are set from Allan deviation figures by the conventions of
+IEEE 952-2020: white noise reads N at 1 s; a first-order Gauss-Markov process of standard
+deviation s_b peaks at GAUSS_MARKOV_PEAK s_b, 1.89 correlation times out, so the data sheet's
+bias instability (the floor of its Allan curve) is s_b = floor / GAUSS_MARKOV_PEAK; rate random
+walk reads K at 3 s.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, unknown_name
+from twin.sensors.checks import (
+    Drawn,
+    Signals,
+    drawn_value,
+    require_non_negative,
+    require_positive,
+    signal,
+)
+from twin.sensors.noise import gauss_markov_knots, knot_count, normals
+
+DEG = math.pi / 180.0
+DEG_PER_HOUR = DEG / 3600.0
+STANDARD_GRAVITY = 9.80665
+"""[m/s2], the "g" of data sheets"""
+GAUSS_MARKOV_PEAK = 0.618
+"""peak of a Gauss-Markov process's Allan deviation over its standard deviation"""
+GAUSS_MARKOV_PEAK_TIME = 1.89
+"""averaging time of that peak in correlation times"""
+DRIFT_HORIZON = 3600.0
+"""[s] averaging time at which the default rate random walk equals the bias instability. Data
+sheets give no rate random walk; real MEMS curves rise again within about an hour."""
+
+AXES = ("x", "y", "z")
+GYRO_SIGNALS = ("roll_rate", "pitch_rate", "yaw_rate")
+FORCE_SIGNALS = ("specific_force_x", "specific_force_y", "specific_force_z")
+
+
+def _walk(bias_instability: float) -> float:
+    """The rate random walk K whose Allan deviation at DRIFT_HORIZON is `bias_instability`."""
+    return bias_instability / math.sqrt(DRIFT_HORIZON / 3.0)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Imu:
+    """Errors of one IMU; the defaults are the Microstrain 3DM-GX5-25 (LORD data sheet 8400-0093).
+
+    Turn-on bias, scale factor and misalignment are drawn once per mission from normal
+    distributions with the standard deviations below.
+    """
+
+    gyro_noise_density: float = 0.005 * DEG
+    """[rad/s/sqrt(Hz)] angular random walk N"""
+    gyro_bias_instability: float = 8.0 * DEG_PER_HOUR
+    """[rad/s] floor of the Allan deviation"""
+    gyro_rate_random_walk: float = _walk(8.0 * DEG_PER_HOUR)
+    """[rad/s/sqrt(s)] K; ours, see DRIFT_HORIZON"""
+    gyro_turn_on_bias: float = 0.04 * DEG
+    """[rad/s] standard deviation; the sheet's +-0.04 deg/s read as one sigma"""
+    gyro_scale: float = 0.0005
+    """[1] standard deviation of the scale factor error (0.05 %)"""
+    accel_noise_density: float = 25e-6 * STANDARD_GRAVITY
+    """[m/s2/sqrt(Hz)] velocity random walk N (25 ug at +-8 g)"""
+    accel_bias_instability: float = 0.04e-3 * STANDARD_GRAVITY
+    """[m/s2] floor of the Allan deviation (0.04 mg)"""
+    accel_rate_random_walk: float = _walk(0.04e-3 * STANDARD_GRAVITY)
+    """[m/s2/sqrt(s)] K; ours, see DRIFT_HORIZON"""
+    accel_turn_on_bias: float = 0.002 * STANDARD_GRAVITY
+    """[m/s2] standard deviation (0.002 g)"""
+    accel_scale: float = 0.0003
+    """[1] standard deviation of the scale factor error (0.03 %)"""
+    misalignment_deg: float = 0.05
+    """[deg] standard deviation of the three angles by which each triad is turned"""
+    correlation_time: float = 100.0
+    """[s] of the bias instability; sheets give none, Allan floors of this class lie at 1-5 min"""
+
+    def __post_init__(self) -> None:
+        names = [f.name for f in dataclasses.fields(self) if f.name != "correlation_time"]
+        require_non_negative(self, *names)
+        require_positive(self, "correlation_time")
+
+    @classmethod
+    def ideal(cls) -> Imu:
+        """No error at all."""
+        names = (f.name for f in dataclasses.fields(cls) if f.name != "correlation_time")
+        return cls(**dict.fromkeys(names, 0.0))
+
+    @classmethod
+    def preset(cls, name: str) -> Imu:
+        """An IMU of `IMU_PRESETS` by name."""
+        if name not in IMU_PRESETS:
+            raise InputError(unknown_name("IMU", name, IMU_PRESETS))
+        return IMU_PRESETS[name]
+
+    def draw(self, rng: np.random.Generator) -> dict[str, float]:
+        """The mission's constants: turn-on bias [SI], scale [1], misalignment [rad] per axis."""
+        turn = self.misalignment_deg * DEG
+        spread = {
+            "gyro_bias": self.gyro_turn_on_bias,
+            "gyro_scale": self.gyro_scale,
+            "gyro_misalignment": turn,
+            "accel_bias": self.accel_turn_on_bias,
+            "accel_scale": self.accel_scale,
+            "accel_misalignment": turn,
+        }
+        unit = rng.standard_normal((len(spread), len(AXES)))
+        return {
+            f"{name}_{axis}": float(std * unit[i, j])
+            for i, (name, std) in enumerate(spread.items())
+            for j, axis in enumerate(AXES)
+        }
+
+    def measure(
+        self, truth: Signals, *, dt: float, drawn: Drawn, rng: np.random.Generator
+    ) -> dict[str, NDArray[np.float64]]:
+        """measured rates [rad/s] and specific force [m/s2] at the IMU site, body FRD."""
+        rates = self._triad(
+            truth, GYRO_SIGNALS, "gyro", dt, drawn, rng,
+            self.gyro_noise_density, self.gyro_bias_instability, self.gyro_rate_random_walk,
+        )  # fmt: skip
+        force = self._triad(
+            truth, FORCE_SIGNALS, "accel", dt, drawn, rng,
+            self.accel_noise_density, self.accel_bias_instability, self.accel_rate_random_walk,
+        )  # fmt: skip
+        return rates | force
+
+    def _triad(
+        self, truth: Signals, names: tuple[str, ...], triad: str, dt: float, drawn: Drawn,
+        rng: np.random.Generator, density: float, instability: float, walk: float,
+    ) -> dict[str, NDArray[np.float64]]:  # fmt: skip
+        from twin.sensors.kernels import triad_kernel
+
+        bias, scale, turn = (
+            np.array([drawn_value(drawn, f"{triad}_{what}_{axis}") for axis in AXES])
+            for what in ("bias", "scale", "misalignment")
+        )
+        # I + diag(scale) - turn x: the frame turned by small angles, as the triad sees the vector.
+        matrix = np.diag(1.0 + scale) + np.array(
+            [[0.0, turn[2], -turn[1]], [-turn[2], 0.0, turn[0]], [turn[1], -turn[0], 0.0]]
+        )
+        true = [signal(truth, f"true_{name}") for name in names]
+        n = true[0].shape[0]
+        std, decay, stride = gauss_markov_knots(
+            instability / GAUSS_MARKOV_PEAK, dt, self.correlation_time
+        )
+        out = np.empty((3, n))
+        triad_kernel(
+            *true, matrix, bias, normals(rng, 3, n), density / math.sqrt(dt),
+            normals(rng, 3, 2, knot_count(n, stride)), std, decay, walk * math.sqrt(stride * dt),
+            stride, out,
+        )  # fmt: skip
+        return {f"measured_{name}": out[i] for i, name in enumerate(names)}
+
+
+IMU_PRESETS: dict[str, Imu] = {
+    "ideal": Imu.ideal(),
+    "3DM-GX5-25": Imu(),
+    # Secondary text with the higher accelerometer noise for the same device.
+    "3DM-GX5-25-80ug": Imu(accel_noise_density=80e-6 * STANDARD_GRAVITY),
+    # As in the osrf/lrauv simulation of the Tethys class.
+    "AHRS-M2": Imu(
+        gyro_noise_density=0.04 * DEG,
+        gyro_bias_instability=6.415 * DEG_PER_HOUR,
+        gyro_rate_random_walk=_walk(6.415 * DEG_PER_HOUR),
+        accel_noise_density=250e-6 * STANDARD_GRAVITY,
+        accel_bias_instability=0.07441e-3 * STANDARD_GRAVITY,
+        accel_rate_random_walk=_walk(0.07441e-3 * STANDARD_GRAVITY),
+    ),
+    "MTi-630": Imu(
+        gyro_noise_density=0.007 * DEG,
+        accel_noise_density=60e-6 * STANDARD_GRAVITY,
+    ),
+    "MV5-AR": Imu(
+        gyro_noise_density=0.0075 * DEG,
+        accel_noise_density=85e-6 * STANDARD_GRAVITY,
+    ),
+}
+"""Named IMUs. A figure that a device's source does not give is the 3DM-GX5-25's."""

@@ -1,0 +1,284 @@
+"""Compiled loops of the sensors: what is sequential in time or too small for numpy calls.
+
+Imported inside the devices' methods only, so that configurations load without numba.
+Vectors are contiguous float64 of shape (n,) on the mission's time grid, normals are float32.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+DEG = math.pi / 180.0
+BEAMS = 4
+NO_LOCK, BOTTOM_LOCK, WATER_LOCK = 0, 1, 2
+MIN_BEAMS = 3
+"""a three-dimensional velocity needs three beams"""
+
+
+@njit(cache=True, error_model="numpy")
+def gauss_markov_kernel(white, std, decay, stride, out):  # type: ignore[no-untyped-def]
+    """out = a stationary first-order Gauss-Markov process with a knot every `stride` samples.
+
+    white: one standard normal per knot; decay: from knot to knot; linear in between.
+    """
+    step = std * math.sqrt(1.0 - decay * decay)
+    n = out.shape[0]
+    state = std * white[0]
+    for j in range(white.shape[0] - 1):
+        following = decay * state + step * white[j + 1]
+        slope = (following - state) / stride
+        first = j * stride
+        for k in range(first, min(first + stride, n)):
+            out[k] = state + slope * (k - first)
+        state = following
+
+
+@njit(cache=True, error_model="numpy")
+def triad_kernel(  # type: ignore[no-untyped-def]
+    x, y, z, matrix, bias, white, white_std, knots, bias_std, decay, walk_step, stride, out
+):
+    """out[i] = matrix[i] @ (x, y, z) + bias[i] + white noise + Gauss-Markov bias + random walk.
+
+    white: standard normals (3, n). knots: standard normals (3, 2, m) that drive the two slow
+    processes with a knot every `stride` samples, linear in between. out: (3, n).
+    """
+    n = x.shape[0]
+    step = bias_std * math.sqrt(1.0 - decay * decay)
+    for i in range(3):
+        a, b, c = matrix[i, 0], matrix[i, 1], matrix[i, 2]
+        state = bias_std * knots[i, 0, 0]
+        walk = bias[i]
+        for j in range(knots.shape[2] - 1):
+            state_next = decay * state + step * knots[i, 0, j + 1]
+            walk_next = walk + walk_step * knots[i, 1, j + 1]
+            slow = state + walk
+            slope = (state_next + walk_next - slow) / stride
+            first = j * stride
+            for k in range(first, min(first + stride, n)):
+                out[i, k] = (
+                    a * x[k] + b * y[k] + c * z[k]
+                    + slow + slope * (k - first) + white_std * white[i, k]
+                )  # fmt: skip
+            state = state_next
+            walk = walk_next
+
+
+@njit(cache=True, error_model="numpy")
+def compass_kernel(  # type: ignore[no-untyped-def]
+    roll, pitch, heading, shift, rotation, hard_iron, soft_iron, battery, distance, dip_tangent,
+    offset, error, out,
+):  # fmt: skip
+    """out = heading [deg] in [0, 360) from the magnetic vector: soft_iron R^T m_n + hard iron.
+
+    m_n = (1, 0, dip_tangent), in units of the horizontal field. Angles [deg] in, shift [m].
+    hard_iron: (3,) at the neutral battery position. battery: (3,) the part of the field that
+    the battery carries there; it turns with the rotation and falls with the cube of the
+    distance [m]. offset [rad]; error [deg], shape (n,), is added.
+    """
+    for k in range(out.shape[0]):
+        sin_r, cos_r = math.sin(roll[k] * DEG), math.cos(roll[k] * DEG)
+        sin_p, cos_p = math.sin(pitch[k] * DEG), math.cos(pitch[k] * DEG)
+        sin_h, cos_h = math.sin(heading[k] * DEG), math.cos(heading[k] * DEG)
+        sin_g, cos_g = math.sin(rotation[k] * DEG), math.cos(rotation[k] * DEG)
+        ratio = distance / (distance + shift[k])
+        fall = ratio * ratio * ratio
+        bx = hard_iron[0] + (fall - 1.0) * battery[0]
+        by = hard_iron[1] + fall * (cos_g * battery[1] - sin_g * battery[2]) - battery[1]
+        bz = hard_iron[2] + fall * (sin_g * battery[1] + cos_g * battery[2]) - battery[2]
+        # Earth's field in body axes.
+        x = cos_p * cos_h - sin_p * dip_tangent
+        z = sin_p * cos_h + cos_p * dip_tangent
+        y = -cos_r * sin_h + sin_r * z
+        z = sin_r * sin_h + cos_r * z
+        mx = x + soft_iron[0, 0] * x + soft_iron[0, 1] * y + soft_iron[0, 2] * z + bx
+        my = y + soft_iron[1, 0] * x + soft_iron[1, 1] * y + soft_iron[1, 2] * z + by
+        mz = z + soft_iron[2, 0] * x + soft_iron[2, 1] * y + soft_iron[2, 2] * z + bz
+        # Tilt compensation, then the angle between the level vector and the true heading's.
+        level_y = cos_r * my - sin_r * mz
+        level_x = cos_p * mx + sin_p * (sin_r * my + cos_r * mz)
+        cross = -cos_h * level_y - sin_h * level_x
+        dot = cos_h * level_x - sin_h * level_y
+        reading = heading[k] + (math.atan2(cross, dot) + offset) / DEG + error[k]
+        reading -= 360.0 * math.floor(reading / 360.0)
+        out[k] = reading if reading < 360.0 else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def body_kernel(  # type: ignore[no-untyped-def]
+    roll, pitch, heading, north, east, down, velocity, plumb
+):
+    """velocity = R^T (north, east, down) in body FRD; plumb = R^T (0, 0, 1). Both (3, n).
+
+    Angles [deg], velocity over ground [m/s].
+    """
+    for k in range(roll.shape[0]):
+        sin_r, cos_r = math.sin(roll[k] * DEG), math.cos(roll[k] * DEG)
+        sin_p, cos_p = math.sin(pitch[k] * DEG), math.cos(pitch[k] * DEG)
+        sin_h, cos_h = math.sin(heading[k] * DEG), math.cos(heading[k] * DEG)
+        ahead = cos_h * north[k] + sin_h * east[k]
+        across = -sin_h * north[k] + cos_h * east[k]
+        below = sin_p * ahead + cos_p * down[k]
+        velocity[0, k] = cos_p * ahead - sin_p * down[k]
+        velocity[1, k] = cos_r * across + sin_r * below
+        velocity[2, k] = -sin_r * across + cos_r * below
+        plumb[0, k] = -sin_p
+        plumb[1, k] = sin_r * cos_p
+        plumb[2, k] = cos_r * cos_p
+
+
+@njit(cache=True, error_model="numpy")
+def dvl_kernel(  # type: ignore[no-untyped-def]
+    ground, water, rates, plumb, depth, bottom_depth, lever, beams, solve, ping_step, locked,
+    factor, bottom_std, water_std, white, outlier, outlier_beam, min_range, max_range, min_cosine,
+    cell_reach, velocity, mode,
+):  # fmt: skip
+    """Velocity at the instrument [m/s], body FRD, (3, n), and mode (n,), from single pings.
+
+    ground, water, rates, plumb: (3, n) body velocity over ground and through the cell layer,
+    angular velocity and the plumb line. depth, bottom_depth (n,) [m]. beams: (4, 3) unit
+    vectors; solve: (16, 3, 4) least-squares inverses by the set of beams. ping_step: samples
+    from ping to ping. Per ping: locked (m,) bool, outlier (m,) [m/s]: 0 none, NaN the beam
+    reports its neighbour's velocity, outlier_beam (m,). white: standard normals (n, 4).
+    cell_reach [m] is the slant range of the farthest water cell.
+    The lock is decided at each sample; the sample is the mean over its pings.
+    """
+    n = depth.shape[0]
+    pings = locked.shape[0]
+    radial = np.empty(BEAMS)
+    ping = 0
+    for k in range(n):
+        # Which beams see the bottom, and which have their cells in the water.
+        z = depth[k]
+        for i in range(3):
+            z += lever[i] * plumb[i, k]
+        altitude = bottom_depth[k] - z
+        bottom_set = 0
+        bottom_count = 0
+        water_set = 0
+        water_count = 0
+        for i in range(BEAMS):
+            cosine = (
+                beams[i, 0] * plumb[0, k] + beams[i, 1] * plumb[1, k] + beams[i, 2] * plumb[2, k]
+            )
+            if cosine > min_cosine and min_range * cosine <= altitude <= max_range * cosine:
+                bottom_set |= 1 << i
+                bottom_count += 1
+            if -z < cell_reach * cosine < altitude:
+                water_set |= 1 << i
+                water_count += 1
+        kind = NO_LOCK
+        used = 0
+        std = 0.0
+        source = ground
+        if z > 0.0 and bottom_count >= MIN_BEAMS:
+            kind = BOTTOM_LOCK
+            used = bottom_set
+            std = bottom_std
+        elif z > 0.0 and water_count >= MIN_BEAMS:
+            kind = WATER_LOCK
+            used = water_set
+            std = water_std
+            source = water
+        count = 0
+        sum_x = 0.0
+        sum_y = 0.0
+        sum_z = 0.0
+        radial[:] = 0.0
+        while ping < pings and ping * ping_step < k + 0.5:
+            now = ping
+            ping += 1
+            if kind == NO_LOCK or not locked[now]:
+                continue
+            # Between samples the body-frame vectors are linear in time.
+            a = min(int(now * ping_step), n - 1)
+            f = now * ping_step - a
+            b = min(a + 1, n - 1)
+            wx = rates[0, a] + f * (rates[0, b] - rates[0, a])
+            wy = rates[1, a] + f * (rates[1, b] - rates[1, a])
+            wz = rates[2, a] + f * (rates[2, b] - rates[2, a])
+            ux = source[0, a] + f * (source[0, b] - source[0, a]) + wy * lever[2] - wz * lever[1]
+            uy = source[1, a] + f * (source[1, b] - source[1, a]) + wz * lever[0] - wx * lever[2]
+            uz = source[2, a] + f * (source[2, b] - source[2, a]) + wx * lever[1] - wy * lever[0]
+            sum_x += ux
+            sum_y += uy
+            sum_z += uz
+            count += 1
+            wrong = outlier[now]
+            if wrong != 0.0:
+                i = outlier_beam[now]
+                if wrong != wrong:
+                    m = (i + 1) % BEAMS
+                    wrong = factor * (
+                        (beams[m, 0] - beams[i, 0]) * ux
+                        + (beams[m, 1] - beams[i, 1]) * uy
+                        + (beams[m, 2] - beams[i, 2]) * uz
+                    )
+                radial[i] += wrong
+        if count > 0:
+            mode[k] = kind
+            # The mean of `count` independent pings carries 1/sqrt(count) of one ping's noise.
+            std /= math.sqrt(count)
+            for i in range(BEAMS):
+                along = beams[i, 0] * sum_x + beams[i, 1] * sum_y + beams[i, 2] * sum_z
+                radial[i] = (along * factor + radial[i]) / count + std * white[k, i]
+            for i in range(3):
+                total = 0.0
+                for m in range(BEAMS):
+                    total += solve[used, i, m] * radial[m]
+                velocity[i, k] = total
+        else:
+            mode[k] = NO_LOCK
+            velocity[:, k] = np.nan
+
+
+@njit(cache=True, error_model="numpy")
+def onboard_kernel(  # type: ignore[no-untyped-def]
+    depth, pitch, heading, gps_north, gps_east, dt, window, angle_of_attack, min_pitch,
+    surface_depth, max_speed, min_dive_time, use_current, out,
+):  # fmt: skip
+    """Dead reckoning as in `twin.sensors.onboard`; out: (4, n) north, east, current n, e.
+
+    Measured depth [m], pitch and heading [deg], GPS [m] with NaN where there is no fix;
+    window in samples; angles of the settings [rad], speeds [m/s], times [s].
+    """
+    north, east = 0.0, 0.0
+    current_n, current_e = 0.0, 0.0
+    speed = 0.0
+    since_fix = 0.0
+    pitch_sum = 0.0
+    for k in range(depth.shape[0]):
+        if k > 0:
+            since_fix += dt
+        pitch_sum += pitch[k]
+        if k > window:
+            pitch_sum -= pitch[k - window - 1]
+        first = max(0, k - window)
+        if k > 0:
+            if depth[k] <= surface_depth:
+                speed = 0.0
+            else:
+                rate = (depth[k] - depth[first]) / ((k - first) * dt)
+                mean_pitch = pitch_sum / (k - first + 1) * DEG
+                if abs(mean_pitch) >= min_pitch and rate * mean_pitch < 0.0:
+                    path = min(abs(mean_pitch) + angle_of_attack, 0.5 * math.pi)
+                    speed = min(abs(rate) / math.tan(path), max_speed)
+            drift_n = current_n if use_current else 0.0
+            drift_e = current_e if use_current else 0.0
+            angle = heading[k] * DEG
+            north += (speed * math.cos(angle) + drift_n) * dt
+            east += (speed * math.sin(angle) + drift_e) * dt
+        if gps_north[k] == gps_north[k]:
+            if since_fix >= min_dive_time:
+                drift_n = current_n if use_current else 0.0
+                drift_e = current_e if use_current else 0.0
+                current_n = drift_n + (gps_north[k] - north) / since_fix
+                current_e = drift_e + (gps_east[k] - east) / since_fix
+            north, east = gps_north[k], gps_east[k]
+            since_fix = 0.0
+        out[0, k] = north
+        out[1, k] = east
+        out[2, k] = current_n
+        out[3, k] = current_e

@@ -1,0 +1,97 @@
+"""On-board track: the position that a glider dead-reckons and logs by itself.
+
+As buoyancy gliders do it (OceanGliders' depth-averaged current procedure: Slocum takes the
+horizontal speed as w / tan(pitch + angle of attack), Spray assumes an angle of attack of 3 deg):
+
+1. depth rate = change of the measured depth over the last `window` seconds, and pitch = mean of
+   the measured pitch over the same window;
+2. horizontal speed = |depth rate| / tan(|pitch| + angle of attack), at most `max_speed`. It is
+   held while the pitch is below `min_pitch` or the depth rate has the wrong sign for it (at
+   inflections), and is 0 above `surface_depth`;
+3. the position moves by that speed along the measured heading, plus the last depth-averaged
+   current if `use_current`;
+4. a GPS fix resets the position. The first one after at least `min_dive_time` without a fix
+   also gives the depth-averaged current: what was used plus (fix - position) / time since the
+   last fix.
+
+The track starts at the mission's origin, or at the first fix if there is one at the start.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.sensors.checks import Drawn, Signals, require_non_negative, require_positive, signal
+
+Array = NDArray[np.float64]
+
+
+class OnboardTrack(NamedTuple):
+    """What the algorithm makes of the measured signals; each of shape (n,)."""
+
+    north: Array
+    """[m] from the mission's origin"""
+    east: Array
+    """[m]"""
+    current_north: Array
+    """[m/s] latest depth-averaged current, 0 before the first one"""
+    current_east: Array
+    """[m/s]"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Onboard:
+    """Settings of the vehicle's own dead reckoning. It has no error of its own to switch off:
+    with ideal devices it still shows what its assumptions cost."""
+
+    angle_of_attack_deg: float = 3.0
+    """[deg] one constant for every glide, as Spray assumes; the Sea-Wing's is 1.3 to 3 deg"""
+    window: float = 20.0
+    """[s] over which the depth rate is taken"""
+    min_pitch_deg: float = 10.0
+    """[deg] below this the quotient is not used"""
+    surface_depth: float = 1.0
+    """[m] above this the vehicle counts as surfaced"""
+    max_speed: float = 1.0
+    """[m/s] no buoyancy glider is faster through the water for long"""
+    use_current: bool = True
+    """Add the last depth-averaged current"""
+    min_dive_time: float = 300.0
+    """[s] shorter times without a fix give no depth-averaged current"""
+
+    def __post_init__(self) -> None:
+        require_non_negative(self, "angle_of_attack_deg", "surface_depth", "min_dive_time")
+        require_positive(self, "window", "max_speed", "min_pitch_deg")
+        for name in ("angle_of_attack_deg", "min_pitch_deg"):
+            if getattr(self, name) >= 90.0:
+                raise InputError(
+                    f"Onboard.{name} is {getattr(self, name):g} deg: it must be below 90"
+                )
+
+    def track(self, measured: Signals, *, dt: float) -> OnboardTrack:
+        """The track from measured depth, pitch, heading and GPS on one time grid of step dt [s]."""
+        from twin.sensors.kernels import onboard_kernel
+
+        depth = signal(measured, "measured_depth")
+        out = np.empty((4, depth.shape[0]))
+        onboard_kernel(
+            depth, signal(measured, "measured_pitch"), signal(measured, "measured_heading"),
+            signal(measured, "measured_gps_north"), signal(measured, "measured_gps_east"), dt,
+            max(1, round(self.window / dt)), math.radians(self.angle_of_attack_deg),
+            math.radians(self.min_pitch_deg), self.surface_depth, self.max_speed,
+            self.min_dive_time, self.use_current, out,
+        )  # fmt: skip
+        return OnboardTrack(*out)
+
+    def measure(
+        self, measured: Signals, *, dt: float, drawn: Drawn, rng: np.random.Generator
+    ) -> dict[str, Array]:
+        """measured_onboard_north and measured_onboard_east [m]."""
+        track = self.track(measured, dt=dt)
+        return {"measured_onboard_north": track.north, "measured_onboard_east": track.east}
