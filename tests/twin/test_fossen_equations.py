@@ -146,13 +146,14 @@ def test_integrated_equation_is_fossens_in_an_unsteady_sheared_current(model):
 def test_flow_functions_are_exact_inside_and_bounded_outside(model):
     p = model.parameters
     for angle in (-0.17, 0.0, 0.1):
-        odd, square, one = flow_functions(angle, p.linear_angle, p.blend_angle)
-        assert (odd, square, one) == (angle, angle * angle, 1.0)
+        odd, square, one, weight = flow_functions(angle, p.linear_angle, p.blend_angle)
+        assert (odd, square, one, weight) == (angle, angle * angle, 1.0, 0.0)
     for angle in (0.5, -2.0, math.pi):
-        odd, square, one = flow_functions(angle, p.linear_angle, p.blend_angle)
+        odd, square, one, weight = flow_functions(angle, p.linear_angle, p.blend_angle)
         assert odd == pytest.approx(math.sin(angle) * math.cos(angle))
         assert square == pytest.approx(math.sin(angle) ** 2)
         assert one == pytest.approx(math.cos(angle))
+        assert weight == 1.0
     # The blend has no step at either end.
     for edge in (p.linear_angle, p.blend_angle):
         below, above = (
@@ -207,6 +208,9 @@ def test_hydrodynamic_power(model):
     for _ in range(3000):  # drag power on the whole sphere of flow directions
         nu = np.concatenate((rng.normal(size=3), rng.normal(size=3)))
         assert damping_wrench(p, nu)[:3] @ nu[:3] <= 0.0
+        still = np.concatenate((nu[:3], np.zeros(3)))
+        rates_only = damping_wrench(p, nu) - damping_wrench(p, still)
+        assert rates_only[3:] @ nu[3:] <= 0.0
 
 
 def test_rate_damping_survives_at_rest_and_the_wrench_is_mirror_symmetric(model):

@@ -239,6 +239,17 @@ def test_light_glider_floats(model):
     assert track.speed[-1] < 0.02  # the hull coasts on, slower with the square of its speed
 
 
+def test_tail_first_launch_stays_finite(model):
+    """A climb with the block forward reverses the flow: the rates must still be damped there."""
+    held = [0.02, math.radians(30), 290.0]
+    start = FossenState(
+        position_ned=[0, 0, 500], attitude=[0, 0.3, 0], v_rel=[0.2, 0, 0], actuators=held
+    )
+    track = model.simulate(start, Schedule(times=[0.0], commands=[held]), 400.0)
+    assert track.v_rel[-1, 0] < -0.3
+    assert np.max(np.abs(track.rates[-1])) < 0.01
+
+
 def test_commands_between_samples_are_honoured(model):
     """A step inside a sample interval acts at its own time, not at the next sample."""
     schedule = Schedule(times=[0.0, 1.3], commands=[[0, 0, 0], [0.01, 0, 0]])

@@ -9,6 +9,7 @@ import pytest
 
 from twin.errors import InputError, NoSteadyState
 from twin.fossen import FossenModel
+from twin.fossen.steady import SteadyProblem, steady_motions
 from twin.trim import Trim, solve_steady_state
 from twin.vehicle import Vehicle, load_vehicle
 
@@ -177,8 +178,26 @@ def test_published_glides_of_other_gliders(
 def test_no_steady_state_says_why(model):
     with pytest.raises(NoSteadyState, match="net mass 0 kg"):
         model.trim(0.02, 0.0, 0.0)
-    with pytest.raises(NoSteadyState, match=r"no stable steady motion at shift -0\.02 m"):
+    with pytest.raises(NoSteadyState, match=r"at shift -0\.02 m, .* flies tail first"):
         model.trim(-0.02, 0.0, 0.3)
+
+
+@pytest.mark.parametrize(("shift", "rotation_deg"), [(0.025, 90), (0.04, 70), (0.05, 45)])
+def test_spin_of_a_nearly_neutral_glider_is_found(model, shift, rotation_deg):
+    """No family of spirals leads from the straight glide to these; following time does."""
+    trim = model.trim(shift, math.radians(rotation_deg), 0.02)
+    assert trim.turn_rate_rad_s > 0.05
+    assert trim.vertical_speed_m_s > 0
+
+
+def test_every_usual_setting_has_one_stable_forward_motion(model):
+    for net_mass in (-0.4, 0.4):
+        for shift in (0.01, 0.05):
+            for rotation in (0.0, 0.8, 1.5):
+                signed = math.copysign(shift, net_mass)
+                problem = SteadyProblem(model.parameters, signed, rotation, net_mass)
+                motions = steady_motions(problem, model.vehicle.linear_angle)
+                assert sum(m.stable and m.forward for m in motions) == 1
 
 
 def test_stall_is_flagged(model):

@@ -118,15 +118,16 @@ def smoothstep(x: float) -> float:
 def flow_functions(angle: float, linear_angle: float, blend_angle: float):  # type: ignore[no-untyped-def]
     """Stand-ins for angle, angle^2 and 1 that equal them inside the identified range.
 
-    Returns (odd, square, one): beyond `blend_angle` they are sin cos, sin^2 and cos, the
-    shapes of a plate in cross flow, so that the forces stay bounded on the whole circle.
+    Returns (odd, square, one, weight): beyond `blend_angle` they are sin cos, sin^2 and cos, the
+    shapes of a plate in cross flow, so that the forces stay bounded on the whole circle; the
+    weight of those shapes rises from 0 at `linear_angle` to 1.
     """
     s = smoothstep((abs(angle) - linear_angle) / (blend_angle - linear_angle))
     sine, cosine = np.sin(angle), np.cos(angle)
     odd = (1.0 - s) * angle + s * sine * cosine
     square = (1.0 - s) * angle * angle + s * sine * sine
     one = (1.0 - s) + s * cosine
-    return odd, square, one
+    return odd, square, one, s
 
 
 @njit(cache=True, error_model="numpy")
@@ -134,7 +135,9 @@ def damping_wrench(p: Parameters, nu_r: Array) -> Array:
     """-D(nu_r) nu_r: force [N] and moment [N m] about the CB, shape (6,), body FRD.
 
     The flow frame's force (-D, SF, -L) and moment (T1, T2, T3) both turn to the body by R_BC of
-    angle of attack and sideslip (Zhang et al. 2013).
+    angle of attack and sideslip (Zhang et al. 2013). Outside the identified range the rate moments
+    pass over to body axes: turned by R_BC, those of roll and yaw would drive the rates in
+    reversed flow instead of damping them.
     """
     u, v, w = nu_r[0], nu_r[1], nu_r[2]
     speed2 = u * u + v * v + w * w
@@ -143,17 +146,24 @@ def damping_wrench(p: Parameters, nu_r: Array) -> Array:
     beta = 0.0
     if speed > 0.0:
         beta = np.arcsin(min(max(v / speed, -1.0), 1.0))
-    alpha_odd, alpha_square, one = flow_functions(alpha, p.linear_angle, p.blend_angle)
-    beta_odd, _, _ = flow_functions(beta, p.linear_angle, p.blend_angle)
+    alpha_odd, alpha_square, one, alpha_weight = flow_functions(
+        alpha, p.linear_angle, p.blend_angle
+    )
+    beta_odd, _, _, beta_weight = flow_functions(beta, p.linear_angle, p.blend_angle)
+    weight = max(alpha_weight, beta_weight)
     rate2 = max(speed, p.rate_damping_min_speed) ** 2
+    damping = np.empty(3)
+    damping[0] = p.k_p * nu_r[3] * rate2
+    damping[1] = p.k_q * nu_r[4] * rate2
+    damping[2] = p.k_r * nu_r[5] * rate2
 
     flow = np.empty(6)
     flow[0] = -(p.k_d0 + p.k_d * alpha_square) * speed2
     flow[1] = p.k_beta * beta_odd * speed2
     flow[2] = -(p.k_l0 * one + p.k_alpha * alpha_odd) * speed2
-    flow[3] = p.k_mr * beta_odd * speed2 + p.k_p * nu_r[3] * rate2
-    flow[4] = (p.k_m0 * one + p.k_m * alpha_odd) * speed2 + p.k_q * nu_r[4] * rate2
-    flow[5] = p.k_my * beta_odd * speed2 + p.k_r * nu_r[5] * rate2
+    flow[3] = p.k_mr * beta_odd * speed2 + (1.0 - weight) * damping[0]
+    flow[4] = (p.k_m0 * one + p.k_m * alpha_odd) * speed2 + (1.0 - weight) * damping[1]
+    flow[5] = p.k_my * beta_odd * speed2 + (1.0 - weight) * damping[2]
 
     ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
     body = np.empty(6)
@@ -161,6 +171,8 @@ def damping_wrench(p: Parameters, nu_r: Array) -> Array:
         body[k] = ca * cb * flow[k] - ca * sb * flow[k + 1] - sa * flow[k + 2]
         body[k + 1] = sb * flow[k] + cb * flow[k + 1]
         body[k + 2] = sa * cb * flow[k] - sa * sb * flow[k + 1] + ca * flow[k + 2]
+    for i in range(3):
+        body[3 + i] += weight * damping[i]
     return body
 
 

@@ -34,6 +34,9 @@ SMALLEST_STEP = math.radians(0.05)
 SCAN_POINTS = 721
 """angles of attack, from -180 to 180 deg, searched for straight glides"""
 
+SETTLE_TIME = 3000.0
+"""[s] fifty times the slowest decay of the Sea-Wing at a usual net mass"""
+
 DIFFERENCE_STEP = 1e-6
 """[SI] step of the central differences of the linearisation, near the cube root of epsilon"""
 
@@ -52,6 +55,11 @@ class SteadyMotion:
     def stable(self) -> bool:
         """Whether every small disturbance dies out (heading and position stay free)."""
         return bool(np.max(self.eigenvalues.real) < 0.0)
+
+    @property
+    def forward(self) -> bool:
+        """Whether it flies nose first: nobody identified the coefficients in reversed flow."""
+        return bool(self.nu_r[0] > 0.0)
 
 
 def down_axis(roll: float, pitch: float) -> Array:
@@ -90,7 +98,7 @@ class SteadyProblem:
         """Accelerations, shape (6,), of the unknowns (u, v, w, roll, pitch, turn rate)."""
         return self._acceleration(self.nu_r(x), down_axis(x[3], x[4]))
 
-    def _rate(self, s: Array) -> Array:
+    def rate(self, s: Array) -> Array:
         """Rate of (nu_r, roll, pitch), shape (8,)."""
         p, q, r, roll, pitch = s[3:]
         rate = np.empty(8)
@@ -107,7 +115,7 @@ class SteadyProblem:
         for k in range(8):
             step = np.zeros(8)
             step[k] = DIFFERENCE_STEP
-            jacobian[:, k] = (self._rate(s + step) - self._rate(s - step)) / (2 * DIFFERENCE_STEP)
+            jacobian[:, k] = (self.rate(s + step) - self.rate(s - step)) / (2 * DIFFERENCE_STEP)
         values = np.linalg.eigvals(jacobian).astype(complex)
         return values[np.argsort(values.real)]
 
@@ -151,6 +159,29 @@ class SteadyProblem:
         return SteadyProblem(self.p, self.shift, rotation, self.net_mass)
 
 
+def _settled(problem: SteadyProblem, straight: Array) -> Array | None:
+    """Follow the motion in time from `straight`; the guess it ends at, None when it leaves.
+
+    A stable motion attracts: this finds those that no family of spirals leads to.
+    """
+    from scipy.integrate import solve_ivp
+
+    start = np.concatenate((problem.nu_r(straight), straight[3:5]))
+    found = solve_ivp(
+        lambda t, s: problem.rate(s),
+        (0.0, SETTLE_TIME),
+        start,
+        method="LSODA",
+        rtol=1e-8,
+        atol=1e-9,
+    )
+    end = found.y[:, -1]
+    if not (found.success and np.all(np.isfinite(end))):
+        return None
+    down = down_axis(end[6], end[7])
+    return np.concatenate((end[:3], end[6:8], [float(end[3:6] @ down)]))
+
+
 def _continued(problem: SteadyProblem, straight: Array) -> Array | None:
     """Follow one straight glide from rotation 0 to the problem's rotation, or None at a fold."""
     here, x = 0.0, straight
@@ -185,6 +216,24 @@ def _spiral_guesses(straight: Array) -> list[Array]:
     return guesses
 
 
+def _motions(
+    problem: SteadyProblem, guesses: list[Array], linear_angle: float
+) -> list[SteadyMotion]:
+    """The distinct steady motions that the guesses lead to."""
+    motions = []
+    for x in solve_steady_state(problem.residual, guesses):
+        x[3:5] = [math.remainder(angle, math.tau) for angle in x[3:5]]
+        if abs(x[4]) > math.pi / 2:
+            continue  # another set of Euler angles of a motion found with a smaller pitch
+        trim = Trim.from_motion(
+            v_rel=x[:3], roll=x[3], pitch=x[4], turn_rate=x[5], linear_angle=linear_angle
+        )
+        motions.append(
+            SteadyMotion(trim=trim, nu_r=problem.nu_r(x), eigenvalues=problem.eigenvalues(x))
+        )
+    return motions
+
+
 def steady_motions(problem: SteadyProblem, linear_angle: float) -> list[SteadyMotion]:
     """Every steady motion found, stable ones first, then by the size of the angle of attack.
 
@@ -203,16 +252,11 @@ def steady_motions(problem: SteadyProblem, linear_angle: float) -> list[SteadyMo
         continued = [_continued(problem, x) for x in straight]
         guesses = [x for x in continued if x is not None]
         guesses += [g for x in straight for g in (x, *_spiral_guesses(x))]
-    motions = []
-    for x in solve_steady_state(problem.residual, guesses):
-        if math.cos(x[4]) <= 0.0 or abs(x[3]) > math.pi:
-            continue  # another set of Euler angles of a motion found upright
-        trim = Trim.from_motion(
-            v_rel=x[:3], roll=x[3], pitch=x[4], turn_rate=x[5], linear_angle=linear_angle
-        )
-        motions.append(
-            SteadyMotion(trim=trim, nu_r=problem.nu_r(x), eigenvalues=problem.eigenvalues(x))
-        )
+    motions = _motions(problem, guesses, linear_angle)
+    if not any(motion.stable and motion.forward for motion in motions):
+        ends = [_settled(problem, x) for x in straight]
+        guesses += [x for x in ends if x is not None]
+        motions = _motions(problem, guesses, linear_angle)
     if not motions:
         raise NoSteadyState(
             f"no steady motion at shift {problem.shift:g} m, rotation "
@@ -224,15 +268,17 @@ def steady_motions(problem: SteadyProblem, linear_angle: float) -> list[SteadyMo
 
 
 def stable_motion(problem: SteadyProblem, linear_angle: float) -> SteadyMotion:
-    """The stable steady motion with the smallest angle of attack; NoSteadyState without one."""
-    best = steady_motions(problem, linear_angle)[0]
-    if not best.stable:
-        growth = float(np.max(best.eigenvalues.real))
-        raise NoSteadyState(
-            f"no stable steady motion at shift {problem.shift:g} m, rotation "
-            f"{math.degrees(problem.rotation):g} deg, net mass {problem.net_mass:g} kg: the one at "
-            f"pitch {best.trim.pitch_deg:.1f} deg, angle of attack "
-            f"{best.trim.angle_of_attack_deg:.1f} deg grows by {growth:.3g} 1/s; turn the rotation "
-            "less or shift further from neutral"
-        )
-    return best
+    """The stable forward motion with the smallest angle of attack; NoSteadyState without one."""
+    motions = steady_motions(problem, linear_angle)
+    for motion in motions:
+        if motion.stable and motion.forward:
+            return motion
+    best = motions[0]
+    growth = float(np.max(best.eigenvalues.real))
+    fault = "flies tail first" if best.stable else f"grows by {growth:.3g} 1/s"
+    raise NoSteadyState(
+        f"no stable forward motion at shift {problem.shift:g} m, rotation "
+        f"{math.degrees(problem.rotation):g} deg, net mass {problem.net_mass:g} kg: the one at "
+        f"pitch {best.trim.pitch_deg:.1f} deg, angle of attack "
+        f"{best.trim.angle_of_attack_deg:.1f} deg {fault}; move the shift forward to dive or aft to climb, or turn the rotation less"
+    )
