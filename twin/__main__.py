@@ -9,6 +9,11 @@ PROGRAM = Program(
     summary="Twin of an underwater glider: steady glides, simulated missions, checks.",
     commands=(
         Command(
+            name="plot",
+            summary="figures of a stored mission: track, section, velocities, sensors, current",
+            loader="twin.commands.plot:Plot",
+        ),
+        Command(
             name="version",
             summary="versions of this package and of the libraries that can change a result",
             loader="twin.commands.version:Version",

@@ -1,0 +1,47 @@
+"""Overview: one page that says what a mission was."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from twin.plot import style
+from twin.plot.current import draw_current
+from twin.plot.section import draw_section
+from twin.plot.signals import draw_actuators, draw_attitude, thinned_time
+from twin.plot.track import draw_track
+from twin.render.tracks import NamedTrack
+from twin.trajectory import Trajectory
+
+
+def overview_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> Figure:
+    """Depth section, track, current profile, attitude and actuators on one page."""
+    with style.styled():
+        figure = style.new_figure(style.PAGE_WIDTH, 9.0)
+        rows = figure.subfigures(3, 1, squeeze=False, height_ratios=[2.0, 2.9, 4.6])
+        top, middle, bottom = rows[:, 0]
+        section = top.add_subplot()
+        draw_section(section, trajectory)
+        section.set_title(_headline(trajectory))
+        left, right = middle.subplots(1, 2, width_ratios=[1.45, 1.0])
+        draw_track(left, trajectory, tracks)
+        left.set_title("track over ground")
+        draw_current(right, trajectory)
+        right.set_title("current met on the way")
+        grid = bottom.subplots(5, 1, sharex=True)
+        draw_attitude(grid[:2], trajectory)
+        draw_actuators(grid[2:], trajectory)
+        style.label_time(grid[-1], thinned_time(trajectory)[2])
+        bottom.align_ylabels()
+    return figure
+
+
+def _headline(trajectory: Trajectory) -> str:
+    seconds, unit = style.time_unit(trajectory.time)
+    span = (trajectory.time[-1] - trajectory.time[0]) / seconds
+    distance = float(trajectory.distance_through_water()[-1])
+    deepest = float(np.max(trajectory["true_depth"]))
+    through = f"{distance / 1000:.1f} km" if distance >= 2000 else f"{distance:.0f} m"
+    return f"{span:.3g} {unit}, {through} through the water, down to {deepest:.0f} m"

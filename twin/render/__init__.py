@@ -1,0 +1,1 @@
+"""Renders: headless pictures and videos of trajectories."""
