@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from twin.errors import NoSteadyState
 from twin.fossen.equations import acceleration
 from twin.fossen.forces import Parameters, damping_wrench
-from twin.trim import Trim, solve_steady_state
+from twin.trim import DISTINCT_ROOTS, Trim, solve_steady_state
 
 Array = NDArray[np.float64]
 
@@ -220,17 +220,19 @@ def _motions(
     problem: SteadyProblem, guesses: list[Array], linear_angle: float
 ) -> list[SteadyMotion]:
     """The distinct steady motions that the guesses lead to."""
-    motions = []
+    motions: list[SteadyMotion] = []
     for x in solve_steady_state(problem.residual, guesses):
         x[3:5] = [math.remainder(angle, math.tau) for angle in x[3:5]]
         if abs(x[4]) > math.pi / 2:
             continue  # another set of Euler angles of a motion found with a smaller pitch
+        nu_r = problem.nu_r(x)
+        if any(np.max(np.abs(nu_r - known.nu_r)) < DISTINCT_ROOTS for known in motions):
+            continue  # the same motion, found with angles one turn apart
         trim = Trim.from_motion(
             v_rel=x[:3], roll=x[3], pitch=x[4], turn_rate=x[5], linear_angle=linear_angle
         )
-        motions.append(
-            SteadyMotion(trim=trim, nu_r=problem.nu_r(x), eigenvalues=problem.eigenvalues(x))
-        )
+        eigenvalues = problem.eigenvalues(x)
+        motions.append(SteadyMotion(trim=trim, nu_r=nu_r, eigenvalues=eigenvalues))
     return motions
 
 
@@ -280,5 +282,6 @@ def stable_motion(problem: SteadyProblem, linear_angle: float) -> SteadyMotion:
         f"no stable forward motion at shift {problem.shift:g} m, rotation "
         f"{math.degrees(problem.rotation):g} deg, net mass {problem.net_mass:g} kg: the one at "
         f"pitch {best.trim.pitch_deg:.1f} deg, angle of attack "
-        f"{best.trim.angle_of_attack_deg:.1f} deg {fault}; move the shift forward to dive or aft to climb, or turn the rotation less"
+        f"{best.trim.angle_of_attack_deg:.1f} deg {fault}; "
+        "move the shift forward to dive or aft to climb, or turn the rotation less"
     )
