@@ -109,7 +109,8 @@ class Program:
             console.finish()
             return code
         except KeyboardInterrupt as interrupt:
-            return _fail(console, interrupt, str(interrupt) or "interrupted", EXIT_INTERRUPTED)
+            text = f"interrupted: {interrupt}" if str(interrupt) else "interrupted"
+            return _fail(console, interrupt, text, EXIT_INTERRUPTED)
         except TwinError as error:
             return _fail(console, error, str(error), error.exit_code)
         except OSError as error:
