@@ -103,7 +103,7 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, hydrodynamics: str) -> N
         (b.P_ROLL, vehicle.roll_moment),
         (b.P_PITCH, vehicle.pitch_moment),
         (b.P_YAW, vehicle.yaw_moment),
-        (b.P_LAG, vehicle.actuator_lag),
+        (b.P_LAG, _step_lag(vehicle.actuator_lag, model)),
         (b.P_RATE, vehicle.actuator_rate),
         (b.P_ACTUATOR_MIN, vehicle.actuator_min),
         (b.P_ACTUATOR_MAX, vehicle.actuator_max),
@@ -125,6 +125,19 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, hydrodynamics: str) -> N
         added_mass = ellipsoid_added_mass(geoms, vehicle.reference_density)
         block[b.P_FLUID], block[b.P_FLUID_COUNT] = share(geoms), len(geoms)
     block[b.P_ADDED_MASS : b.P_ADDED_MASS + 36] = added_mass.ravel()
+    rotary = np.diag(vehicle.static_inertia + vehicle.movable_inertia) + np.diag(added_mass)[3:]
+    block[b.P_ROTARY_INERTIA : b.P_ROTARY_INERTIA + 3] = rotary
+
+
+def _step_lag(lag: np.ndarray, model: mujoco.MjModel) -> np.ndarray:
+    """The lag [s] with which one explicit step follows the exponential exactly.
+
+    MuJoCo advances activations by act + dt * rate, except under RK4, which needs the true lag.
+    """
+    if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+        return lag
+    timestep = model.opt.timestep
+    return timestep / -np.expm1(-timestep / lag)
 
 
 _shared: dict[bytes, np.ndarray] = {}

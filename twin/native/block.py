@@ -36,7 +36,9 @@ P_LOG, P_LOG_ROWS, P_LOG_PERIOD = 84, 85, 86  # address and capacity; [s], 0 = n
 P_FLUID, P_FLUID_COUNT = 87, 88  # address and number of ellipsoid fluid geoms
 P_VISCOSITY = 89  # [Pa s], ellipsoid model only
 P_ACTUATOR_MIN, P_ACTUATOR_MAX = 90, 93  # 3 each
-PARAMETERS = 96
+P_CENTRED = 96  # 1: water at the time-centred velocity, see plant.centred_velocity
+P_ROTARY_INERTIA = 97  # 3: roll, pitch, yaw inertia with added mass [kg m2]
+PARAMETERS = 100
 
 COEFFICIENTS, ELLIPSOID = 0.0, 1.0
 CONTROL_NONE, CONTROL_MISSION, CONTROL_SCHEDULE = 0.0, 1.0, 2.0
@@ -53,7 +55,10 @@ U_DENSITY = 11  # [kg/m3] at the CB
 U_IMMERSION = 12  # mean immersed fraction
 U_NET_MASS = 13  # [kg] fully immersed
 U_COMMAND = 14  # 3 values
-U_GUIDANCE = 17  # twin.guidance state follows
+U_TIME = 17  # [s] of the last evaluation with P_CENTRED
+U_TWIST = 18  # qvel[0:6] then
+U_EARLIER = 24  # qvel[0:6] one step before that
+U_GUIDANCE = 30  # twin.guidance state follows
 
 # --- one log row ------------------------------------------------------------------------------
 R_TIME = 0

@@ -129,6 +129,27 @@ def _times(a, b0, c, r00, r01, r02, r10, r11, r12, r20, r21, r22):
     )
 
 
+@inline
+def remember_velocity(state, velocity, time, timestep):
+    """Keep the velocities of this step and the one before; after a jump, of this one only."""
+    if time != state[b.U_TIME]:
+        consecutive = abs(time - state[b.U_TIME] - timestep) < 1e-6 * timestep
+        for i in range(6):
+            state[b.U_EARLIER + i] = state[b.U_TWIST + i] if consecutive else velocity[i]
+        state[b.U_TIME] = time
+    elif time == 0.0:
+        for i in range(6):
+            state[b.U_EARLIER + i] = velocity[i]
+    for i in range(6):
+        state[b.U_TWIST + i] = velocity[i]
+
+
+@inline
+def kept(block, axis, damping, stiff):
+    """Part of the last velocity change that the next step repeats under rotary damping."""
+    return max(0.0, 1.0 + block[damping] * stiff / block[b.P_ROTARY_INERTIA + axis])
+
+
 @jit
 def water(model, data):
     """One evaluation of everything the water does; idempotent at a given state."""
@@ -162,6 +183,19 @@ def water(model, data):
             force[i] = 0.0
         return
 
+    v0, v1, v2 = velocity[0], velocity[1], velocity[2]
+    v3, v4, v5 = velocity[3], velocity[4], velocity[5]
+    if block[b.P_CENTRED] == 1.0:
+        timestep = load_f8(model + load_i8(table + 8 * at.M_TIMESTEP))
+        remember_velocity(state, velocity, time, timestep)
+        v0 += 0.5 * (v0 - state[b.U_EARLIER])
+        v1 += 0.5 * (v1 - state[b.U_EARLIER + 1])
+        v2 += 0.5 * (v2 - state[b.U_EARLIER + 2])
+        stiff = timestep * (v0 * v0 + v1 * v1 + v2 * v2)
+        v3 += 0.5 * kept(block, 0, b.P_ROLL + 1, stiff) * (v3 - state[b.U_EARLIER + 3])
+        v4 += 0.5 * kept(block, 1, b.P_PITCH + 2, stiff) * (v4 - state[b.U_EARLIER + 4])
+        v5 += 0.5 * kept(block, 2, b.P_YAW + 1, stiff) * (v5 - state[b.U_EARLIER + 5])
+
     # current and its rate along the path, NED, then through-water velocity in FRD
     cn, ce, cd, rn, re, rd = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     size = int(block[b.P_CURRENT_SIZE])
@@ -173,18 +207,18 @@ def water(model, data):
             position[0],
             -position[1],
             depth,
-            velocity[0],
-            -velocity[1],
-            -velocity[2],
+            v0,
+            -v1,
+            -v2,
         )
-    dx, dy, dz = velocity[0] - cn, velocity[1] + ce, velocity[2] + cd
+    dx, dy, dz = v0 - cn, v1 + ce, v2 + cd
     u = rotation[0] * dx + rotation[3] * dy + rotation[6] * dz
     v = -(rotation[1] * dx + rotation[4] * dy + rotation[7] * dz)
     w = -(rotation[2] * dx + rotation[5] * dy + rotation[8] * dz)
     ax = rotation[0] * rn - rotation[3] * re - rotation[6] * rd
     ay = -(rotation[1] * rn - rotation[4] * re - rotation[7] * rd)
     az = -(rotation[2] * rn - rotation[5] * re - rotation[8] * rd)
-    p, q, r = velocity[3], -velocity[4], -velocity[5]
+    p, q, r = v3, -v4, -v5
 
     density = block[b.P_REFERENCE_DENSITY]
     size = int(block[b.P_DENSITY_SIZE])

@@ -1,0 +1,122 @@
+"""Schema: the names, units and meanings of every variable that a store of missions holds.
+
+Three groups are told apart by prefix and by the attribute `signal_group`: `true_*` is what
+happened, `measured_*` what the sensors said, `commanded_*` what was asked for. Standard names are
+CF's where one exists. Angles are degrees in stores, radians in code.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+from twin.errors import unknown_name
+
+SCHEMA_VERSION = 1
+MISSION, TIME = "mission", "time"
+
+
+@dataclasses.dataclass(frozen=True)
+class Variable:
+    """One stored signal."""
+
+    name: str
+    units: str
+    """As CF (UDUNITS) writes it; "1" is dimensionless."""
+    long_name: str
+    standard_name: str | None = None
+    decimals: int | None = None
+    """Decimals that carry information; None keeps full float32."""
+
+    @property
+    def group(self) -> str:
+        """truth, measured or commanded."""
+        return _GROUPS[self.name.split("_", 1)[0]]
+
+    def attributes(self) -> dict[str, str]:
+        """CF attributes."""
+        attributes = {"units": self.units, "long_name": self.long_name, "signal_group": self.group}
+        if self.standard_name:
+            attributes["standard_name"] = self.standard_name
+        return attributes
+
+
+_GROUPS = {"true": "truth", "measured": "measured", "commanded": "commanded"}
+_FRD = "forward-starboard-down body axes"
+
+_TABLE: tuple[Variable, ...] = (
+    Variable("true_north", "m", "distance north of the start over ground"),
+    Variable("true_east", "m", "distance east of the start over ground"),
+    Variable("true_depth", "m", "depth of the centre of buoyancy", "depth"),
+    Variable("true_roll", "degree", "roll, starboard down", "platform_roll_starboard_down"),
+    Variable("true_pitch", "degree", "pitch, nose up", "platform_pitch_fore_up"),
+    Variable("true_heading", "degree", "heading from true north", "platform_orientation"),
+    Variable("true_surge", "m s-1", f"velocity through the water, forward, {_FRD}"),
+    Variable("true_sway", "m s-1", f"velocity through the water, starboard, {_FRD}"),
+    Variable("true_heave", "m s-1", f"velocity through the water, down, {_FRD}"),
+    Variable("true_velocity_north", "m s-1", "velocity over ground, north"),
+    Variable("true_velocity_east", "m s-1", "velocity over ground, east"),
+    Variable("true_velocity_down", "m s-1", "velocity over ground, down"),
+    Variable("true_roll_rate", "rad s-1", "angular velocity about the forward axis"),
+    Variable("true_pitch_rate", "rad s-1", "angular velocity about the starboard axis"),
+    Variable("true_yaw_rate", "rad s-1", "angular velocity about the downward body axis"),
+    Variable("true_specific_force_x", "m s-2", "specific force at the IMU, forward"),
+    Variable("true_specific_force_y", "m s-2", "specific force at the IMU, starboard"),
+    Variable("true_specific_force_z", "m s-2", "specific force at the IMU, down"),
+    Variable("true_shift", "m", "battery position forward of neutral"),
+    Variable("true_rotation", "degree", "battery rotation, positive to port"),
+    Variable("true_pump", "cm3", "pumped volume, positive makes the glider lighter"),
+    Variable("true_net_mass", "kg", "net buoyancy mass, positive is heavy"),
+    Variable("true_current_north", "m s-1", "current at the glider, northward",
+             "northward_sea_water_velocity"),
+    Variable("true_current_east", "m s-1", "current at the glider, eastward",
+             "eastward_sea_water_velocity"),
+    Variable("true_current_down", "m s-1", "current at the glider, downward"),
+    Variable("true_density", "kg m-3", "in-situ density at the glider", "sea_water_density"),
+    Variable("true_immersion", "1", "immersed fraction of the hull"),
+    Variable("measured_roll", "degree", "roll by the attitude sensor, starboard down",
+             "platform_roll_starboard_down"),
+    Variable("measured_pitch", "degree", "pitch by the attitude sensor, nose up",
+             "platform_pitch_fore_up"),
+    Variable("measured_heading", "degree", "heading by the compass, from true north",
+             "platform_orientation"),
+    Variable("measured_roll_rate", "rad s-1", "gyroscope, forward axis"),
+    Variable("measured_pitch_rate", "rad s-1", "gyroscope, starboard axis"),
+    Variable("measured_yaw_rate", "rad s-1", "gyroscope, downward axis"),
+    Variable("measured_specific_force_x", "m s-2", "accelerometer, forward axis"),
+    Variable("measured_specific_force_y", "m s-2", "accelerometer, starboard axis"),
+    Variable("measured_specific_force_z", "m s-2", "accelerometer, downward axis"),
+    Variable("measured_pressure", "dbar", "sea pressure by the transducer", "sea_water_pressure"),
+    Variable("measured_depth", "m", "depth that the vehicle computes from its pressure", "depth"),
+    Variable("measured_shift", "m", "battery position by its encoder"),
+    Variable("measured_rotation", "degree", "battery rotation by its encoder"),
+    Variable("measured_pump", "cm3", "pumped volume by its encoder"),
+    Variable("measured_gps_north", "m", "GPS fix, north of the start; NaN without a fix"),
+    Variable("measured_gps_east", "m", "GPS fix, east of the start; NaN without a fix"),
+    Variable("measured_dvl_surge", "m s-1", "DVL velocity, forward; NaN without lock"),
+    Variable("measured_dvl_sway", "m s-1", "DVL velocity, starboard; NaN without lock"),
+    Variable("measured_dvl_heave", "m s-1", "DVL velocity, down; NaN without lock"),
+    Variable("measured_dvl_mode", "1", "DVL lock: 0 none, 1 bottom, 2 water"),
+    Variable("measured_onboard_north", "m", "on-board dead-reckoned track, north of the start"),
+    Variable("measured_onboard_east", "m", "on-board dead-reckoned track, east of the start"),
+    Variable("commanded_shift", "m", "commanded battery position"),
+    Variable("commanded_rotation", "degree", "commanded battery rotation"),
+    Variable("commanded_pump", "cm3", "commanded pumped volume"),
+    Variable("commanded_pitch", "degree", "pitch setpoint; NaN where the segment has none"),
+    Variable("commanded_heading", "degree", "heading setpoint; NaN where the segment has none"),
+    Variable("commanded_segment", "1", "index of the mission segment being flown"),
+)
+
+VARIABLES: dict[str, Variable] = {variable.name: variable for variable in _TABLE}
+"""Every variable by name, in storage order."""
+
+
+def variable(name: str) -> Variable:
+    """The variable of that name; raises KeyError with the nearest name."""
+    if name not in VARIABLES:
+        raise KeyError(unknown_name("variable", name, VARIABLES))
+    return VARIABLES[name]
+
+
+def by_group(group: str) -> list[str]:
+    """Names of the variables of one group: truth, measured or commanded."""
+    return [name for name, entry in VARIABLES.items() if entry.group == group]

@@ -1,0 +1,255 @@
+"""Simulate: fly one mission or many, natively, and return their trajectories."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.controller import Command, Controller, Observation
+from twin.errors import InputError, SimulationUnstable
+from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector, quaternion_to_matrix
+from twin.mission import Mission
+from twin.model import compile_model, parameter_block
+from twin.native import block as b
+from twin.scenario import Scenario, Start
+from twin.schedule import Schedule
+from twin.trajectory import Trajectory, from_log
+
+Array = NDArray[np.float64]
+
+STEPS_PER_CALL = 20_000
+"""Steps between looks at a run from Python: long enough to cost nothing, short enough to stop."""
+
+
+class Simulation:
+    """One scenario in MuJoCo: its model, its data and the tables that native code reads.
+
+    `model` and `data` are ordinary MuJoCo objects; `mujoco.mj_step(model, data)` runs the water,
+    the guidance and the log natively. Keep the Simulation alive as long as its model is stepped:
+    the model's parameter block points into tables that it owns.
+    """
+
+    def __init__(self, scenario: Scenario, *, lean: bool = True):
+        self.scenario = scenario
+        vehicle = scenario.vehicle
+        if scenario.sample_period <= 0:
+            raise InputError(f"sample period {scenario.sample_period} s must be positive")
+        self.model = compile_model(
+            vehicle,
+            hydrodynamics=scenario.hydrodynamics,
+            timestep=scenario.timestep,
+            integrator=scenario.integrator,
+            lean=lean,
+        )
+        self.duration = scenario.run_time()
+        self.rows = np.zeros((self._samples(), b.ROW))
+        self._kept: list[Any] = []
+        self._write_block()
+        self.data = mujoco.MjData(self.model)
+        self.reset()
+
+    def _samples(self) -> int:
+        return int(math.floor(self.duration / self.scenario.sample_period + 1e-9)) + 1
+
+    @property
+    def steps(self) -> int:
+        """Steps of the whole run; one more than the last sample needs, for its acceleration."""
+        return int(math.ceil(self.duration / self.model.opt.timestep - 1e-9)) + 1
+
+    def _keep(self, values: Array) -> float:
+        values = np.ascontiguousarray(values, float)
+        self._kept.append(values)
+        return float(values.ctypes.data)
+
+    def _write_block(self) -> None:
+        scenario, block = self.scenario, parameter_block(self.model)
+        plan = scenario.plan
+        if isinstance(plan, Mission):
+            table, gains = plan.compile(scenario.vehicle)
+            block[b.P_CONTROL] = b.CONTROL_MISSION
+            block[b.P_GAINS : b.P_GAINS + len(gains)] = gains
+            block[b.P_TABLE], block[b.P_TABLE_ROWS] = self._keep(table), len(table)
+        elif isinstance(plan, Schedule):
+            table = plan.table()
+            block[b.P_CONTROL] = b.CONTROL_SCHEDULE
+            block[b.P_CONTROL_PERIOD] = self.model.opt.timestep
+            block[b.P_TABLE], block[b.P_TABLE_ROWS] = self._keep(table), len(table)
+        if scenario.current is not None:
+            program = scenario.current.compile(self.duration, scenario.origin)
+            block[b.P_CURRENT], block[b.P_CURRENT_SIZE] = self._keep(program), len(program)
+        if scenario.density is not None:
+            program = scenario.density.compile()
+            block[b.P_DENSITY], block[b.P_DENSITY_SIZE] = self._keep(program), len(program)
+        # RK4 evaluates between steps and is centred by itself
+        centred = self.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
+        block[b.P_CENTRED] = float(centred)
+        block[b.P_LOG], block[b.P_LOG_ROWS] = float(self.rows.ctypes.data), len(self.rows)
+        block[b.P_LOG_PERIOD] = scenario.sample_period
+
+    def start(self) -> Start:
+        """The scenario's start, or the mission's: at rest in the water at its depth and heading."""
+        if self.scenario.start is not None:
+            return self.scenario.start
+        plan = self.scenario.plan
+        if isinstance(plan, Mission):
+            heading = math.radians(plan.start_heading_deg)
+            return Start(depth=plan.start_depth_m, heading=heading)
+        return Start()
+
+    def reset(self) -> None:
+        """Back to the start, with an empty log."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.rows[:] = 0.0
+        set_start(self.data, self.start(), self._current_at_start())
+
+    def _current_at_start(self) -> Array:
+        current, start = self.scenario.current, self.start()
+        if current is None:
+            return np.zeros(3)
+        from twin.current.sampler import sample
+
+        program = current.compile(self.duration, self.scenario.origin)
+        return np.array(
+            sample(program, 0.0, start.north, start.east, start.depth, 0.0, 0.0, 0.0)[:3]
+        )
+
+    def run(self, controller: Controller | None = None) -> Trajectory:
+        """Fly the whole scenario.
+
+        Args:
+          controller: Python code that gives the commands each control period instead of a plan.
+
+        Raises:
+          SimulationUnstable: with the trajectory up to that time as `partial`.
+        """
+        if controller is not None:
+            self._run_controlled(controller)
+        else:
+            remaining = self.steps
+            while remaining > 0 and not self.failed:
+                count = min(remaining, STEPS_PER_CALL)
+                mujoco.mj_step(self.model, self.data, nstep=count)
+                remaining -= count
+        return self.trajectory()
+
+    def _run_controlled(self, controller: Controller) -> None:
+        vehicle, timestep = self.scenario.vehicle, self.model.opt.timestep
+        per_tick = max(1, round(vehicle.control_period / timestep))
+        done = 0
+        while done < self.steps and not self.failed:
+            command = controller(observe(self.model, self.data))
+            if not isinstance(command, Command):
+                raise InputError(f"the controller returned {command!r}; it must return a Command")
+            self.data.ctrl[:] = command.as_array()
+            count = min(per_tick, self.steps - done)
+            mujoco.mj_step(self.model, self.data, nstep=count)
+            done += count
+
+    @property
+    def failed(self) -> bool:
+        """True once the state has left the finite numbers."""
+        return bool(self.data.userdata[b.U_FAILED])
+
+    def trajectory(self, mission: int = 0) -> Trajectory:
+        """The samples so far.
+
+        Raises:
+          SimulationUnstable: the run went unstable; `partial` holds the finite samples.
+        """
+        return collect(self, self.data.userdata, mission)
+
+
+_MUST_BE_FINITE = np.r_[: b.R_PITCH_SETPOINT, b.R_ACCELERATION : b.ROW]
+"""Log columns that are never NaN in a sound run; setpoints are NaN where a segment has none."""
+
+
+def collect(simulation: Simulation, userdata: Array, mission: int) -> Trajectory:
+    """Read a simulation's log, given its `userdata` row; raises SimulationUnstable."""
+    logged = int(userdata[b.U_LOGGED])
+    rows = simulation.rows[:logged]
+    finite = np.isfinite(rows[:, _MUST_BE_FINITE]).all(axis=1)
+    failed = bool(userdata[b.U_FAILED]) or not finite.all()
+    if failed:
+        rows = rows[: int(np.argmin(finite))] if not finite.all() else rows
+    vehicle = simulation.scenario.vehicle
+    centred = parameter_block(simulation.model)[b.P_CENTRED]
+    half_step = 0.5 * centred * simulation.model.opt.timestep
+    trajectory = from_log(rows, vehicle, half_step=half_step, complete=not failed)
+    if failed:
+        time = float(userdata[b.U_FAIL_TIME])
+        raise SimulationUnstable(
+            f"mission {mission} went unstable at {time:.1f} s (vehicle {vehicle.name!r}, "
+            f"hydrodynamics {simulation.scenario.hydrodynamics}, timestep "
+            f"{simulation.model.opt.timestep:g} s); try a smaller timestep or check the parameters",
+            mission=mission,
+            time_s=time,
+            partial=trajectory,
+        )
+    return trajectory
+
+
+def set_start(data: mujoco.MjData, start: Start, current: Array) -> None:
+    """Write a start into MuJoCo's data; `current` NED [m/s] is the water's velocity there."""
+    quaternion = euler_to_quaternion(start.roll, start.pitch, start.heading)
+    velocity = quaternion_to_matrix(quaternion) @ np.array(start.v_rel) + current
+    data.qpos[:3] = flip_vector([start.north, start.east, start.depth])
+    data.qpos[3:7] = flip_quaternion(quaternion)
+    data.qvel[:3] = flip_vector(velocity)
+    data.qvel[3:6] = flip_vector(start.rates)
+    data.act[:] = data.ctrl[:] = start.actuators
+    data.qpos[7:9] = start.actuators[:2]
+
+
+def observe(model: mujoco.MjModel, data: mujoco.MjData) -> Observation:
+    """What a Python controller sees now: pose, rates and actuator positions, in NED and FRD."""
+    from twin.frames import quaternion_to_euler
+
+    roll, pitch, heading = quaternion_to_euler(flip_quaternion(data.qpos[3:7]))
+    p, q, r = flip_vector(data.qvel[3:6])
+    return Observation(
+        time=float(data.time),
+        depth=float(-data.qpos[2]),
+        roll=float(roll),
+        pitch=float(pitch),
+        heading=float(heading),
+        roll_rate=float(p),
+        pitch_rate=float(q),
+        yaw_rate=float(r),
+        shift=float(data.act[0]),
+        rotation=float(data.act[1]),
+        pump=float(data.act[2]),
+    )
+
+
+def simulate(scenario: Scenario, controller: Controller | None = None) -> Trajectory:
+    """Fly one scenario; see `Simulation.run`."""
+    return Simulation(scenario).run(controller)
+
+
+def simulate_many(
+    scenarios: Sequence[Scenario], *, threads: int = 1
+) -> list[Trajectory | SimulationUnstable]:
+    """Fly scenarios side by side on `threads` threads; results do not depend on their number.
+
+    Each element is the trajectory, or the `SimulationUnstable` that ended it.
+    """
+
+    def fly(item: tuple[int, Scenario]) -> Trajectory | SimulationUnstable:
+        index, scenario = item
+        simulation = Simulation(scenario)
+        mujoco.mj_step(simulation.model, simulation.data, nstep=simulation.steps)
+        try:
+            return simulation.trajectory(index)
+        except SimulationUnstable as error:
+            return error
+
+    if threads <= 1:
+        return [fly(item) for item in enumerate(scenarios)]
+    with concurrent.futures.ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(fly, enumerate(scenarios)))

@@ -1,0 +1,177 @@
+"""Store: missions in zarr, read and written with the schema; `xarray.open_zarr` just works.
+
+Layout: arrays (mission, time) in float32 with NaN padding, `n_samples(mission)`, `time` in
+seconds since each mission's start, `state(mission, time, state)` in float64 with MuJoCo's exact
+state, and attributes that say what the data are. The factory writes the same layout in bulk.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.errors import StoreError
+from twin.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES
+from twin.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+STATE = "state"
+STATE_COLUMNS = (
+    *("x", "y", "z", "qw", "qx", "qy", "qz", "battery_shift", "battery_rotation"),
+    *("vx", "vy", "vz", "wx", "wy", "wz", "battery_shift_rate", "battery_rotation_rate"),
+    *("act_shift", "act_rotation", "act_pump", "ctrl_shift", "ctrl_rotation", "ctrl_pump"),
+)
+"""Columns of `state`: MuJoCo's qpos, qvel, act, ctrl (world x north, y west, z up; SI, rad, cm3)."""
+
+GLOBAL_ATTRIBUTES = {
+    "Conventions": "CF-1.11",
+    "schema": "glider-twin missions",
+    "schema_version": SCHEMA_VERSION,
+    "title": "Simulated underwater glider missions",
+    "comment": "Simulated data. NED frame with its origin at each mission's start; body axes "
+    "forward, starboard, down about the centre of buoyancy.",
+}
+
+
+def mission_dataset(
+    trajectories: Sequence[Trajectory],
+    *,
+    parameters: Sequence[Mapping[str, float]] | None = None,
+    attributes: Mapping[str, Any] | None = None,
+) -> xr.Dataset:
+    """The trajectories as one dataset of the schema, padded with NaN to the longest."""
+    import xarray as xr
+
+    longest = max(len(t.time) for t in trajectories)
+    coordinates = {
+        MISSION: (MISSION, np.arange(len(trajectories)), {"long_name": "mission index"}),
+        TIME: (
+            TIME,
+            max((t.time for t in trajectories), key=len),
+            {"units": "s", "long_name": "time since the start of the mission"},
+        ),
+        STATE: (STATE, list(STATE_COLUMNS), {"long_name": "component of the MuJoCo state"}),
+    }
+    variables: dict[str, Any] = {
+        "n_samples": (
+            MISSION,
+            np.array([len(t.time) for t in trajectories], np.int32),
+            {"units": "1", "long_name": "samples of the mission; later ones are padding"},
+        )
+    }
+    for name, entry in VARIABLES.items():
+        if not any(name in t.signals for t in trajectories):
+            continue
+        values = np.full((len(trajectories), longest), np.nan, np.float32)
+        for i, trajectory in enumerate(trajectories):
+            if name in trajectory.signals:
+                values[i, : len(trajectory.time)] = trajectory.signals[name]
+        variables[name] = ((MISSION, TIME), values, entry.attributes())
+    states = np.full((len(trajectories), longest, len(STATE_COLUMNS)), np.nan)
+    for i, trajectory in enumerate(trajectories):
+        states[i, : len(trajectory.time)] = trajectory.states
+    variables["simulation_state"] = (
+        (MISSION, TIME, STATE),
+        states,
+        {"units": "1", "long_name": "exact MuJoCo state, for replay and rendering"},
+    )
+    dataset = xr.Dataset(variables, coordinates, {**GLOBAL_ATTRIBUTES, **(attributes or {})})
+    for name in sorted({key for row in parameters or () for key in row}):
+        values = np.array([row.get(name, np.nan) for row in parameters or ()])
+        dataset[name] = (MISSION, values)
+    return dataset
+
+
+def write_store(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write a dataset as a zarr store.
+
+    Raises:
+      StoreError: something else than a store is in the way, it exists and `overwrite` is False,
+        or the disk refuses.
+    """
+    path = Path(path)
+    prepare_target(path, overwrite=overwrite)
+    try:
+        dataset.to_zarr(path, mode="w", zarr_format=3, consolidated=False)
+    except OSError as error:
+        raise StoreError(f"cannot write store {path}: {error.strerror or error}") from error
+    return path
+
+
+def prepare_target(path: Path, *, overwrite: bool) -> None:
+    """Make sure that a new store can be written at `path`; removes an old store on `overwrite`."""
+    if path.exists():
+        if not is_store(path):
+            raise StoreError(f"{path} exists and is not a store; choose another --out")
+        if not overwrite:
+            raise StoreError(f"store {path} already exists; use --overwrite or another --out")
+        shutil.rmtree(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StoreError(f"cannot create {path.parent}: {error.strerror or error}") from error
+
+
+def is_store(path: str | Path) -> bool:
+    """True when `path` is a folder that holds a zarr v3 group, an empty folder included."""
+    path = Path(path)
+    return path.is_dir() and ((path / "zarr.json").is_file() or not any(path.iterdir()))
+
+
+def open_store(path: str | Path) -> xr.Dataset:
+    """Open a store lazily.
+
+    Raises:
+      StoreError: missing, not a store of this schema, or written by a newer version.
+    """
+    import xarray as xr
+
+    path = Path(path)
+    if not path.exists():
+        raise StoreError(f"no store at {path}; make one with `factory generate --out {path}`")
+    if not (path / "zarr.json").is_file():
+        raise StoreError(f"{path} is not a zarr v3 store; give the folder that ends in .zarr")
+    try:
+        attributes = json.loads((path / "zarr.json").read_text())["attributes"]
+        version = int(attributes["schema_version"])
+    except (KeyError, ValueError, OSError) as error:
+        raise StoreError(f"store {path} does not say its schema_version; it is not ours or damaged"
+                         f" ({type(error).__name__})") from error
+    if version > SCHEMA_VERSION:
+        raise StoreError(
+            f"store {path} has schema version {version}, this program reads up to "
+            f"{SCHEMA_VERSION}; upgrade glider-twin"
+        )
+    try:
+        return xr.open_zarr(path, consolidated=None)
+    except Exception as error:
+        raise StoreError(f"store {path} cannot be read: {' '.join(str(error).split())}") from error
+
+
+def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
+    """One mission of a store.
+
+    Raises:
+      StoreError: as `open_store`, or there is no such mission (the range is named).
+    """
+    dataset = open_store(path)
+    count = dataset.sizes.get(MISSION, 0)
+    if not 0 <= mission < count:
+        raise StoreError(f"store {path} has missions 0 to {count - 1}, not {mission}")
+    one = dataset.isel({MISSION: mission})
+    samples = int(one["n_samples"])
+    one = one.isel({TIME: slice(0, samples)}).load()
+    signals = {name: one[name].values.astype(float) for name in VARIABLES if name in one}
+    return Trajectory(
+        time=one[TIME].values.astype(float),
+        signals=signals,
+        states=one["simulation_state"].values if "simulation_state" in one else np.zeros((0, 23)),
+        provenance=dict(dataset.attrs),
+    )
