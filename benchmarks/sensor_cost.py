@@ -7,6 +7,7 @@ Best of several runs after compilation; the truth is a synthetic saw-tooth of on
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable
 from typing import Any
@@ -83,18 +84,17 @@ def main() -> None:
     }
     print("device        ms per mission-hour (field)")
     for name in DEVICES:
-        device = getattr(field, name)
         signals = measured if name == "onboard" else truth
         cost = best_ms(
-            lambda device=device, signals=signals, name=name: device.measure(
-                signals, dt=DT, drawn=drawn, rng=device_generator(seed, name),
-                **extra.get(name, {}),
+            functools.partial(
+                getattr(field, name).measure, signals, dt=DT, drawn=drawn,
+                rng=device_generator(seed, name), **extra.get(name, {}),
             )
         )  # fmt: skip
         print(f"{name:12s} {cost:8.3f}")
     print(f"\nsuite          ms per mission-hour (budget of field: {BUDGET_MS:g})")
     for name, suite in SUITE_PRESETS.items():
-        cost = best_ms(lambda suite=suite: suite.measure(truth, **setting))
+        cost = best_ms(functools.partial(suite.measure, truth, **setting))
         print(f"{name:18s} {cost:8.3f}")
 
 

@@ -220,7 +220,7 @@ class Dvl:
         outlier, outlier_beam = self._outliers(rng, pings)
         factor = 1.0 + drawn_value(drawn, "dvl_scale") + drawn_value(drawn, "dvl_sound_speed")
         dvl_kernel(
-            ground, water, rates, plumb, depth, bottom, np.array(self.lever_arm),
+            ground, water, rates, plumb, depth, bottom, np.array(self.lever_arm, float),
             beam_directions(tilt), beam_solutions(tilt), ping_dt / dt,
             self._locked(rng, pings, ping_dt), factor, self.bottom_noise, self.water_noise,
             normals(rng, n, 4), outlier, outlier_beam, self.min_range, self.max_range,

@@ -49,14 +49,14 @@ class Gps:
     correlation_time: float = 120.0
     """[s] of the position error; ours"""
     fix_interval: float = 1.0
-    """[s] between fixes"""
+    """[s] between fixes; 0: in every sample"""
 
     def __post_init__(self) -> None:
         require_non_negative(
             self, "max_immersion", "first_fix_min", "first_fix_max", "dip_tolerance",
-            "sigma_min", "sigma_max",
+            "sigma_min", "sigma_max", "fix_interval",
         )  # fmt: skip
-        require_positive(self, "correlation_time", "fix_interval")
+        require_positive(self, "correlation_time")
         if self.antenna_position is not None:
             require_finite(self, "antenna_position")
         for low, high in (("first_fix_min", "first_fix_max"), ("sigma_min", "sigma_max")):
@@ -70,7 +70,7 @@ class Gps:
     def ideal(cls) -> Gps:
         """The true position in every sample at the surface, from the first one on."""
         return cls(
-            first_fix_min=0.0, first_fix_max=0.0, sigma_min=0.0, sigma_max=0.0, fix_interval=1e-9
+            first_fix_min=0.0, first_fix_max=0.0, sigma_min=0.0, sigma_max=0.0, fix_interval=0.0
         )
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:

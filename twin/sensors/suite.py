@@ -135,11 +135,11 @@ class SensorSuite:
         was. drawn: the mission's constants, by default `draw(rng_seed)`. bottom_depth [m]: a
         number or shape (n,); None puts the bottom out of the DVL's reach. latitude [deg].
         density: default constant. current: compiled current field for the DVL's water cells.
-        Raises InputError for a missing or misshapen signal, dt or latitude.
+        Raises InputError for a missing or misshapen signal and for a wrong dt, latitude or bottom.
         """
         from twin.density import DensityProfile
 
-        self._check(truth, dt, latitude)
+        self._check(truth, dt, latitude, bottom_depth)
         drawn = self.draw(rng_seed) if drawn is None else drawn
         if density is None:
             density = DensityProfile.constant()
@@ -161,7 +161,9 @@ class SensorSuite:
         run("onboard", out)
         return {name: out[name] for name in MEASURED_SIGNALS}
 
-    def _check(self, truth: Signals, dt: float, latitude: float) -> None:
+    def _check(
+        self, truth: Signals, dt: float, latitude: float, bottom_depth: ArrayLike | None
+    ) -> None:
         missing = [name for name in TRUTH_SIGNALS if name not in truth]
         if missing:
             raise InputError(
@@ -178,6 +180,17 @@ class SensorSuite:
             raise InputError(f"dt is {dt:g} s: give the positive time step of the truth")
         if not -90.0 <= latitude <= 90.0:
             raise InputError(f"latitude {latitude:g} deg is outside -90..90")
+        if bottom_depth is not None:
+            bottom = np.asarray(bottom_depth, float)
+            if bottom.shape not in ((), n):
+                raise InputError(
+                    f"bottom_depth has shape {bottom.shape}: give a number or one per sample {n}"
+                )
+            if not np.all(bottom > 0.0):
+                raise InputError(
+                    f"bottom_depth is {bottom[~(bottom > 0.0)].flat[0]:g} m: it must be above 0, "
+                    "positive down; None puts the bottom out of reach"
+                )
 
 
 _PASS_THROUGH: dict[str, tuple[Any, tuple[str, ...], tuple[str, ...]]] = {

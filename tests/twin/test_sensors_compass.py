@@ -1,0 +1,105 @@
+"""The compass: classical deviation, its size, tilt, and the battery's share."""
+
+import numpy as np
+import pytest
+
+from twin.errors import InputError
+from twin.sensors import Compass
+
+DEG = np.pi / 180
+HEADINGS = np.arange(0.0, 360.0, 2.0)
+
+
+def truth(heading=HEADINGS, **constant):
+    angles = dict.fromkeys(("roll", "pitch", "shift", "rotation"), 0.0) | constant
+    return {"true_heading": heading} | {
+        f"true_{name}": np.broadcast_to(float(value), heading.shape)
+        for name, value in angles.items()
+    }
+
+
+def deviation(drawn, compass=None, **constant):
+    """measured - true heading [deg] over all headings."""
+    compass = compass or Compass.ideal()
+    drawn = dict.fromkeys(compass.draw(np.random.default_rng(0)), 0.0) | drawn
+    out = compass.measure(truth(**constant), dt=0.5, drawn=drawn, rng=np.random.default_rng(0))[
+        "measured_heading"
+    ]
+    assert out.min() >= 0.0
+    assert out.max() < 360.0
+    return (out - HEADINGS + 180.0) % 360.0 - 180.0
+
+
+def test_level_deviation_is_the_five_coefficient_formula():
+    a0, b, c, d, e = 0.2, 0.5, -0.3, 0.25, 0.15
+    got = deviation(
+        {
+            "compass_a0_deg": a0, "compass_b_deg": b, "compass_c_deg": c,
+            "compass_d_deg": d, "compass_e_deg": e,
+        }
+    )  # fmt: skip
+    psi = HEADINGS * DEG
+    classical = a0 + b * np.sin(psi) + c * np.cos(psi) + d * np.sin(2 * psi) + e * np.cos(2 * psi)
+    assert got == pytest.approx(classical, abs=0.02)  # second order: (0.6 deg)^2 = 0.006 deg
+    assert np.abs(classical).max() > 0.5
+
+
+def test_one_microtesla_in_25_turns_the_heading_by_2_3_degrees():
+    eps = 1.0 / 25.0 / DEG
+    assert np.abs(deviation({"compass_b_deg": eps})).max() == pytest.approx(2.3, abs=0.05)
+
+
+def test_clean_compass_reads_the_true_heading_at_any_tilt():
+    for roll, pitch in ((0, 0), (-14, -35), (40, 60), (-30, 85)):
+        assert np.abs(deviation({}, roll=roll, pitch=pitch)).max() < 1e-9
+
+
+def test_tilt_changes_the_deviation():
+    iron = {"compass_b_deg": 0.7, "compass_vertical_deg": 0.7, "compass_d_deg": 0.3}
+    change = deviation(iron, pitch=-35.0) - deviation(iron)
+    assert 0.2 < np.abs(change).max() < 1.5
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"), [("calibrated", 0.8, 1.0), ("uncalibrated", 4.5, 5.6)]
+)
+def test_preset_rms_over_headings_and_missions(name, low, high):
+    compass = Compass.preset(name)
+    rng = np.random.default_rng(11)
+    square = []
+    for seed in range(400):
+        drawn = compass.draw(np.random.default_rng(seed))
+        out = compass.measure(truth(rotation=30.0), dt=0.5, drawn=drawn, rng=rng)
+        error = (out["measured_heading"] - HEADINGS + 180.0) % 360.0 - 180.0
+        square.append(np.mean(error**2))
+    assert low <= np.sqrt(np.mean(square)) <= high
+
+
+def test_deviation_moves_with_the_battery_and_not_at_its_neutral_position():
+    battery = {"compass_battery_x_deg": 0.5, "compass_battery_y_deg": 0.8}
+    assert np.abs(deviation(battery)).max() < 1e-9
+    turned = deviation(battery, rotation=90.0)
+    # The y component has turned to z: on a level vehicle its deviation is gone, -0.8 cos(psi)
+    # became 0, a change of +0.8 cos(psi); x is not changed.
+    assert turned == pytest.approx(0.8 * np.cos(HEADINGS * DEG), abs=0.02)
+    # Moving away by 0.05 m of 0.3 m leaves (0.3/0.35)^3 = 0.63 of the battery's field.
+    away = deviation({"compass_battery_x_deg": 0.5}, shift=0.05)
+    expected = (1 - (0.3 / 0.35) ** 3) * 0.5 * np.sin(HEADINGS * DEG)
+    assert away == pytest.approx(expected, abs=0.01)
+
+
+def test_noise_has_its_rms():
+    compass = Compass(offset_deg=0, hard_iron_deg=0, soft_iron_deg=0, battery_deg=0)
+    heading = np.full(200_000, 123.0)
+    drawn = compass.draw(np.random.default_rng(1))
+    out = compass.measure(truth(heading), dt=0.5, drawn=drawn, rng=np.random.default_rng(1))
+    assert np.std(out["measured_heading"]) == pytest.approx(0.2, rel=0.03)
+
+
+def test_wrong_settings_are_explained():
+    with pytest.raises(InputError, match="did you mean 'calibrated'"):
+        Compass.preset("calibrate")
+    with pytest.raises(InputError, match="beyond 85 deg"):
+        Compass(dip_deg=89.0)
+    with pytest.raises(InputError, match=r"must exceed 0\.2 m"):
+        Compass(battery_distance=0.1)
