@@ -1,0 +1,19 @@
+"""Missions: what a glider is asked to fly, as dataclasses or TOML, checked and compiled."""
+
+from twin.mission.files import load_mission, mission_names
+from twin.mission.glide import SteadyGlide, steady_glide
+from twin.mission.plan import Mission
+from twin.mission.segments import Hold, SawTooth, Segment, Spiral, Surface
+
+__all__ = [
+    "Hold",
+    "Mission",
+    "SawTooth",
+    "Segment",
+    "Spiral",
+    "SteadyGlide",
+    "Surface",
+    "load_mission",
+    "mission_names",
+    "steady_glide",
+]

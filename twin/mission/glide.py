@@ -1,0 +1,101 @@
+"""Steady straight glide at a wanted pitch and net buoyancy: the inverse of a trim.
+
+Guidance feeds the shift forward, and a mission's duration is estimated from the vertical speed.
+Straight flight needs no solver: for an angle of attack alpha the balance of lift and drag along and
+across the flow gives the glide angle gamma = atan(-D / L) and so the pitch alpha + gamma (Graver
+2005, section 4.1).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.errors import MissionError
+from twin.vehicle import Vehicle
+
+_GRID = np.linspace(0.0, 1.0, 401)[1:]
+"""Fractions of the way from zero lift to the limit of the identified angles."""
+_BISECTIONS = 60
+"""Halvings that take any interval of angles below double precision."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteadyGlide:
+    """A straight glide in still water of the reference density."""
+
+    angle_of_attack: float
+    """[rad]"""
+    speed: float
+    """[m/s] through the water"""
+    vertical_speed: float
+    """[m/s], positive down"""
+    shift: float
+    """[m], battery displacement that holds it; may be outside the vehicle's travel"""
+
+
+def steady_glide(vehicle: Vehicle, pitch: float, net_mass: float) -> SteadyGlide:
+    """The glide at `pitch` [rad] and `net_mass` [kg]: nose down and heavy, or nose up and light.
+
+    Of the two glides that may share a pitch it is the one with the smaller angle of attack.
+
+    Raises:
+      MissionError: the pitch is too shallow for the vehicle's lift and drag inside the identified
+        angles of attack, or the signs disagree.
+    """
+    if pitch * net_mass >= 0.0:
+        raise MissionError(
+            f"pitch {math.degrees(pitch):g} deg with net mass {net_mass:g} kg is no glide: a heavy "
+            "glider dives nose down, a light one climbs nose up"
+        )
+    sense = math.copysign(1.0, net_mass)
+    k_d0, k_d = vehicle.drag
+    k_l0, k_alpha = vehicle.lift
+    zero_lift = -k_l0 / k_alpha
+    angles = zero_lift + (sense * vehicle.linear_angle - zero_lift) * _GRID
+
+    def pitch_at(alpha: float) -> float:
+        return alpha - math.atan((k_d0 + k_d * alpha**2) / (k_l0 + k_alpha * alpha))
+
+    pitches = np.abs(angles - np.arctan((k_d0 + k_d * angles**2) / (k_l0 + k_alpha * angles)))
+    shallowest = int(np.argmin(pitches))
+    if abs(pitch) < pitches[shallowest]:
+        raise MissionError(
+            f"{abs(math.degrees(pitch)):g} deg is too shallow for vehicle {vehicle.name!r}: "
+            f"it glides from {math.degrees(pitches[shallowest]):.1f} deg on"
+        )
+    near, far = zero_lift, float(angles[shallowest])  # steeper and shallower than wanted
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (near + far)
+        if middle != zero_lift and abs(pitch_at(middle)) < abs(pitch):
+            far = middle
+        else:
+            near = middle
+    alpha = far
+    glide_angle = pitch - alpha
+    drag = k_d0 + k_d * alpha**2
+    speed = math.sqrt(-net_mass * vehicle.gravity * math.sin(glide_angle) / drag)
+    return SteadyGlide(
+        angle_of_attack=alpha,
+        speed=speed,
+        vertical_speed=-speed * math.sin(glide_angle),
+        shift=_balancing_shift(vehicle, pitch, alpha, speed),
+    )
+
+
+def _balancing_shift(vehicle: Vehicle, pitch: float, alpha: float, speed: float) -> float:
+    """Shift [m] at which the pitch moments about the CB balance, wings level.
+
+    Gravity: -g (x cos(pitch) + z sin(pitch)) with (x, z) the first moments of mass [kg m]; water:
+    (K_M0 + K_M alpha) V^2 and the Munk moment (Z_A - X_A) u w of the added mass.
+    """
+    k_m0, k_m, _ = vehicle.pitch_moment
+    munk = vehicle.added_mass[2, 2] - vehicle.added_mass[0, 0]
+    moment = (k_m0 + k_m * alpha + munk * math.sin(alpha) * math.cos(alpha)) * speed**2
+    static, movable = vehicle.static_mass, vehicle.movable_mass
+    z = static * vehicle.static_cg[2] + movable * vehicle.movable_eccentricity
+    x = (moment / vehicle.gravity - z * math.sin(pitch)) / math.cos(pitch)
+    neutral = static * vehicle.static_cg[0] + movable * vehicle.movable_neutral_x
+    return float((x - neutral) / movable)

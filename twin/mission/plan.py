@@ -1,0 +1,234 @@
+"""Mission: segments in order, where they start, and what happens when they are flown."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import guidance as g
+from twin.errors import MissionError, unknown_name
+from twin.mission import fields as check
+from twin.mission.segments import KINDS, Hold, Profile, Segment, Surface
+from twin.mission.table import ascent, glides, segment_row
+from twin.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+AT_END = ("surface", "hold")
+TIME_MARGIN = 1.5
+"""A mission may take this much longer than its steady glides: inflections, turns, down-currents."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Mission:
+    """What one glider is asked to fly."""
+
+    segments: tuple[Segment, ...]
+    """In the order in which they are flown."""
+    name: str = "mission"
+    """How summaries and stores call it."""
+    duration_s: float | None = None
+    """The simulation ends here [s]; None: when the segments are flown."""
+    start_depth_m: float = 0.0
+    """[m], positive down"""
+    start_heading_deg: float = 0.0
+    """[deg true]"""
+    max_depth_m: float | None = None
+    """Deeper than this [m] the mission is aborted to the surface; None: no such limit."""
+    at_end: str = "surface"
+    """After the last segment: climb to the "surface", or "hold": fly the last one on."""
+    ascent_pitch_deg: float = 35.0
+    """Pitch magnitude [deg] of the final or aborted climb to the surface."""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.segments, list):
+            object.__setattr__(self, "segments", tuple(self.segments))
+        if not (isinstance(self.name, str) and self.name.strip()):
+            check.fail("mission", "name", self.name, "a text that is not empty")
+        label = f"mission {self.name!r}"
+        if not isinstance(self.segments, tuple) or not self.segments:
+            raise MissionError(f"{label}: segments must hold at least one segment")
+        for index, segment in enumerate(self.segments):
+            if not isinstance(segment, tuple(KINDS.values())):
+                raise MissionError(
+                    f"{label}: segments[{index}] is {segment!r}; give one of "
+                    f"{', '.join(c.__name__ for c in KINDS.values())}"
+                )
+        if self.duration_s is not None:
+            check.limit(label, "duration_s", self.duration_s, "s")
+        check.within(label, "start_depth_m", self.start_depth_m, "m", 0.0)
+        check.heading(label, "start_heading_deg", self.start_heading_deg)
+        check.pitch(label, "ascent_pitch_deg", self.ascent_pitch_deg)
+        if self.at_end not in AT_END:
+            raise MissionError(f"{label}: {unknown_name('at_end', str(self.at_end), AT_END)}")
+        if self.max_depth_m is not None:
+            check.limit(label, "max_depth_m", self.max_depth_m, "m")
+            if self.start_depth_m > self.max_depth_m:
+                rule = f"at most max_depth_m = {self.max_depth_m:g} m"
+                check.fail(label, "start_depth_m", self.start_depth_m, rule)
+        self._check_segments()
+
+    def _check_segments(self) -> None:
+        last = len(self.segments) - 1
+        for index, segment in enumerate(self.segments):
+            label = self._label(index)
+            if not segment.limited and (index < last or self.duration_s is None):
+                limits = ("duration_s", "until_depth_m")
+                allowed = ("yos", *limits) if isinstance(segment, Profile) else limits
+                raise MissionError(
+                    f"{label} never ends: give one of {', '.join(allowed)} (only the last segment "
+                    "of a mission with a duration_s may do without)"
+                )
+            if (
+                isinstance(segment, Profile)
+                and self.max_depth_m is not None
+                and segment.max_depth_m >= self.max_depth_m
+            ):
+                rule = f"less than the mission's max_depth_m = {self.max_depth_m:g} m"
+                check.fail(label, "max_depth_m", segment.max_depth_m, rule)
+
+    def _label(self, index: int) -> str:
+        return f"mission {self.name!r}: segments[{index}] {self.segments[index].kind}"
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> Mission:
+        """Read a mission file; see docs/missions.md for its keys.
+
+        Raises:
+          MissionError: unreadable file, broken TOML, unknown key or impossible value.
+        """
+        path = Path(path)
+        try:
+            data = tomllib.loads(path.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            raise MissionError(f"cannot read mission file {path}: {reason}") from error
+        except tomllib.TOMLDecodeError as error:
+            raise MissionError(f"mission file {path} is not TOML: {error}") from error
+        data.setdefault("name", path.stem)
+        try:
+            return cls.from_dict(data)
+        except MissionError as error:
+            raise MissionError(f"{path.name}: {error}") from None
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Mission:
+        """The inverse of `to_dict`; raises MissionError for unknown keys and impossible values."""
+        label = "mission"
+        check.known_keys(label, cls, data)
+        tables = data.get("segments")
+        if not isinstance(tables, list | tuple) or not tables:
+            raise MissionError(f"{label}: give at least one [[segments]] table")
+        segments = tuple(_segment(index, table) for index, table in enumerate(tables))
+        return cls(**{**data, "segments": segments})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for TOML, JSON or a store's attributes; what is None is left out."""
+        data = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        data["segments"] = [
+            {"kind": segment.kind, **_plain(dataclasses.asdict(segment))}
+            for segment in self.segments
+        ]
+        return _plain(data)
+
+    def check(self, vehicle: Vehicle) -> None:
+        """Raise MissionError when `vehicle` cannot fly this: pump, rotation, pitch, trim."""
+        self.compile(vehicle)
+
+    def compile(self, vehicle: Vehicle) -> tuple[Array, Array]:
+        """Table (segments + 1, SEGMENT_COLUMNS) and gains (GAINS,) for `twin.guidance`.
+
+        Raises:
+          MissionError: a segment is beyond the vehicle.
+        """
+        rows = [segment_row(vehicle, s, self._label(i)) for i, s in enumerate(self.segments)]
+        last = segment_row(vehicle, self._ascent(), f"mission {self.name!r}: ascent_")
+        last[g.KIND] = g.END_AT_SURFACE if self.at_end == "surface" else g.END_HOLDING
+        last[g.DURATION] = np.nan
+        table = np.array([*rows, last])
+        if self.max_depth_m is not None:
+            table[:, g.ABORT_DEPTH] = self.max_depth_m
+        gains = np.array([*vehicle.pitch_pid, *vehicle.heading_pid, vehicle.control_period])
+        return table, gains
+
+    def _ascent(self) -> Surface:
+        return Surface(pitch_deg=self.ascent_pitch_deg)
+
+    def time_limit_s(self, vehicle: Vehicle) -> float:
+        """Longest time [s] to simulate: `duration_s`, or else a generous estimate.
+
+        The estimate adds each segment's limit in time, or its depth ranges at the vertical speed of
+        the steady glide, and the climb to the surface, times TIME_MARGIN where no clock ends it.
+        """
+        if self.duration_s is not None:
+            return float(self.duration_s)
+        depth, total = self.start_depth_m, 0.0
+        for index, segment in enumerate(self.segments):
+            time, depth = _expected(vehicle, segment, depth, self._label(index))
+            total += time
+        if self.at_end == "surface":
+            total += _expected(vehicle, self._ascent(), depth, f"mission {self.name!r}")[0]
+        return math.ceil(total)
+
+
+def _segment(index: int, table: object) -> Segment:
+    label = f"segments[{index}]"
+    if not isinstance(table, Mapping):
+        raise MissionError(f"{label} is {table!r}; give a table with a kind")
+    kind = table.get("kind")
+    if kind is None:
+        raise MissionError(f"{label}: kind is missing (allowed: {', '.join(sorted(KINDS))})")
+    if kind not in KINDS:
+        raise MissionError(f"{label}: {unknown_name('kind', str(kind), KINDS)}")
+    cls = KINDS[kind]
+    check.known_keys(f"{label} {kind}", cls, table, also=("kind",))
+    check.required_keys(f"{label} {kind}", cls, table)
+    try:
+        return cls(**{key: value for key, value in table.items() if key != "kind"})
+    except MissionError as error:
+        raise MissionError(f"{label} {error}") from None
+
+
+def _plain(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Without None, numbers as Python floats."""
+    return {
+        key: value if isinstance(value, str | list) else float(value)
+        for key, value in data.items()
+        if value is not None
+    }
+
+
+def _expected(vehicle: Vehicle, segment: Segment, depth: float, label: str) -> tuple[float, float]:
+    """Upper estimate of a segment's time [s], and the depth [m] it may end at."""
+    if isinstance(segment, Surface):
+        climb, _ = ascent(vehicle, segment, label)
+        return TIME_MARGIN * depth / -climb.vertical_speed + segment.duration_s, 0.0
+    if isinstance(segment, Hold):
+        # an open loop to a depth has no speed known beforehand: its own clock must bound it
+        if segment.duration_s is None:
+            raise MissionError(
+                f"{label}: a hold until a depth takes an unknown time: give it a duration_s as "
+                "well, or give the mission one"
+            )
+        return segment.duration_s, depth
+    assert isinstance(segment, Profile)
+    dive, climb = glides(vehicle, segment, label)
+    yo = (segment.max_depth_m - segment.min_depth_m) * (
+        1.0 / dive.vertical_speed - 1.0 / climb.vertical_speed
+    )
+    approach = abs(depth - segment.min_depth_m) / min(dive.vertical_speed, -climb.vertical_speed)
+    times = []
+    if segment.duration_s is not None:
+        times.append(segment.duration_s)
+    if segment.yos is not None:
+        times.append(TIME_MARGIN * (approach + segment.yos * yo))
+    if segment.until_depth_m is not None:
+        times.append(TIME_MARGIN * (approach + 1.5 * yo))
+    return min(times), segment.max_depth_m
