@@ -9,6 +9,11 @@ PROGRAM = Program(
     summary="Twin of an underwater glider: steady glides, simulated missions, checks.",
     commands=(
         Command(
+            name="trim",
+            summary="steady glide or spiral of fixed actuator positions",
+            loader="twin.commands.trim:Trim",
+        ),
+        Command(
             name="plot",
             summary="figures of a stored mission: track, section, velocities, sensors, current",
             loader="twin.commands.plot:Plot",
