@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -20,7 +21,7 @@ from learn.__main__ import PROGRAM as LEARN
 from twin.__main__ import PROGRAM as TWIN
 from twin.console import Console, JsonOption, to_json
 from twin.errors import InputError, NoSteadyState
-from twin.options import option_names
+from twin.options import option_names, parse_options
 from twin.program import Command, Program
 from twin.progress import Progress, format_duration
 from twin.table import format_number, format_pairs, format_table
@@ -49,6 +50,9 @@ class Glide(JsonOption):
 
     water: Water = Water()
     """The water."""
+
+    plot: Path | None = None
+    """Where to draw."""
 
     fail: str = ""
     """How to end."""
@@ -196,12 +200,28 @@ def test_traceback_on_request(
     assert "Traceback" in capsys.readouterr().err
 
 
+def test_options_become_the_dataclass() -> None:
+    words = ["--net-mass", "-0.3", "--water.density", "1000", "--plot", "glide.png", "--json"]
+    parsed = parse_options(Glide, prog="swim glide", words=words)
+    assert parsed == Glide(
+        net_mass=-0.3, water=Water(density=1000.0), plot=Path("glide.png"), json=True
+    )
+
+
+def test_help_of_an_option_that_may_be_absent_names_its_kind_only(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert parse_options(Glide, prog="swim glide", words=["--help"]) is None
+    assert re.search(r"--plot PATH +Where to draw\. \(default: None\)", capsys.readouterr().out)
+
+
 def test_option_names_include_nested_ones() -> None:
     assert list(option_names(Glide)) == [
         "--json",
         "--net-mass",
         "--model",
         "--water.density",
+        "--plot",
         "--fail",
     ]
 
