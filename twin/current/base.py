@@ -59,6 +59,10 @@ class Current(abc.ABC):
         """
         return self
 
+    def reaching(self, distance_m: float) -> Current:
+        """This current, set to be known as far as `distance_m` from the start at any duration."""
+        return self
+
     def velocity(
         self,
         t: ArrayLike,
@@ -77,7 +81,8 @@ class Current(abc.ABC):
         shape = arrays[0].shape
         flat = [np.ascontiguousarray(x).reshape(-1).copy() for x in arrays]
         latest = float(np.max(flat[0], initial=0.0))
-        program = self.compile(max(latest, 1.0), origin)
+        farthest = float(np.max(np.hypot(flat[1], flat[2]), initial=0.0))
+        program = self.reaching(farthest).compile(max(latest, 1.0), origin)
         rest = np.zeros_like(flat[0])
         return sample_track(program, *flat, rest, rest, rest)[:, :3].reshape(*shape, 3)
 
@@ -126,6 +131,10 @@ class CurrentSum(Current):
         """Each part pinned."""
         return CurrentSum(parts=tuple(part.pinned(duration_s, origin) for part in self.parts))
 
+    def reaching(self, distance_m: float) -> CurrentSum:
+        """Each part reaching as far."""
+        return CurrentSum(parts=tuple(part.reaching(distance_m) for part in self.parts))
+
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
         """From `describe()`, nested parts rebuilt first."""
@@ -165,4 +174,4 @@ def _plain(value: Any) -> Any:
         return value.describe()
     if isinstance(value, (tuple, list)):
         return [_plain(item) for item in value]
-    return value
+    return value.item() if isinstance(value, np.generic) else value

@@ -293,13 +293,20 @@ def _check_start(
             f" {way_out}"
         )
     if land == "auto" and not velocity.zero_is_land and wet.all():
-        near = (w_n[:, None] * w_e[None, :]) > 0
-        if not values[:, :, near].any() and values.any():
+        rows = _beside(latitude, origin.latitude_deg)
+        columns = _beside(longitude, 0.0)
+        if not values[:, :, rows, columns].any() and values.any():
             raise CurrentError(
                 f"{source}: the current is exactly 0 at every depth and time around the start"
                 f" {origin.latitude_deg:g}, {origin.longitude_deg:g}; say land=zero if zeros mark"
                 " land in this file, land=nan if they are still water"
             )
+
+
+def _beside(axis: Floats, x: float) -> slice:
+    """The nodes on both sides of x, and on x."""
+    first = max(int(np.searchsorted(axis, x, side="left")) - 1, 0)
+    return slice(first, int(np.searchsorted(axis, x, side="right")) + 1)
 
 
 def _fill(values: Floats, wet: np.ndarray, source: str, times: np.ndarray) -> None:

@@ -68,7 +68,7 @@ class GaussMarkov(Current):
                 f"gauss-markov: min_speed {self.min_speed:g} m/s exceeds max_speed"
                 f" {self.max_speed:g} m/s"
             )
-        if not isinstance(self.seed, int) or self.seed < 0:
+        if not isinstance(self.seed, (int, np.integer)) or self.seed < 0:
             raise CurrentError(f"gauss-markov: seed must be an integer >= 0, not {self.seed!r}")
 
     def draw(self, duration_s: float) -> tuple[Floats, Floats, Floats]:

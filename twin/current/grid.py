@@ -142,6 +142,10 @@ class Grid(Current):
         )
         return box, pinned
 
+    def reaching(self, distance_m: float) -> Grid:
+        """With a box of at least that half-width, unless `reach_m` is given."""
+        return replace(self, reach_m=max(distance_m, 1.0)) if self.reach_m is None else self
+
     def pinned(self, duration_s: float, origin: Origin | None = None) -> Grid:
         """With place, time, variables, extent and hash of the used box written out."""
         return self.load(duration_s, origin)[1]

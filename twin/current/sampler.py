@@ -307,3 +307,34 @@ def sample_track(program, t, north, east, down, v_north, v_east, v_down):
         for j in range(6):
             out[i, j] = part[j]
     return out
+
+
+@njit(cache=True, error_model="numpy")
+def beyond_grid(program, north, east):
+    """Where a track (north, east [m], shape (n,)) is beyond the sides of a grid, shape (n,).
+
+    There the sampler holds the edge value: a mission that gets there needs a larger file.
+    """
+    out = np.zeros(north.size, dtype=np.bool_)
+    if program.size == 0:
+        return out
+    at = 1
+    for _ in range(int(program[0])):
+        start = at + RECORD_HEADER
+        kind = int(program[at])
+        at = start + int(program[at + 1])
+        if kind != GRID:
+            continue
+        nn = int(program[start + 2])
+        ne = int(program[start + 3])
+        curvature = program[start + 5]
+        n_axis = start + GRID_HEADER + int(program[start]) + int(program[start + 1])
+        e_axis = n_axis + nn
+        for i in range(north.size):
+            y = north[i] - 0.5 * curvature * east[i] * east[i]
+            x = east[i] * (1.0 + curvature * north[i])
+            if nn > 1 and not (program[n_axis] <= y <= program[n_axis + nn - 1]):
+                out[i] = True
+            if ne > 1 and not (program[e_axis] <= x <= program[e_axis + ne - 1]):
+                out[i] = True
+    return out

@@ -7,6 +7,7 @@ latitude-longitude grid is refused with the way out.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -131,12 +132,15 @@ def open_data_set(path: str) -> xr.Dataset:
         raise CurrentError(f"no current file {path}: give a CF netCDF file or a zarr store")
     is_zarr = path.rstrip("/").endswith(".zarr") or (not remote and Path(path).is_dir())
     try:
-        return xr.open_dataset(
-            path,
-            engine="zarr" if is_zarr else None,
-            decode_times=False,
-            decode_timedelta=False,
-        )
+        with warnings.catch_warnings():
+            # A store without consolidated metadata only opens more slowly.
+            warnings.filterwarnings("ignore", "Failed to open Zarr store with consolidated")
+            return xr.open_dataset(
+                path,
+                engine="zarr" if is_zarr else None,
+                decode_times=False,
+                decode_timedelta=False,
+            )
     except Exception as error:  # each backend raises its own kinds
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise CurrentError(f"cannot read {path} as CF netCDF or zarr: {reason}") from None
@@ -245,7 +249,8 @@ def _axis_kind(data: xr.Dataset, name: str) -> str | None:
         return standard
     if standard in ("altitude", "height", "height_above_mean_sea_level"):
         return "depth"
-    if standard.startswith(("projection_", "ocean_s", "ocean_sigma", "sea_water_pressure")):
+    # Model coordinates may carry axis letters, and are still not metres or degrees.
+    if standard.startswith(("projection_", "ocean_s", "sea_water_pressure")):
         return None
     if units in LATITUDE_UNITS:
         return "latitude"
@@ -256,8 +261,10 @@ def _axis_kind(data: xr.Dataset, name: str) -> str | None:
     for kind, names in AXIS_NAMES.items():
         if name.lower() in names:
             return kind
-    letter = {"T": "time", "Z": "depth"}.get(str(attrs.get("axis", "")).upper())
-    return letter
+    for kind, prefix in (("latitude", "lat"), ("longitude", "lon")):
+        if name.lower().startswith(prefix):
+            return kind
+    return {"T": "time", "Z": "depth"}.get(str(attrs.get("axis", "")).upper())
 
 
 def _find_axes(data: xr.Dataset, source: str, name: str) -> dict[str, Axis]:
