@@ -6,6 +6,8 @@ A program is one float64 vector, so that native callbacks can carry it in MuJoCo
     then per component      kind, payload length, payload
 
 Velocities of components add up. All payloads are SI and NED about the mission's origin.
+Kinds are frozen into the compiled sampler, which numba refreshes only when `sampler.py` changes:
+add kinds, never renumber them.
 """
 
 from __future__ import annotations
