@@ -14,6 +14,21 @@ PROGRAM = Program(
             loader="twin.commands.trim:Trim",
         ),
         Command(
+            name="simulate",
+            summary="fly one mission: summary, store, plot",
+            loader="twin.commands.simulate:Simulate",
+        ),
+        Command(
+            name="check",
+            summary="MuJoCo against Fossen and against the published figures",
+            loader="twin.commands.check:Check",
+        ),
+        Command(
+            name="bench",
+            summary="cost of the physics, side by side in one run",
+            loader="twin.commands.bench:Bench",
+        ),
+        Command(
             name="plot",
             summary="figures of a stored mission: track, section, velocities, sensors, current",
             loader="twin.commands.plot:Plot",

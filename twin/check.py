@@ -13,8 +13,8 @@ from twin.current.base import Current
 from twin.current.profile import Profile
 from twin.current.uniform import Uniform
 from twin.fossen import FossenModel, FossenState, FossenTrajectory
-from twin.frames import quaternion_to_matrix
-from twin.published import PublishedGlide, published_glides
+from twin.frames import euler_to_quaternion, quaternion_to_matrix
+from twin.published import ANGLES, PublishedGlide, published_glides
 from twin.scenario import Scenario, Start
 from twin.schedule import Schedule
 from twin.settle import trim as settle
@@ -24,6 +24,8 @@ from twin.trim import Trim
 from twin.vehicle import Vehicle, load_vehicle
 
 Array = NDArray[np.float64]
+
+__all__ = ["ANGLES", "check_manoeuvres", "check_published"]
 
 MANOEUVRES = 20
 DURATION = 600.0
@@ -95,9 +97,9 @@ def draw_manoeuvre(vehicle: Vehicle, seed: int, duration: float = DURATION) -> M
         heavy = heavy if rng.random() < 0.5 else -heavy
     depths = np.linspace(START_DEPTH - 400.0, START_DEPTH + 400.0, 9)
     profile = rng.normal(0.0, SHEAR, (2, depths.size))
-    current = Uniform(
-        north=float(rng.normal(0, 0.1)), east=float(rng.normal(0, 0.1))
-    ) + Profile(depth=tuple(depths), north=tuple(profile[0]), east=tuple(profile[1]))
+    current = Uniform(north=float(rng.normal(0, 0.1)), east=float(rng.normal(0, 0.1))) + Profile(
+        depth=tuple(depths), north=tuple(profile[0]), east=tuple(profile[1])
+    )
     start = Start(
         depth=START_DEPTH,
         heading=rng.uniform(0, 2 * math.pi),
@@ -135,8 +137,6 @@ def fly_both(
 def compare(ours: Trajectory, theirs: FossenTrajectory, seed: int) -> Difference:
     """The three figures of agreement of two runs sampled at the same times."""
     speed = np.linalg.norm(ours.v_rel, axis=1) - theirs.speed
-    from twin.frames import euler_to_quaternion
-
     angles = [np.deg2rad(ours[f"true_{n}"]) for n in ("roll", "pitch", "heading")]
     relative = np.einsum(
         "tji,tjk->tik",

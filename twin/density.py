@@ -222,6 +222,10 @@ class DensityProfile:
         _pressure_kernel(top, values, above, surface, z.ravel(), out)
         return out.reshape(np.shape(depth))
 
+    def describe(self) -> dict[str, list[float]]:
+        """JSON-able form; `DensityProfile(**form)` is equal."""
+        return {"depth": self.depth.tolist(), "values": self.values.tolist()}
+
     def compile(self, *, spacing: float | None = None) -> Array:
         """The profile as a flat float64 array for `density_at`: n, dz [m], n densities from 0 m.
 

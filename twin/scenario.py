@@ -5,18 +5,22 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import math
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
-from twin.current.base import Current
+from twin.current.base import Current, current_from_dict
 from twin.current.origin import Origin
 from twin.density import DensityProfile
 from twin.errors import InputError
 from twin.mission import Mission
 from twin.schedule import Schedule
-from twin.vehicle import Vehicle, load_vehicle
+from twin.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 SAMPLE_PERIOD = 0.5
 """[s], the paper's 2 Hz"""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Start:
     """Where and how a simulation begins."""
@@ -63,13 +67,80 @@ class Scenario:
     sample_period: float = SAMPLE_PERIOD
     """[s]"""
 
+    @property
+    def open_ended(self) -> bool:
+        """True when the run ends as soon as its mission is flown."""
+        return (
+            self.duration is None
+            and isinstance(self.plan, Mission)
+            and self.plan.duration_s is None
+        )
+
     def run_time(self) -> float:
-        """Duration [s]; raises InputError when neither scenario nor mission gives one."""
+        """Longest duration [s]; raises InputError when neither scenario nor mission gives one."""
         duration = self.duration
         if duration is None and isinstance(self.plan, Mission):
-            duration = self.plan.duration_s
+            duration = self.plan.time_limit_s(self.vehicle)
         if duration is None:
             raise InputError("give a duration: neither the scenario nor its plan has one")
         if not (math.isfinite(duration) and duration > 0):
             raise InputError(f"duration {duration} s must be positive and finite")
         return float(duration)
+
+    def describe(self) -> dict[str, Any]:
+        """A JSON-able dict from which `scenario_from_dict` rebuilds an equal scenario.
+
+        The vehicle is its MJCF text plus the fields that differ from it; gridded currents are
+        pinned to the content of their file.
+        """
+        duration = self.run_time()
+        current = None
+        if self.current is not None:
+            current = self.current.pinned(duration, self.origin).describe()
+        plan: dict[str, Any] | None = None
+        if self.plan is not None:
+            kind = "mission" if isinstance(self.plan, Mission) else "schedule"
+            plan = {"kind": kind, **self.plan.to_dict()}
+        return {
+            "vehicle": {
+                "name": self.vehicle.name,
+                "mjcf_sha256": hashlib.sha256(self.vehicle.xml.encode()).hexdigest(),
+                "mjcf": self.vehicle.xml,
+                "changes": self.vehicle.changes(),
+            },
+            "plan": plan,
+            "duration": self.duration,
+            "start": None if self.start is None else dataclasses.asdict(self.start),
+            "current": current,
+            "density": None if self.density is None else self.density.describe(),
+            "origin": dataclasses.asdict(self.origin),
+            "hydrodynamics": self.hydrodynamics,
+            "timestep": self.timestep,
+            "integrator": self.integrator,
+            "sample_period": self.sample_period,
+        }
+
+
+def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
+    """Rebuild what `Scenario.describe` wrote; raises InputError kinds when something changed."""
+    entry = data["vehicle"]
+    vehicle = parse_vehicle(entry["mjcf"], Path(f"{entry['name']}.xml"))
+    plan: Mission | Schedule | None = None
+    if data["plan"] is not None:
+        fields = {key: value for key, value in data["plan"].items() if key != "kind"}
+        mission = data["plan"]["kind"] == "mission"
+        plan = Mission.from_dict(fields) if mission else Schedule(**fields)
+    current = data["current"]
+    return Scenario(
+        vehicle=vehicle.with_changes(entry["changes"]),
+        plan=plan,
+        duration=data["duration"],
+        start=None if data["start"] is None else Start(**data["start"]),
+        current=None if current is None else current_from_dict(current),
+        density=None if data["density"] is None else DensityProfile(**data["density"]),
+        origin=Origin(**data["origin"]),
+        hydrodynamics=data["hydrodynamics"],
+        timestep=data["timestep"],
+        integrator=data["integrator"],
+        sample_period=data["sample_period"],
+    )

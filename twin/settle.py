@@ -13,8 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import NoSteadyState
-from twin.frames import euler_to_matrix, euler_to_quaternion, flip_quaternion, flip_vector
-from twin.frames import quaternion_to_euler, quaternion_to_matrix
+from twin.frames import (
+    euler_to_matrix,
+    euler_to_quaternion,
+    flip_quaternion,
+    flip_vector,
+    quaternion_to_euler,
+    quaternion_to_matrix,
+)
 from twin.model import compile_model
 from twin.native import block as b
 from twin.trim import Trim, check_trim_request, solve_steady_state
@@ -111,9 +117,15 @@ def trim(
     if settled is None:
         last = glider.motion()
         raise NoSteadyState(
-            f"no steady state at {request}: after {PATIENCE:.0f} s the glider still moves unsteadily "
+            f"no steady state at {request}: after {PATIENCE:.0f} s the glider moves unsteadily "
             f"(pitch {math.degrees(last[4]):.1f} deg, roll {math.degrees(last[3]):.1f} deg, speed "
             f"{np.linalg.norm(last[:3]):.2f} m/s); turn the rotation less or move the shift"
+        )
+    if settled[0] <= 0.0:
+        raise NoSteadyState(
+            f"no forward steady state at {request}: the glider falls tail first (angle of attack "
+            f"{math.degrees(math.atan2(settled[2], settled[0])):.0f} deg), where the coefficients "
+            "say nothing; move the shift forward to dive or aft to climb"
         )
     roots = solve_steady_state(glider.residual, [settled])
     if not roots or np.abs(roots[0] - settled).max() > SAME_MOTION:
@@ -143,4 +155,3 @@ def _fly_until_settled(glider: LockedGlider, sinking: float) -> Array | None:
             return now
         before = now
     return None
-

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from twin import guidance
 from twin.controller import Command, Controller, Observation
 from twin.errors import InputError, SimulationUnstable
 from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector, quaternion_to_matrix
@@ -25,6 +26,8 @@ Array = NDArray[np.float64]
 
 STEPS_PER_CALL = 20_000
 """Steps between looks at a run from Python: long enough to cost nothing, short enough to stop."""
+END_CHECK_PERIOD = 30.0
+"""[s] between looks whether a mission without a duration has been flown"""
 
 
 class Simulation:
@@ -55,12 +58,13 @@ class Simulation:
         self.reset()
 
     def _samples(self) -> int:
-        return int(math.floor(self.duration / self.scenario.sample_period + 1e-9)) + 1
+        return math.floor(self.duration / self.scenario.sample_period + 1e-9) + 1
 
     @property
     def steps(self) -> int:
-        """Steps of the whole run; one more than the last sample needs, for its acceleration."""
-        return int(math.ceil(self.duration / self.model.opt.timestep - 1e-9)) + 1
+        """Steps of the whole run: the last sample is logged by the one before last, and the last
+        one fills in its acceleration."""
+        return math.ceil(self.duration / self.model.opt.timestep - 1e-9) + 2
 
     def _keep(self, values: Array) -> float:
         values = np.ascontiguousarray(values, float)
@@ -107,6 +111,24 @@ class Simulation:
         mujoco.mj_resetData(self.model, self.data)
         self.rows[:] = 0.0
         set_start(self.data, self.start(), self._current_at_start())
+        if parameter_block(self.model)[b.P_CENTRED]:
+            self._stagger()
+
+    def _stagger(self) -> None:
+        """Move the velocities half a step back in time, where a time-centred run keeps them."""
+        model, data = self.model, self.data
+        saved = data.ctrl.copy()
+        mujoco.mj_forward(model, data)
+        mass = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, mass)
+        # the battery is held by its screws: it moves with the hull
+        change = np.linalg.solve(mass[:6, :6], data.qfrc_smooth[:6]) * model.opt.timestep
+        data.qvel[:6] -= 0.5 * change
+        data.ctrl[:], data.userdata[:] = saved, 0.0
+        data.userdata[b.U_TWIST : b.U_TWIST + 6] = data.qvel[:6]
+        data.userdata[b.U_EARLIER : b.U_EARLIER + 6] = data.qvel[:6] - change
+        data.userdata[b.U_KNOWN] = 1.0
+        self.rows[:] = 0.0
 
     def _current_at_start(self) -> Array:
         current, start = self.scenario.current, self.start()
@@ -119,11 +141,12 @@ class Simulation:
             sample(program, 0.0, start.north, start.east, start.depth, 0.0, 0.0, 0.0)[:3]
         )
 
-    def run(self, controller: Controller | None = None) -> Trajectory:
+    def run(self, controller: Controller | None = None, *, mission: int = 0) -> Trajectory:
         """Fly the whole scenario.
 
         Args:
           controller: Python code that gives the commands each control period instead of a plan.
+          mission: index that an error names.
 
         Raises:
           SimulationUnstable: with the trajectory up to that time as `partial`.
@@ -132,11 +155,14 @@ class Simulation:
             self._run_controlled(controller)
         else:
             remaining = self.steps
-            while remaining > 0 and not self.failed:
-                count = min(remaining, STEPS_PER_CALL)
+            per_call = STEPS_PER_CALL
+            if self.scenario.open_ended:
+                per_call = max(1, round(END_CHECK_PERIOD / self.model.opt.timestep))
+            while remaining > 0 and not self.failed and not self.flown:
+                count = min(remaining, per_call)
                 mujoco.mj_step(self.model, self.data, nstep=count)
                 remaining -= count
-        return self.trajectory()
+        return self.trajectory(mission)
 
     def _run_controlled(self, controller: Controller) -> None:
         vehicle, timestep = self.scenario.vehicle, self.model.opt.timestep
@@ -150,6 +176,12 @@ class Simulation:
             count = min(per_tick, self.steps - done)
             mujoco.mj_step(self.model, self.data, nstep=count)
             done += count
+
+    @property
+    def flown(self) -> bool:
+        """True when an open-ended mission has been flown to its end."""
+        done = self.data.userdata[b.U_GUIDANCE + guidance.DONE]
+        return self.scenario.open_ended and bool(done)
 
     @property
     def failed(self) -> bool:
@@ -243,9 +275,8 @@ def simulate_many(
     def fly(item: tuple[int, Scenario]) -> Trajectory | SimulationUnstable:
         index, scenario = item
         simulation = Simulation(scenario)
-        mujoco.mj_step(simulation.model, simulation.data, nstep=simulation.steps)
         try:
-            return simulation.trajectory(index)
+            return simulation.run(mission=index)
         except SimulationUnstable as error:
             return error
 

@@ -28,7 +28,7 @@ STATE_COLUMNS = (
     *("vx", "vy", "vz", "wx", "wy", "wz", "battery_shift_rate", "battery_rotation_rate"),
     *("act_shift", "act_rotation", "act_pump", "ctrl_shift", "ctrl_rotation", "ctrl_pump"),
 )
-"""Columns of `state`: MuJoCo's qpos, qvel, act, ctrl (world x north, y west, z up; SI, rad, cm3)."""
+"""Columns of `simulation_state`: qpos, qvel, act, ctrl (x north, y west, z up; SI, rad, cm3)."""
 
 GLOBAL_ATTRIBUTES = {
     "Conventions": "CF-1.11",
@@ -57,7 +57,6 @@ def mission_dataset(
             max((t.time for t in trajectories), key=len),
             {"units": "s", "long_name": "time since the start of the mission"},
         ),
-        STATE: (STATE, list(STATE_COLUMNS), {"long_name": "component of the MuJoCo state"}),
     }
     variables: dict[str, Any] = {
         "n_samples": (
@@ -80,7 +79,11 @@ def mission_dataset(
     variables["simulation_state"] = (
         (MISSION, TIME, STATE),
         states,
-        {"units": "1", "long_name": "exact MuJoCo state, for replay and rendering"},
+        {
+            "units": "1",
+            "long_name": "exact MuJoCo state, for replay and rendering",
+            "columns": " ".join(STATE_COLUMNS),
+        },
     )
     dataset = xr.Dataset(variables, coordinates, {**GLOBAL_ATTRIBUTES, **(attributes or {})})
     for name in sorted({key for row in parameters or () for key in row}):
@@ -142,8 +145,10 @@ def open_store(path: str | Path) -> xr.Dataset:
         attributes = json.loads((path / "zarr.json").read_text())["attributes"]
         version = int(attributes["schema_version"])
     except (KeyError, ValueError, OSError) as error:
-        raise StoreError(f"store {path} does not say its schema_version; it is not ours or damaged"
-                         f" ({type(error).__name__})") from error
+        raise StoreError(
+            f"store {path} does not say its schema_version; it is not ours or damaged"
+            f" ({type(error).__name__})"
+        ) from error
     if version > SCHEMA_VERSION:
         raise StoreError(
             f"store {path} has schema version {version}, this program reads up to "

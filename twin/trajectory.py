@@ -65,9 +65,7 @@ def _cumulative(rate: Array, time: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def from_log(
-    rows: Array, vehicle: Vehicle, *, half_step: float = 0.0, **fields: Any
-) -> Trajectory:
+def from_log(rows: Array, vehicle: Vehicle, *, half_step: float = 0.0, **fields: Any) -> Trajectory:
     """Turn native log rows (time, ROW) into a `Trajectory`.
 
     `half_step` [s] is how long before its sample a stored velocity holds: half a step in

@@ -9,7 +9,9 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -153,6 +155,28 @@ class Vehicle:
         """A copy with other parameters; `xml` keeps describing the original."""
         return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
 
+    def changes(self) -> dict[str, Any]:
+        """The fields that differ from the MJCF text, as JSON-able numbers and lists."""
+        original = parse_vehicle(self.xml, self.path)
+        found: dict[str, Any] = {}
+        for field in dataclasses.fields(self):
+            mine, theirs = getattr(self, field.name), getattr(original, field.name)
+            if field.name not in ("name", "path", "xml") and not np.array_equal(mine, theirs):
+                found[field.name] = np.asarray(mine).tolist()
+        return found
+
+    def with_changes(self, changes: Mapping[str, Any]) -> Vehicle:
+        """A copy with what `changes` of another copy returned."""
+        typed = {
+            name: np.array(value)
+            if isinstance(getattr(self, name), np.ndarray)
+            else tuple(value)
+            if isinstance(value, list)
+            else value
+            for name, value in changes.items()
+        }
+        return self.replace(**typed)
+
 
 def load_vehicle(vehicle: str | Path = "glider") -> Vehicle:
     """Read a vehicle by the name of a shipped file ("glider") or by the path of an MJCF file.
@@ -189,7 +213,9 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
     movable_cg = reader.vector(battery, "pos", 3) + reader.inertial(battery, "pos")
     static_cg = reader.inertial(hull, "pos")
     if not np.allclose(reader.inertial(battery, "pos")[:2], 0, atol=1e-12):
-        reader.fail("body 'battery' <inertial pos>", "on its own vertical axis: '0 0 -eccentricity'")
+        reader.fail(
+            "body 'battery' <inertial pos>", "on its own vertical axis: '0 0 -eccentricity'"
+        )
     actuators = [reader.actuator(name) for name in ACTUATORS]
     ranges = np.array([reader.vector(a, "actrange", 2) for a in actuators])
     dynamics = np.array([reader.vector(a, "dynprm", 2) for a in actuators])
@@ -290,7 +316,9 @@ class _Reader:
         label = f"<{element.tag} name={element.get('name')!r}> {attribute}"
         text = element.get(attribute, default)
         if text is None:
-            raise VehicleError(f"vehicle file {self.path.name}: {label} is missing ({size} numbers)")
+            raise VehicleError(
+                f"vehicle file {self.path.name}: {label} is missing ({size} numbers)"
+            )
         try:
             values = np.array([float(x) for x in text.split()])
         except ValueError:

@@ -11,7 +11,8 @@ from twin.current.geostrophic import Geostrophic
 from twin.current.inertial import Inertial
 from twin.current.uniform import Uniform
 from twin.errors import InputError, MissionError, SimulationUnstable
-from twin.fossen import FossenModel, FossenState, Schedule
+from twin.fossen import FossenModel, FossenState
+from twin.schedule import Schedule
 from twin.fossen.equations import mass_distribution
 from twin.fossen.forces import damping_wrench
 from twin.fossen.matrices import rigid_body_mass

@@ -13,7 +13,7 @@ with cached_by_content():
     import twin.fossen.equations  # noqa: F401
 
 from twin.fossen.model import DEFAULT_DT, FossenModel
-from twin.fossen.state import FossenState, FossenTrajectory, Schedule
+from twin.fossen.state import FossenState, FossenTrajectory
 from twin.fossen.steady import SteadyMotion
 
 __all__ = [
@@ -21,6 +21,5 @@ __all__ = [
     "FossenModel",
     "FossenState",
     "FossenTrajectory",
-    "Schedule",
     "SteadyMotion",
 ]

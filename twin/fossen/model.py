@@ -20,9 +20,10 @@ from twin.fossen.equations import (
     integrate,
 )
 from twin.fossen.forces import Parameters, parameters_of
-from twin.fossen.state import FossenState, FossenTrajectory, Schedule
+from twin.fossen.state import FossenState, FossenTrajectory
 from twin.fossen.steady import SteadyMotion, SteadyProblem, stable_motion
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
+from twin.schedule import Schedule
 from twin.trim import Trim, check_trim_request
 from twin.vehicle import Vehicle
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twin.errors import InputError, MissionError
+from twin.errors import InputError
 from twin.frames import quaternion_to_euler
 
 Array = NDArray[np.float64]
@@ -42,27 +42,6 @@ class FossenState:
         finite("time", self.time, ())
         for name in ("position_ned", "attitude", "v_rel", "rates", "actuators"):
             object.__setattr__(self, name, finite(name, getattr(self, name), (3,)))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Schedule:
-    """Actuator commands, each held until the next one."""
-
-    times: ArrayLike
-    """[s], shape (k,), increasing; the first not after the start"""
-    commands: ArrayLike
-    """shift [m], rotation [rad], pump [cm3], shape (k, 3)"""
-
-    def __post_init__(self) -> None:
-        times = np.atleast_1d(np.array(self.times, dtype=np.float64))
-        times = finite("schedule times", times, (times.size,))
-        commands = finite(
-            "schedule commands", np.atleast_2d(np.array(self.commands, float)), (times.size, 3)
-        )
-        if times.size == 0 or np.any(np.diff(times) <= 0.0):
-            raise MissionError("schedule times must increase and hold at least one time")
-        object.__setattr__(self, "times", times)
-        object.__setattr__(self, "commands", commands)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -58,7 +58,8 @@ U_COMMAND = 14  # 3 values
 U_TIME = 17  # [s] of the last evaluation with P_CENTRED
 U_TWIST = 18  # qvel[0:6] then
 U_EARLIER = 24  # qvel[0:6] one step before that
-U_GUIDANCE = 30  # twin.guidance state follows
+U_KNOWN = 30  # 1 once the three above hold something
+U_GUIDANCE = 31  # twin.guidance state follows
 
 # --- one log row ------------------------------------------------------------------------------
 R_TIME = 0

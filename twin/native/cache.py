@@ -17,7 +17,7 @@ from pathlib import Path
 import numba
 
 _PACKAGE = Path(__file__).resolve().parent.parent
-_SOURCES = ("native/*.py", "current/sampler.py", "guidance.py", "density.py")
+_SOURCES = ("native/*.py", "fossen/*.py", "current/*.py", "guidance.py", "density.py")
 
 
 def source_hash() -> str:

@@ -91,7 +91,7 @@ def derive() -> np.ndarray:
     try:
         for slot, name in _MODEL_FIELDS.items():
             table[slot] = getattr(model, name).offset
-        table[M_TIMESTEP] = model.opt.offset + option.timestep.offset  # type: ignore[attr-defined]
+        table[M_TIMESTEP] = model.opt.offset + option.timestep.offset
         for slot, name in _DATA_FIELDS.items():
             table[slot] = getattr(data, name).offset
     except AttributeError as error:
@@ -147,7 +147,9 @@ def publish() -> np.ndarray:
       LayoutError: the structs of this MuJoCo are not as introspected.
     """
     if np.dtype(mujoco.MJTNUM_DTYPE) != np.float64:
-        raise LayoutError("this MuJoCo was built with single-precision mjtNum; use a standard build")
+        raise LayoutError(
+            "this MuJoCo was built with single-precision mjtNum; use a standard build"
+        )
     table = derive()
     prove(table, 487, 3917)
     prove(table, 389, 4409)

@@ -15,25 +15,25 @@ _I64 = ir.IntType(64)
 _F64 = ir.DoubleType()
 
 
-def _pointer(builder, address, element):  # type: ignore[no-untyped-def]
+def _pointer(builder, address, element):
     return builder.inttoptr(address, element.as_pointer())
 
 
 @intrinsic
-def load_f8(typingctx, address):  # type: ignore[no-untyped-def]
+def load_f8(typingctx, address):
     """The float64 at `address`."""
 
-    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+    def codegen(context, builder, signature, args):
         return builder.load(_pointer(builder, args[0], _F64))
 
     return types.float64(types.int64), codegen
 
 
 @intrinsic
-def store_f8(typingctx, address, value):  # type: ignore[no-untyped-def]
+def store_f8(typingctx, address, value):
     """Write float64 `value` to `address`."""
 
-    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+    def codegen(context, builder, signature, args):
         builder.store(args[1], _pointer(builder, args[0], _F64))
         return context.get_dummy_value()
 
@@ -41,20 +41,20 @@ def store_f8(typingctx, address, value):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def load_i8(typingctx, address):  # type: ignore[no-untyped-def]
+def load_i8(typingctx, address):
     """The int64 (or pointer) at `address`."""
 
-    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+    def codegen(context, builder, signature, args):
         return builder.load(_pointer(builder, args[0], _I64))
 
     return types.int64(types.int64), codegen
 
 
 @intrinsic
-def as_f8_pointer(typingctx, address):  # type: ignore[no-untyped-def]
+def as_f8_pointer(typingctx, address):
     """`address` as a pointer that `numba.carray` turns into an array."""
 
-    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+    def codegen(context, builder, signature, args):
         return _pointer(builder, args[0], _F64)
 
     return types.CPointer(types.float64)(types.int64), codegen

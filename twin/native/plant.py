@@ -33,7 +33,7 @@ from twin.guidance import (
 from twin.native import block as b
 from twin.native import layout as at
 from twin.native.cache import cached_by_content
-from twin.native.memory import as_f8_pointer, load_f8, load_i8, store_f8
+from twin.native.memory import as_f8_pointer, load_f8, load_i8
 from twin.native.water import (
     actuator_rate,
     added_mass_wrench,
@@ -132,14 +132,15 @@ def _times(a, b0, c, r00, r01, r02, r10, r11, r12, r20, r21, r22):
 @inline
 def remember_velocity(state, velocity, time, timestep):
     """Keep the velocities of this step and the one before; after a jump, of this one only."""
-    if time != state[b.U_TIME]:
+    if state[b.U_KNOWN] == 0.0 or time != state[b.U_TIME]:
         consecutive = abs(time - state[b.U_TIME] - timestep) < 1e-6 * timestep
         for i in range(6):
-            state[b.U_EARLIER + i] = state[b.U_TWIST + i] if consecutive else velocity[i]
+            if consecutive and state[b.U_KNOWN] == 1.0:
+                state[b.U_EARLIER + i] = state[b.U_TWIST + i]
+            else:
+                state[b.U_EARLIER + i] = velocity[i]
         state[b.U_TIME] = time
-    elif time == 0.0:
-        for i in range(6):
-            state[b.U_EARLIER + i] = velocity[i]
+        state[b.U_KNOWN] = 1.0
     for i in range(6):
         state[b.U_TWIST + i] = velocity[i]
 
@@ -184,17 +185,14 @@ def water(model, data):
         return
 
     v0, v1, v2 = velocity[0], velocity[1], velocity[2]
-    v3, v4, v5 = velocity[3], velocity[4], velocity[5]
-    if block[b.P_CENTRED] == 1.0:
+    centred = block[b.P_CENTRED] == 1.0
+    timestep = 0.0
+    if centred:
         timestep = load_f8(model + load_i8(table + 8 * at.M_TIMESTEP))
         remember_velocity(state, velocity, time, timestep)
         v0 += 0.5 * (v0 - state[b.U_EARLIER])
         v1 += 0.5 * (v1 - state[b.U_EARLIER + 1])
         v2 += 0.5 * (v2 - state[b.U_EARLIER + 2])
-        stiff = timestep * (v0 * v0 + v1 * v1 + v2 * v2)
-        v3 += 0.5 * kept(block, 0, b.P_ROLL + 1, stiff) * (v3 - state[b.U_EARLIER + 3])
-        v4 += 0.5 * kept(block, 1, b.P_PITCH + 2, stiff) * (v4 - state[b.U_EARLIER + 4])
-        v5 += 0.5 * kept(block, 2, b.P_YAW + 1, stiff) * (v5 - state[b.U_EARLIER + 5])
 
     # current and its rate along the path, NED, then through-water velocity in FRD
     cn, ce, cd, rn, re, rd = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -218,7 +216,12 @@ def water(model, data):
     ax = rotation[0] * rn - rotation[3] * re - rotation[6] * rd
     ay = -(rotation[1] * rn - rotation[4] * re - rotation[7] * rd)
     az = -(rotation[2] * rn - rotation[5] * re - rotation[8] * rd)
-    p, q, r = v3, -v4, -v5
+    p, q, r = velocity[3], -velocity[4], -velocity[5]
+    if centred:
+        stiff = timestep * (u * u + v * v + w * w)
+        p += 0.5 * kept(block, 0, b.P_ROLL + 1, stiff) * (p - state[b.U_EARLIER + 3])
+        q += 0.5 * kept(block, 1, b.P_PITCH + 2, stiff) * (q + state[b.U_EARLIER + 4])
+        r += 0.5 * kept(block, 2, b.P_YAW + 1, stiff) * (r + state[b.U_EARLIER + 5])
 
     density = block[b.P_REFERENCE_DENSITY]
     size = int(block[b.P_DENSITY_SIZE])
@@ -300,7 +303,7 @@ def run_control(block, table, data, time, state):
     velocity = array(field(table, data, at.D_QVEL), 6)
     hull = int(block[b.P_HULL_BODY])
     rotation = array(field(table, data, at.D_XMAT) + 72 * hull, 9)
-    roll = math.atan2(-rotation[7], rotation[8])
+    roll = math.atan2(rotation[7], rotation[8])
     pitch = math.asin(min(max(rotation[6], -1.0), 1.0))
     heading = math.atan2(-rotation[3], rotation[0])
     if heading < 0.0:
@@ -419,9 +422,7 @@ def _compile() -> dict[str, numba.core.ccallback.CFunc]:
 _PROTOTYPES = {
     "passive": ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p),
     "control": ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p),
-    "act_dyn": ctypes.CFUNCTYPE(
-        ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int
-    ),
+    "act_dyn": ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int),
 }
 _installed: dict[str, object] = {}
 

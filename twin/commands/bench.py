@@ -1,0 +1,53 @@
+"""`twin bench`: cost of the physics, side by side in one run."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+from twin.console import Console, JsonOption
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench(JsonOption):
+    """Time a step with and without our water, and a batch of closed-loop missions."""
+
+    vehicle: str = "glider"
+    """shipped vehicle name, or the path of an MJCF file"""
+    threads: int = 0
+    """threads of the batch; 0 takes every core"""
+    rounds: int = 15
+    """pairs of stretches timed"""
+
+    def run(self, console: Console) -> int:
+        """Measure and print."""
+        import os
+
+        from twin.bench import bench
+        from twin.errors import InputError
+        from twin.vehicle import load_vehicle
+
+        if self.threads < 0 or self.rounds < 1:
+            raise InputError("--threads must be 0 or more and --rounds 1 or more")
+        threads = self.threads or os.cpu_count() or 1
+        result = bench(load_vehicle(self.vehicle), threads=threads, rounds=self.rounds)
+        console.answer(**asdict(result))
+        console.pairs(
+            {
+                "step with our water": f"{result.us_per_step:.2f} us",
+                "bare MuJoCo step": f"{result.us_per_step_bare_mujoco:.2f} us",
+                "ratio": f"{result.overhead_ratio:.3f}",
+                "step with guidance and log": f"{result.us_per_step_with_guidance:.2f} us",
+                "time step": f"{result.timestep_s:g} s",
+                f"batch of {result.missions} missions on {result.threads} threads": (
+                    f"{result.times_real_time:,.0f} times real time"
+                ),
+                "limit (bare steps on these threads)": (f"{limit(result):,.0f} times real time"),
+            },
+            title="Cost of the physics (medians, one run)",
+        )
+        return 0
+
+
+def limit(result) -> float:  # type: ignore[no-untyped-def]
+    """Times real time if a batch did nothing but bare MuJoCo steps."""
+    return result.threads * result.timestep_s / (result.us_per_step_bare_mujoco * 1e-6)

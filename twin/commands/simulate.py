@@ -1,0 +1,155 @@
+"""`twin simulate`: fly one mission and say what happened."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from twin.console import Console, JsonOption
+
+if TYPE_CHECKING:
+    from twin.scenario import Scenario
+    from twin.trajectory import Trajectory
+
+
+@dataclass(frozen=True, kw_only=True)
+class Simulate(JsonOption):
+    """Fly one mission: summary table, and on request a store and a plot."""
+
+    mission: Annotated[str, tyro.conf.Positional] = "default"
+    """shipped mission name, or the path of a mission TOML file"""
+    vehicle: str = "glider"
+    """shipped vehicle name, or the path of an MJCF file"""
+    current: str = "none"
+    """current, such as uniform:-0.05,-0.002 (north, east [m/s]) or
+    grid:FILE.nc,lat=49,lon=-16,time=2000-01-05; parts are added with +"""
+    density: str = "constant"
+    """constant, thermocline, or a CSV file with depth and density columns"""
+    duration: float | None = None
+    """seconds to simulate; default: what the mission says"""
+    hydrodynamics: Literal["coefficients", "ellipsoid"] = "coefficients"
+    """identified coefficients, or MuJoCo's ellipsoid law on the geometry"""
+    timestep: float | None = None
+    """physics step [s]; default: the vehicle file's"""
+    integrator: Literal["discrete", "implicitfast", "implicit", "euler", "rk4"] | None = None
+    """MuJoCo integrator; default: the vehicle file's"""
+    sample_period: float = 0.5
+    """seconds between stored samples"""
+    out: Path | None = None
+    """write the trajectory to this zarr store"""
+    overwrite: bool = False
+    """replace an existing store"""
+    plot: Path | None = None
+    """draw an overview to this PNG, PDF or SVG file"""
+
+    def run(self, console: Console) -> int:
+        """Simulate, store, draw, summarise."""
+        from twin.errors import SimulationUnstable
+        from twin.simulate import simulate
+        from twin.store import prepare_target
+
+        scenario = self._scenario()
+        if self.out is not None:
+            prepare_target(self.out, overwrite=self.overwrite)
+        try:
+            trajectory = simulate(scenario)
+        except SimulationUnstable as error:
+            if self.out is not None and error.partial is not None and len(error.partial.time):
+                self._write(scenario, error.partial)
+                console.note(f"the samples before it are in {self.out}")
+            raise
+        if self.out is not None:
+            self._write(scenario, trajectory)
+        if self.plot is not None:
+            self._draw(trajectory)
+        self._report(console, scenario, trajectory)
+        return 0
+
+    def _scenario(self) -> Scenario:
+        from twin.current.spec import parse_current
+        from twin.density_spec import parse_density
+        from twin.mission import load_mission
+        from twin.scenario import Scenario
+        from twin.vehicle import load_vehicle
+
+        vehicle = load_vehicle(self.vehicle)
+        mission = load_mission(self.mission)
+        mission.check(vehicle)
+        return Scenario(
+            vehicle=vehicle,
+            plan=mission,
+            duration=self.duration,
+            current=parse_current(self.current),
+            density=parse_density(self.density),
+            hydrodynamics=self.hydrodynamics,
+            timestep=self.timestep,
+            integrator=self.integrator,
+            sample_period=self.sample_period,
+        )
+
+    def _write(self, scenario: Scenario, trajectory: Trajectory) -> None:
+        import json
+
+        from twin.store import mission_dataset, write_store
+
+        assert self.out is not None
+        attributes = {"scenario": json.dumps(scenario.describe())}
+        write_store(mission_dataset([trajectory], attributes=attributes), self.out, overwrite=True)
+
+    def _draw(self, trajectory: Trajectory) -> None:
+        from twin.errors import InputError
+        from twin.plot import overview_figure
+
+        assert self.plot is not None
+        figure = overview_figure(trajectory)
+        try:
+            self.plot.parent.mkdir(parents=True, exist_ok=True)
+            figure.savefig(self.plot)
+        except (OSError, ValueError) as error:
+            raise InputError(f"cannot write plot {self.plot}: {error}") from error
+
+    def _report(self, console: Console, scenario: Scenario, trajectory: Trajectory) -> None:
+        from twin.summary import summarise
+
+        figures = summarise(trajectory)
+        console.answer(
+            mission=getattr(scenario.plan, "name", None),
+            vehicle=scenario.vehicle.name,
+            out=self.out,
+            plot=self.plot,
+            **figures,
+        )
+        title = f"{scenario.vehicle.name} flew {getattr(scenario.plan, 'name', 'a schedule')!r}"
+        console.pairs(
+            {
+                "duration": f"{figures['duration_s']:.0f} s",
+                "distance through the water": f"{figures['distance_through_water_m']:.0f} m",
+                "horizontal distance over ground": f"{figures['horizontal_distance_m']:.0f} m",
+                "end position (north, east)": (
+                    f"{figures['end_north_m']:.1f} m, {figures['end_east_m']:.1f} m"
+                ),
+                "deepest": f"{figures['max_depth_m']:.1f} m",
+                "speed through the water (mean, max)": (
+                    f"{figures['mean_speed_m_s']:.3f}, {figures['max_speed_m_s']:.3f} m/s"
+                ),
+                "pitch (min, max)": (
+                    f"{figures['min_pitch_deg']:.1f}, {figures['max_pitch_deg']:.1f} deg"
+                ),
+                "largest roll": f"{figures['max_roll_deg']:.1f} deg",
+                "largest angle of attack, 98 % of the time": (
+                    f"{figures['angle_of_attack_p98_deg']:.2f} deg"
+                ),
+                "mean current (north, east)": (
+                    f"{figures['mean_current_north_m_s']:.3f}, "
+                    f"{figures['mean_current_east_m_s']:.3f} m/s"
+                ),
+                "samples": figures["samples"],
+            },
+            title=title,
+        )
+        for label, path in (("store", self.out), ("plot", self.plot)):
+            if path is not None:
+                console.say(f"{label}: {path}")
