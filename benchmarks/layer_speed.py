@@ -1,0 +1,158 @@
+"""Seconds per full gradient of 80 000 samples, against what the machine's matrix products allow.
+
+    python benchmarks/layer_speed.py [--json] [--sequences 16] [--repeats 5] [--threads 1]
+
+Every contender has three hidden layers of 50 units and a linear output, reads 12 inputs and
+computes the mean squared error and its gradient over all samples, float32. The limit is the number
+of floating-point operations of the contender divided by the matrix-product rate that torch reaches
+on large matrices in the same run (best of both, repeated between the contenders because a shared
+machine's speed drifts). `share` is limit / seconds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+
+import torch
+from torch import Tensor, nn
+
+from learn.context_delay import ContextDelay, naive_context_delay, pack_sequences
+
+SAMPLES = 80_000
+INPUTS = 12
+HIDDEN = 50
+LAYERS = 3
+DELAYS = 5
+
+
+class Stack(nn.Module):
+    """Three context-delay layers and a linear output in the layer's own layout."""
+
+    def __init__(self, engine: str, naive: bool = False) -> None:
+        super().__init__()
+        self.engine, self.naive = engine, naive
+        sizes = [INPUTS, *[HIDDEN] * LAYERS]
+        self.layers = nn.ModuleList(
+            ContextDelay(a, HIDDEN, DELAYS, engine=engine) for a in sizes[:-1]
+        )
+        self.out = nn.Linear(HIDDEN, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        if self.naive:
+            for layer in self.layers:
+                history = x.new_zeros(DELAYS, x.shape[1], HIDDEN)
+                x = naive_context_delay(x, history, layer.weight, layer.recurrent, layer.bias)
+            return self.out(x)
+        for layer in self.layers:
+            x = layer(x)
+        return torch.matmul(self.out.weight, x) + self.out.bias
+
+
+class Torch(nn.Module):
+    """torch.nn.RNN, one delay, or torch.nn.LSTM."""
+
+    def __init__(self, kind: type[nn.RNNBase]) -> None:
+        super().__init__()
+        self.cells = kind(INPUTS, HIDDEN, LAYERS)
+        self.out = nn.Linear(HIDDEN, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return self.out(self.cells(x)[0])
+
+
+def operations(gates: int, delays: int) -> float:
+    """Floating-point operations of one gradient: forward, back through the data, weight sums.
+
+    The first layer's input needs no gradient.
+    """
+    recurrent = LAYERS * delays * HIDDEN * HIDDEN * gates
+    inputs = (LAYERS - 1) * HIDDEN * HIDDEN * gates + HIDDEN
+    first = INPUTS * HIDDEN * gates
+    return 2.0 * SAMPLES * (3 * (recurrent + inputs) + 2 * first)
+
+
+def product_rate(seconds: float = 0.3) -> float:
+    """Best matrix-product rate [operations/s] of square float32 products."""
+    size, best = 512, 0.0
+    a, b, c = torch.randn(size, size), torch.randn(size, size), torch.empty(size, size)
+    end = time.perf_counter() + seconds
+    while time.perf_counter() < end:
+        start = time.perf_counter()
+        torch.mm(a, b, out=c)
+        best = max(best, 2.0 * size**3 / (time.perf_counter() - start))
+    return best
+
+
+def best_seconds(model: nn.Module, x: Tensor, repeats: int) -> float:
+    """Shortest of `repeats` gradients after one to warm up."""
+    best = float("inf")
+    for repeat in range(repeats + 1):
+        model.zero_grad()
+        start = time.perf_counter()
+        model(x).square().mean().backward()
+        if repeat:
+            best = min(best, time.perf_counter() - start)
+    return best
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--json", action="store_true", help="one JSON object")
+    parser.add_argument("--sequences", type=int, default=16, help="sequences side by side")
+    parser.add_argument("--repeats", type=int, default=5, help="gradients per contender")
+    parser.add_argument("--threads", type=int, default=1, help="torch threads")
+    options = parser.parse_args()
+    torch.set_num_threads(options.threads)
+    torch.manual_seed(0)
+    batch = options.sequences
+    x = torch.randn(SAMPLES // batch, batch, INPUTS)
+    contenders: dict[str, tuple[Callable[[], nn.Module], Tensor, float, int]] = {
+        "naive autograd": (lambda: Stack("torch", naive=True), x, operations(1, DELAYS), 1),
+        "torch.nn.RNN (one delay)": (lambda: Torch(nn.RNN), x, operations(1, 1), 2),
+        "torch.nn.LSTM": (lambda: Torch(nn.LSTM), x, operations(4, 1), 2),
+        "context delay, torch": (
+            lambda: Stack("torch"),
+            pack_sequences(x, batch),
+            operations(1, DELAYS),
+            options.repeats,
+        ),
+        "context delay, kernels": (
+            lambda: Stack("kernels"),
+            pack_sequences(x, 16),
+            operations(1, DELAYS),
+            options.repeats,
+        ),
+    }
+    rate, seconds = product_rate(), {}
+    for name, (build, data, _, repeats) in contenders.items():
+        seconds[name] = best_seconds(build(), data, repeats)
+        rate = max(rate, product_rate())
+    rows = []
+    for name, (_, _, count, _) in contenders.items():
+        limit = count / rate
+        rows.append(
+            {
+                "layer": name,
+                "seconds": seconds[name],
+                "limit": limit,
+                "share": limit / seconds[name],
+            }
+        )
+    if options.json:
+        figures = {"samples": SAMPLES, "sequences": batch, "threads": options.threads}
+        print(json.dumps({**figures, "product_gflops": rate / 1e9, "rows": rows}))
+        return
+    print(
+        f"{SAMPLES} samples as {batch} sequences, {options.threads} thread(s), matrix products "
+        f"{rate / 1e9:.1f} GFLOP/s"
+    )
+    print(f"{'layer':28s} {'seconds':>9s} {'limit':>9s} {'share':>6s}")
+    for row in rows:
+        print(f"{row['layer']:28s} {row['seconds']:9.3f} {row['limit']:9.3f} {row['share']:6.2f}")
+
+
+if __name__ == "__main__":
+    main()
