@@ -24,8 +24,11 @@ class Variable:
     """As CF (UDUNITS) writes it; "1" is dimensionless."""
     long_name: str
     standard_name: str | None = None
-    decimals: int | None = None
-    """Decimals that carry information; None keeps full float32."""
+
+    @property
+    def decimals(self) -> int | None:
+        """Decimals that bulk stores keep, far below any sensor; None keeps full float32."""
+        return _decimals(self.name, self.units)
 
     @property
     def group(self) -> str:
@@ -38,6 +41,22 @@ class Variable:
         if self.standard_name:
             attributes["standard_name"] = self.standard_name
         return attributes
+
+
+_UNIT_DECIMALS = {"degree": 4, "rad s-1": 7, "m s-1": 6, "m s-2": 5, "cm3": 3, "kg": 6,
+                  "kg m-3": 4, "dbar": 5}  # fmt: skip
+"""1e-4 degree is 2e-6 rad, 1e-6 m/s drifts 1 cm in 3 h."""
+_HORIZONTAL_DECIMALS, _DEPTH_DECIMALS, _BATTERY_DECIMALS = 3, 5, 7
+"""[m]: tracks to 1 mm; depth finer, since its rate is taken over half a second; 1e-7 m of battery
+moves pitch by 1e-4 degree."""
+
+
+def _decimals(name: str, units: str) -> int | None:
+    if units != "m":
+        return _UNIT_DECIMALS.get(units)
+    if name.endswith(("north", "east")):
+        return _HORIZONTAL_DECIMALS
+    return _BATTERY_DECIMALS if name.endswith("shift") else _DEPTH_DECIMALS
 
 
 _GROUPS = {"true": "truth", "measured": "measured", "commanded": "commanded"}
