@@ -9,7 +9,7 @@ from mujoco.batch import Batch
 
 from twin.errors import InputError, SimulationUnstable
 from twin.scenario import Scenario
-from twin.simulate import Simulation, collect
+from twin.simulate import Simulation, collect, quiet_mujoco
 from twin.trajectory import Trajectory
 
 
@@ -42,7 +42,8 @@ class Fleet:
 
     def run(self) -> list[Trajectory | SimulationUnstable]:
         """Step every simulation to the end of the longest and collect all."""
-        self.batch.step(nstep=self.steps)
+        with quiet_mujoco():
+            self.batch.step(nstep=self.steps)
         results: list[Trajectory | SimulationUnstable] = []
         for index in range(len(self.simulations)):
             try:

@@ -64,6 +64,8 @@ class Scenario:
     timestep: float | None = None
     """[s]; None takes the vehicle file's"""
     integrator: str | None = None
+    centred: bool = True
+    """Water at the time-centred velocity: second order in the step (docs/physics.md)."""
     sample_period: float = SAMPLE_PERIOD
     """[s]"""
 
@@ -117,6 +119,7 @@ class Scenario:
             "hydrodynamics": self.hydrodynamics,
             "timestep": self.timestep,
             "integrator": self.integrator,
+            "centred": self.centred,
             "sample_period": self.sample_period,
         }
 
@@ -142,5 +145,6 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
         hydrodynamics=data["hydrodynamics"],
         timestep=data["timestep"],
         integrator=data["integrator"],
+        centred=data["centred"],
         sample_period=data["sample_period"],
     )

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import concurrent.futures
+import contextlib
+import ctypes
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import mujoco
@@ -28,6 +30,20 @@ STEPS_PER_CALL = 20_000
 """Steps between looks at a run from Python: long enough to cost nothing, short enough to stop."""
 END_CHECK_PERIOD = 30.0
 """[s] between looks whether a mission without a duration has been flown"""
+
+
+_QUIET = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(lambda message: None)
+
+
+@contextlib.contextmanager
+def quiet_mujoco() -> Iterator[None]:
+    """Keep MuJoCo from printing and logging warnings: an unstable run is reported as an error."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(_QUIET)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 class Simulation:
@@ -91,8 +107,8 @@ class Simulation:
             program = scenario.density.compile()
             block[b.P_DENSITY], block[b.P_DENSITY_SIZE] = self._keep(program), len(program)
         # RK4 evaluates between steps and is centred by itself
-        centred = self.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
-        block[b.P_CENTRED] = float(centred)
+        staged = self.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+        block[b.P_CENTRED] = float(scenario.centred and not staged)
         block[b.P_LOG], block[b.P_LOG_ROWS] = float(self.rows.ctypes.data), len(self.rows)
         block[b.P_LOG_PERIOD] = scenario.sample_period
 
@@ -261,7 +277,8 @@ def observe(model: mujoco.MjModel, data: mujoco.MjData) -> Observation:
 
 def simulate(scenario: Scenario, controller: Controller | None = None) -> Trajectory:
     """Fly one scenario; see `Simulation.run`."""
-    return Simulation(scenario).run(controller)
+    with quiet_mujoco():
+        return Simulation(scenario).run(controller)
 
 
 def simulate_many(
@@ -280,7 +297,8 @@ def simulate_many(
         except SimulationUnstable as error:
             return error
 
-    if threads <= 1:
-        return [fly(item) for item in enumerate(scenarios)]
-    with concurrent.futures.ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(fly, enumerate(scenarios)))
+    with quiet_mujoco():
+        if threads <= 1:
+            return [fly(item) for item in enumerate(scenarios)]
+        with concurrent.futures.ThreadPoolExecutor(threads) as pool:
+            return list(pool.map(fly, enumerate(scenarios)))

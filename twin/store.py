@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -102,7 +103,11 @@ def write_store(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = Fals
     path = Path(path)
     prepare_target(path, overwrite=overwrite)
     try:
-        dataset.to_zarr(path, mode="w", zarr_format=3, consolidated=False)
+        with warnings.catch_warnings():
+            # consolidated metadata lets `xarray.open_zarr(path)` open without options; zarr 3 warns
+            # that its specification does not name it yet
+            warnings.filterwarnings("ignore", "Consolidated metadata")
+            dataset.to_zarr(path, mode="w", zarr_format=3, consolidated=True)
     except OSError as error:
         raise StoreError(f"cannot write store {path}: {error.strerror or error}") from error
     return path

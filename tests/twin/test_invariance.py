@@ -1,4 +1,4 @@
-"""Invariances of the physics: heading, mirror image, uniform current; and where power comes from."""
+"""Invariances of the physics: heading, mirror image, uniform current; and its power."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_uniform_current_only_carries_the_glider():
 
 
 def test_shear_pushes_through_the_added_mass():
-    """dV_c/dt along the path acts as R M_A R^T dV_c/dt: compared with still water at one instant."""
+    """dV_c/dt along the path acts as M_A R^T dV_c/dt: compared with still water at an instant."""
     model, data = glider()
     down = 0.25
     gradient = 0.002  # 0.2 m/s per 100 m

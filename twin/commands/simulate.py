@@ -65,8 +65,23 @@ class Simulate(JsonOption):
             self._write(scenario, trajectory)
         if self.plot is not None:
             self._draw(trajectory)
+        self._warn(console, scenario, trajectory)
         self._report(console, scenario, trajectory)
         return 0
+
+    def _warn(self, console: Console, scenario: Scenario, trajectory: Trajectory) -> None:
+        """Say when the glider left the gridded current's file."""
+        if scenario.current is None:
+            return
+        from twin.current.sampler import beyond_grid
+
+        program = scenario.current.compile(scenario.run_time(), scenario.origin)
+        outside = beyond_grid(program, trajectory["true_north"], trajectory["true_east"])
+        if outside.any():
+            console.warn(
+                f"the glider left the current file's area at {trajectory.time[outside][0]:.0f} s; "
+                "from there on the velocity at its edge was used"
+            )
 
     def _scenario(self) -> Scenario:
         from twin.current.spec import parse_current

@@ -70,4 +70,4 @@ R_ACCELERATION = 33  # 6 values: d(qvel)/dt over the step after the sample
 ROW = 39
 
 FLUID_ROW = 27
-"""Per fluid geom: position 3, rotation 9, semi-axes 3, MuJoCo's 12 fluid coefficients; hull axes."""
+"""Per fluid geom, hull axes: position 3, rotation 9, semi-axes 3, MuJoCo's 12 coefficients."""

@@ -75,6 +75,7 @@ def block_address(table, model):
 
 @inline
 def array(address, size):
+    """The `size` float64 values at `address`, as an array without a copy."""
     return numba.carray(as_f8_pointer(address), size)
 
 
@@ -440,8 +441,8 @@ def install() -> None:
         ours = _installed.get(name)
         if present is not None and present is not ours:
             raise TwinError(
-                f"mjcb_{name} is already taken by {present!r}; MuJoCo has one per process: clear it "
-                f"with mujoco.set_mjcb_{name}(None) before loading a glider"
+                f"mjcb_{name} is already taken by {present!r}; MuJoCo has one per process: "
+                f"clear it with mujoco.set_mjcb_{name}(None) before loading a glider"
             )
         if ours is None:
             ours = _PROTOTYPES[name](function.address)

@@ -33,7 +33,7 @@ def blend_weight(angle, linear, full):
 
 @jit_call
 def coefficient_wrench(block, u, v, w, p, q, r):
-    """Force [N] and moment [N m] of the identified coefficients at v_rel (u, v, w), rates (p, q, r)."""
+    """Force [N] and moment [N m] of the identified law at v_rel (u, v, w), rates (p, q, r)."""
     speed2 = u * u + v * v + w * w
     speed = math.sqrt(speed2)
     alpha, beta = 0.0, 0.0

@@ -1,0 +1,161 @@
+"""The commands of `twin` as a user and a program meet them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+import xarray as xr
+
+from twin.__main__ import PROGRAM
+
+
+def call(capsys, *words: str) -> tuple[int, str, str]:
+    code = PROGRAM.main(list(words))
+    out = capsys.readouterr()
+    return code, out.out, out.err
+
+
+TRIM_KEYS = {
+    "speed_m_s",
+    "angle_of_attack_deg",
+    "sideslip_deg",
+    "roll_deg",
+    "pitch_deg",
+    "turn_rate_rad_s",
+    "turn_radius_m",
+    "vertical_speed_m_s",
+}
+
+
+@pytest.mark.parametrize("model", ["mujoco", "fossen"])
+def test_trim_json(capsys, model):
+    words = ("trim", "--net-mass", "0.3", "--shift", "0.02", "--rotation", "45", "--model", model)
+    code, out, _ = call(capsys, *words, "--json")
+    assert code == 0
+    figures = json.loads(out)
+    assert set(figures) >= TRIM_KEYS
+    assert figures["speed_m_s"] == pytest.approx(0.4902, rel=3e-3)
+    assert figures["turn_radius_m"] == pytest.approx(101.5, rel=1e-2)
+
+
+def test_trim_straight_has_no_radius_and_negative_numbers_parse(capsys):
+    code, out, _ = call(capsys, "trim", "--net-mass", "-0.3", "--shift", "-0.02", "--json")
+    figures = json.loads(out)
+    assert code == 0
+    assert figures["turn_radius_m"] is None
+    assert figures["vertical_speed_m_s"] < 0
+
+
+@pytest.mark.parametrize("model", ["mujoco", "fossen"])
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (("--net-mass", "0", "--shift", "0.02"), 1, "neutrally buoyant"),
+        (("--net-mass", "0.3", "--shift", "-0.02"), 1, "move the shift forward"),
+        (("--net-mass", "0.3", "--shift", "0.2"), 2, "shift 0.2 m is outside the travel"),
+        (("--net-mass", "3", "--shift", "0.02"), 2, "net mass 3 kg is outside"),
+        (("--net-mass", "0.3", "--shift", "0.02", "--rotation", "120"), 2, "rotation 120 deg"),
+        (("--net-mass", "nan", "--shift", "0.02"), 2, "--net-mass must be a finite number"),
+        (("--net-mass", "0.3", "--shift", "0.02", "--vehicle", "glidr"), 2, "did you mean"),
+    ],
+)
+def test_trim_refusals(capsys, model, words, code, message):
+    found, out, err = call(capsys, "trim", *words, "--model", model)
+    assert found == code
+    assert out == ""
+    assert message in err
+    assert "Traceback" not in err
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_simulate_writes_what_xarray_opens(capsys, tmp_path):
+    out_path, plot = tmp_path / "run.zarr", tmp_path / "run.png"
+    words = ("simulate", "--duration", "120", "--out", str(out_path), "--plot", str(plot))
+    code, out, _ = call(capsys, *words, "--current", "uniform:0.1,-0.05", "--json")
+    assert code == 0
+    figures = json.loads(out)
+    assert figures["samples"] == 241
+    assert figures["mean_current_north_m_s"] == pytest.approx(0.1)
+    dataset = xr.open_zarr(out_path)
+    assert dataset["true_depth"].attrs["units"] == "m"
+    assert plot.stat().st_size > 10_000
+    code, _, err = call(capsys, *words)
+    assert code == 2
+    assert "--overwrite" in err
+    assert call(capsys, *words, "--overwrite")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("nowhere.toml",), "nowhere.toml"),
+        (("defalt",), "did you mean 'default'"),
+        (("--current", "unifrm:1,2"), "did you mean 'uniform'"),
+        (("--current", "grid:nowhere.nc,lat=49,lon=-16"), "nowhere.nc"),
+        (("--density", "termocline"), "did you mean 'thermocline'"),
+        (("--timestep", "-1"), "timestep -1"),
+        (("--duration", "0"), "duration 0"),
+        (("--vehicle", "rogue", "--hydrodynamics", "elipsoid"), "ellipsoid"),
+        (("--out", "/proc/nowhere/run.zarr"), "/proc/nowhere"),
+    ],
+)
+def test_simulate_refusals(capsys, words, message):
+    code, out, err = call(capsys, "simulate", *words)
+    assert code == 2
+    assert message in err
+    assert "Traceback" not in err + out
+
+
+def test_mission_and_density_files(capsys, tmp_path):
+    mission = tmp_path / "m.toml"
+    mission.write_text(
+        '[[segments]]\nkind = "saw-tooth"\nmax_depth_m = 30\npitch_deg = 75\nheading_deg = 10\nyos = 1\n'
+    )
+    code, _, err = call(capsys, "simulate", str(mission))
+    assert code == 2
+    assert "pitch_deg" in err
+    mission.write_text(mission.read_text().replace("75", "30"))
+    water = tmp_path / "cast.csv"
+    water.write_text("depth,density\n0,1024\n50,1026\n40,1027\n")
+    code, _, err = call(capsys, "simulate", str(mission), "--density", str(water))
+    assert code == 2
+    assert "row 2" in err
+    water.write_text("depth,density\n0,1024.5\n50,1025.5\n")
+    code, out, _ = call(capsys, "simulate", str(mission), "--density", str(water), "--json")
+    assert code == 0
+    assert json.loads(out)["max_depth_m"] == pytest.approx(31, abs=2)
+
+
+def test_ellipsoid_mission_flies(capsys):
+    words = ("simulate", "--hydrodynamics", "ellipsoid", "--duration", "300", "--json")
+    code, out, _ = call(capsys, *words)
+    assert code == 0
+    assert json.loads(out)["distance_through_water_m"] > 20
+
+
+def test_check_json_of_a_few_manoeuvres(capsys):
+    code, out, _ = call(capsys, "check", "--manoeuvres", "2", "--json")
+    figures = json.loads(out)
+    assert code == 0
+    assert figures["ok"]
+    assert 0 < figures["speed_m_s"] <= 1e-3
+    assert 0 < figures["attitude_deg"] <= 0.1
+    assert 0 < figures["position_percent"] <= 0.3
+
+
+def test_bench_json(capsys):
+    code, out, _ = call(capsys, "bench", "--rounds", "1", "--threads", "2", "--json")
+    figures = json.loads(out)
+    assert code == 0
+    assert figures["threads"] == 2
+    for key in ("us_per_step", "us_per_step_bare_mujoco", "overhead_ratio", "times_real_time"):
+        assert figures[key] > 0
+
+
+def test_module_runs_as_a_program():
+    words = [sys.executable, "-m", "twin", "trim", "--net-mass", "0.3", "--shift", "0.02", "--json"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout)["pitch_deg"] == pytest.approx(-32.973, abs=0.05)
