@@ -2,12 +2,18 @@
 
 import sys
 
-from twin.program import Program
+from twin.program import Command, Program
 
 PROGRAM = Program(
     name="factory",
     summary="Data factory: randomised glider missions in bulk, in one zarr store.",
-    commands=(),
+    commands=(
+        Command(
+            name="generate",
+            summary="fly randomised missions in parallel, into one store",
+            loader="factory.commands.generate:Generate",
+        ),
+    ),
 )
 
 

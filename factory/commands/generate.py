@@ -1,0 +1,140 @@
+"""`factory generate`: randomised missions into one store."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from twin.console import Console, JsonOption
+
+if TYPE_CHECKING:
+    from factory.recipe import Recipe
+
+DEFAULT_OUT = Path("data/missions.zarr")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Generate(JsonOption):
+    """Fly randomised missions in parallel and store them; the same bytes for any --workers."""
+
+    hours: float | None = None
+    """simulated hours of all missions together [default: 10]"""
+    preset: str = "paper"
+    """paper (noise-free, constant current), field (sensor errors, sheared and tidal currents,
+    vehicle spread, GPS at the surface) or paper-test (the paper's three test missions)"""
+    seed: int = 0
+    """root of every random draw"""
+    out: Path = DEFAULT_OUT
+    """the store"""
+    workers: int | None = None
+    """processes [default: the CPUs that this process may use]"""
+    set: tuple[str, ...] = ()
+    """replace distributions: NAME=DISTRIBUTION ..., such as mission.pitch_deg="uniform(15,35)";
+    `factory distributions` lists them"""
+    config: Path | None = None
+    """TOML file with distributions to replace: tables [mission], [vehicle], [current], [water]"""
+    vehicle: str = "glider"
+    """shipped vehicle name, or the path of an MJCF file"""
+    sensors: str | None = None
+    """sensor suite instead of the preset's: ideal, field, field-uncalibrated, field-no-dvl"""
+    resume: bool = False
+    """complete a store that an earlier run left incomplete; start it if there is none"""
+    overwrite: bool = False
+    """replace an existing store"""
+
+    def run(self, console: Console) -> int:
+        """Generate, with progress, and summarise."""
+        # must be said before numpy is imported: worker processes share the CPUs, and forks are
+        # cleanest from a process with one thread
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        from factory.generate import generate
+
+        recipe = self._recipe()
+        history = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+        try:
+            with console.progress(
+                total=recipe.plan.hours, label="generate", unit="h"
+            ) as progress:
+
+                def watch(hours: float, failures: int) -> None:
+                    progress.update(hours)
+                    if failures:
+                        progress.note(f"a mission failed {failures} times and was replaced")
+
+                summary = generate(
+                    recipe,
+                    self.out,
+                    workers=self.workers,
+                    resume=self.resume,
+                    overwrite=self.overwrite,
+                    history=history,
+                    watch=watch,
+                )
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(
+                f"finished missions are kept in {self.out}; the same command with --resume "
+                "(without --overwrite) goes on from there"
+            ) from None
+        if summary.flown == 0:
+            console.note(f"store {self.out} was already complete")
+        raw = raw_bytes(recipe)
+        console.answer(
+            out=summary.store,
+            preset=recipe.preset,
+            seed=recipe.seed,
+            missions=summary.missions,
+            hours=summary.hours,
+            flown=summary.flown,
+            failed=summary.failed,
+            wall_s=summary.wall_s,
+            times_real_time=summary.times_real_time,
+            stored_bytes=summary.stored_bytes,
+            float32_bytes=raw,
+        )
+        console.pairs(
+            {
+                "store": str(summary.store),
+                "missions": f"{summary.missions} ({_splits(recipe)})",
+                "simulated": f"{summary.hours:.4g} h",
+                "failed and replaced": summary.failed,
+                "time": f"{summary.wall_s:.1f} s, {summary.times_real_time:,.0f} times real time",
+                "size": f"{summary.stored_bytes / 1e6:.1f} MB, "
+                f"{summary.stored_bytes / 1e6 / summary.hours:.2f} MB per simulated hour, "
+                f"{100 * summary.stored_bytes / raw:.0f} % of float32 uncompressed",
+            },
+            title=f"preset {recipe.preset}, seed {recipe.seed}",
+        )
+        return 0
+
+    def _recipe(self) -> Recipe:
+        from factory.config import read_changes
+        from factory.recipe import make_recipe
+
+        return make_recipe(
+            preset=self.preset,
+            hours=self.hours,
+            seed=self.seed,
+            changes=read_changes(self.config, self.set),
+            vehicle=self.vehicle,
+            sensors=self.sensors,
+        )
+
+
+def raw_bytes(recipe: Recipe) -> int:
+    """Size [bytes] of the same signals as plain float32, without padding."""
+    from factory.plan import samples_in
+    from twin.schema import VARIABLES
+
+    stored = sum(1 for _ in VARIABLES)
+    return 4 * stored * sum(samples_in(duration) for duration in recipe.plan.durations_s)
+
+
+def _splits(recipe: Recipe) -> str:
+    from factory.plan import SPLITS
+
+    counts = [recipe.plan.splits.count(i) for i in range(len(SPLITS))]
+    return ", ".join(f"{n} {name}" for n, name in zip(counts, SPLITS, strict=True) if n)

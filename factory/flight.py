@@ -1,0 +1,130 @@
+"""Flight: one mission from its parameters to its signals. Replays run the same code."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.draw import SAW_TOOTH, SURFACE, Parameters, number
+from factory.glider import BelievedMission, apply_errors, spread_vehicle
+from factory.water import build_current, build_density, origin
+from twin.mission import Mission, SawTooth, Segment, Spiral, Surface
+from twin.scenario import SAMPLE_PERIOD, Scenario
+from twin.simulate import Simulation
+from twin.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from twin.sensors import SensorSuite
+    from twin.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flight:
+    """One mission as it was flown."""
+
+    trajectory: Trajectory
+    measured: Mapping[str, Array]
+    drawn: Mapping[str, float]
+    """The sensors' constants of this mission."""
+
+    @property
+    def signals(self) -> dict[str, Array]:
+        """Truth, measured and commanded, each of shape (time,)."""
+        return {**self.trajectory.signals, **self.measured}
+
+
+def build_mission(parameters: Parameters, vehicle: Vehicle) -> Mission:
+    """The mission that the guidance is given."""
+    heading = parameters.number("mission.start_heading_deg")
+    start_heading = heading
+    segments: list[Segment] = []
+    for drawn in parameters.segments:
+        kind = drawn["mission.kind"]
+        if kind == SURFACE:
+            segments.append(Surface(duration_s=number(drawn, "mission.surface_duration_s")))
+            continue
+        profile = {
+            "max_depth_m": number(drawn, "mission.max_depth_m"),
+            "min_depth_m": number(drawn, "mission.min_depth_m"),
+            "pitch_deg": number(drawn, "mission.pitch_deg"),
+            "climb_pitch_deg": number(drawn, "mission.climb_pitch_deg"),
+            "net_mass_kg": number(drawn, "mission.net_mass_kg"),
+            "climb_net_mass_kg": number(drawn, "mission.climb_net_mass_kg"),
+            "yos": _unless_nan(number(drawn, "mission.yos")),
+            "duration_s": _unless_nan(number(drawn, "mission.segment_duration_s")),
+        }
+        if kind == SAW_TOOTH:
+            heading = (heading + number(drawn, "mission.heading_change_deg")) % 360.0
+            segments.append(SawTooth(heading_deg=heading, **profile))
+        else:
+            segments.append(Spiral(rotation_deg=number(drawn, "mission.rotation_deg"), **profile))
+    return BelievedMission(
+        believed=vehicle,
+        segments=tuple(segments),
+        duration_s=parameters.duration_s,
+        start_depth_m=parameters.number("mission.start_depth_m"),
+        start_heading_deg=start_heading,
+        at_end="hold",
+    )
+
+
+def _unless_nan(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def build_scenario(parameters: Parameters, nominal: Vehicle) -> Scenario:
+    """Everything that the physics needs."""
+    return Scenario(
+        vehicle=spread_vehicle(nominal, parameters),
+        plan=build_mission(parameters, nominal),
+        duration=parameters.duration_s,
+        current=build_current(parameters),
+        density=build_density(parameters),
+        origin=origin(parameters),
+        sample_period=SAMPLE_PERIOD,
+    )
+
+
+def fly(
+    parameters: Parameters,
+    nominal: Vehicle,
+    suite: SensorSuite,
+    sensor_seed: np.random.SeedSequence,
+    *,
+    drawn: Mapping[str, float] | None = None,
+) -> Flight:
+    """Fly one mission and measure it.
+
+    Args:
+      drawn: the sensors' constants, by default those that the seed gives.
+
+    Raises:
+      MissionError: the vehicle cannot fly it.
+      SimulationUnstable: the simulation left the finite numbers.
+    """
+    scenario = build_scenario(parameters, nominal)
+    simulation = Simulation(scenario)
+    apply_errors(simulation, parameters, scenario.density)
+    trajectory = simulation.run()
+    if drawn is None:
+        drawn = suite.draw(sensor_seed)
+    below = parameters.number("water.bottom_below_m")
+    current = scenario.current
+    measured = suite.measure(
+        trajectory.signals,
+        dt=SAMPLE_PERIOD,
+        rng_seed=sensor_seed,
+        drawn=drawn,
+        bottom_depth=None if math.isnan(below) else parameters.deepest_m + below,
+        latitude=parameters.number("water.latitude"),
+        density=scenario.density,
+        current=None if current is None else current.compile(simulation.duration, scenario.origin),
+    )
+    return Flight(trajectory=trajectory, measured=measured, drawn=drawn)

@@ -1,0 +1,72 @@
+"""Produce: one mission from its number to the chunks of its signals, retried when it fails."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from factory.chunk import encode, stored_values
+from factory.draw import sensor_seed
+from factory.flight import Flight, fly
+from factory.recipe import Recipe
+from factory.record import Failure, Record
+from twin.errors import MissionError, SimulationUnstable, TwinError
+from twin.schema import VARIABLES
+
+MAX_ATTEMPTS = 20
+"""So many failures in a row mean impossible distributions, not bad luck."""
+
+
+def produce(recipe: Recipe, mission: int) -> tuple[Record, dict[str, bytes]]:
+    """Fly mission number `mission`; failed attempts are recorded and replaced.
+
+    Raises:
+      TwinError: no attempt succeeded.
+    """
+    failures: list[Failure] = []
+    for attempt in range(MAX_ATTEMPTS):
+        parameters = None
+        try:
+            parameters = recipe.parameters(mission, attempt)
+            seed = sensor_seed(recipe.seed, mission, attempt)
+            flight = fly(parameters, recipe.vehicle, recipe.suite, seed)
+        except (MissionError, SimulationUnstable) as error:
+            failures.append(
+                Failure(
+                    attempt=attempt,
+                    reason=str(error),
+                    time_s=getattr(error, "time_s", None),
+                    values={} if parameters is None else parameters.values,
+                    segments=() if parameters is None else parameters.segments,
+                )
+            )
+            continue
+        record = Record(
+            mission=mission,
+            attempt=attempt,
+            samples=len(flight.trajectory.time),
+            parameters=parameters,
+            sensors=flight.drawn,
+            failures=tuple(failures),
+        )
+        return record, encode_signals(flight, recipe.plan.samples)
+    raise TwinError(
+        f"mission {mission} failed {MAX_ATTEMPTS} times, last: {failures[-1].reason}; "
+        "narrow the distributions"
+    )
+
+
+def encode_signals(flight: Flight, samples: int) -> dict[str, bytes]:
+    """Every signal as its chunk, in the schema's order."""
+    signals = flight.signals
+    # noise-free sensors pass the very arrays of the truth on: compress them once
+    done: dict[tuple[int, Any], bytes] = {}
+    chunks: dict[str, bytes] = {}
+    for name, variable in VARIABLES.items():
+        if name not in signals:
+            continue
+        values = signals[name]
+        key = (id(values), variable.decimals)
+        if key not in done:
+            done[key] = encode(stored_values(values, variable.decimals), samples)
+        chunks[name] = done[key]
+    return chunks

@@ -1,0 +1,194 @@
+"""Recipe: everything that decides the bytes of a store, and its comparison with another one."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+import mujoco
+import numba
+import numpy as np
+
+from factory.distribution import Distribution
+from factory.draw import Parameters, draw_parameters
+from factory.paper_test import paper_test_parameters, paper_test_plan
+from factory.parameters import declared, override
+from factory.plan import Plan, plan_missions
+from twin.errors import InputError, unknown_name
+from twin.model import INTEGRATORS, compile_model
+from twin.scenario import SAMPLE_PERIOD
+from twin.schema import SCHEMA_VERSION
+from twin.sensors import SensorSuite
+from twin.vehicle import Vehicle, load_vehicle
+from twin.version import __version__
+
+DEFAULT_HOURS = 10.0
+"""[h], as much as the paper's training set"""
+
+
+@dataclass(frozen=True)
+class Preset:
+    """What a preset name stands for."""
+
+    spread: str
+    """column of the table of parameters"""
+    sensors: str
+    """sensor suite"""
+    fixed_missions: bool = False
+    """its missions are given, not drawn"""
+
+
+PRESETS: Mapping[str, Preset] = {
+    "paper": Preset("paper", "ideal"),
+    "field": Preset("field", "field"),
+    "paper-test": Preset("paper", "ideal", fixed_missions=True),
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recipe:
+    """The settings of a store; equal recipes give equal arrays."""
+
+    preset: str = "paper"
+    """one of PRESETS"""
+    hours: float | None = None
+    """[h] of all missions together; None: DEFAULT_HOURS, or what the preset's missions last"""
+    seed: int = 0
+    """root of every random draw"""
+    changes: Mapping[str, str | float]
+    """replaced distributions, by parameter name"""
+    vehicle: Vehicle
+    """as its file says"""
+    sensors: str | None = None
+    """sensor suite by name; None: the preset's"""
+
+    def __post_init__(self) -> None:
+        if self.preset not in PRESETS:
+            raise InputError(unknown_name("preset", self.preset, PRESETS))
+        if self.seed < 0:
+            raise InputError(f"--seed {self.seed} must be at least 0")
+        if PRESETS[self.preset].fixed_missions and self.hours is not None:
+            raise InputError(
+                f"preset {self.preset!r} has missions of its own: leave --hours out"
+            )
+        # everything that can be wrong shows here, before a store is touched
+        _ = self.suite, self.distributions, self.plan, self.physics
+
+    @property
+    def sensor_preset(self) -> str:
+        """Name of the sensor suite."""
+        return self.sensors or PRESETS[self.preset].sensors
+
+    @cached_property
+    def suite(self) -> SensorSuite:
+        """The sensors."""
+        return SensorSuite.preset(self.sensor_preset)
+
+    @cached_property
+    def physics(self) -> dict[str, Any]:
+        """Time step [s] and integrator; compiling shows vehicle errors before a store is touched."""
+        option = compile_model(self.vehicle, lean=True).opt
+        names = {int(number): name for name, number in INTEGRATORS.items()}
+        return {"timestep_s": option.timestep, "integrator": names[int(option.integrator)]}
+
+    @cached_property
+    def distributions(self) -> dict[str, Distribution]:
+        """What every parameter is drawn from."""
+        return override(declared(PRESETS[self.preset].spread), self.changes)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """Durations and splits of all missions."""
+        if PRESETS[self.preset].fixed_missions:
+            return paper_test_plan()
+        hours = DEFAULT_HOURS if self.hours is None else self.hours
+        return plan_missions(self.distributions["mission.duration_h"], hours=hours, seed=self.seed)
+
+    def parameters(self, mission: int, attempt: int) -> Parameters:
+        """What one attempt at one mission is made of; raises MissionError."""
+        if PRESETS[self.preset].fixed_missions:
+            return paper_test_parameters(
+                mission, self.distributions, self.changes, seed=self.seed, attempt=attempt
+            )
+        return draw_parameters(
+            self.distributions,
+            seed=self.seed,
+            mission=mission,
+            attempt=attempt,
+            duration_s=self.plan.durations_s[mission],
+            vehicle=self.vehicle,
+        )
+
+    def describe(self) -> dict[str, Any]:
+        """Everything that the bytes depend on, as JSON can hold it."""
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "preset": self.preset,
+            "hours": self.plan.hours,
+            "seed": self.seed,
+            "vehicle": self.vehicle.name,
+            "vehicle_sha256": sha256(self.vehicle.xml),
+            "hydrodynamics": "coefficients",
+            **self.physics,
+            "sample_period_s": SAMPLE_PERIOD,
+            "distributions": {name: d.text() for name, d in self.distributions.items()},
+            "sensors": asdict(self.suite),
+            "versions": versions(),
+        }
+
+
+def make_recipe(
+    *,
+    preset: str = "paper",
+    hours: float | None = None,
+    seed: int = 0,
+    changes: Mapping[str, str | float] | None = None,
+    vehicle: str = "glider",
+    sensors: str | None = None,
+) -> Recipe:
+    """A recipe from names.
+
+    Raises:
+      InputError: unknown preset, parameter, vehicle or sensor suite; impossible value.
+    """
+    return Recipe(
+        preset=preset,
+        hours=hours,
+        seed=seed,
+        changes=dict(changes or {}),
+        vehicle=load_vehicle(vehicle),
+        sensors=sensors,
+    )
+
+
+def sha256(text: str) -> str:
+    """Hexadecimal digest of a text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """What can change a bit of a result."""
+    return {
+        "glider-twin": __version__,
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "mujoco": mujoco.__version__,
+        "numba": numba.__version__,
+        "numpy": np.__version__,
+    }
+
+
+def differences(old: Mapping[str, Any], new: Mapping[str, Any], prefix: str = "") -> list[str]:
+    """`name: old -> new` of every entry in which two descriptions differ."""
+    lines: list[str] = []
+    for name in sorted(old.keys() | new.keys()):
+        a, b = old.get(name), new.get(name)
+        if isinstance(a, Mapping) and isinstance(b, Mapping):
+            lines += differences(a, b, f"{prefix}{name}.")
+        elif a != b:
+            lines.append(f"{prefix}{name}: {a} -> {b}")
+    return lines
