@@ -112,7 +112,8 @@ def test_simulate_refusals(capsys, words, message):
 def test_mission_and_density_files(capsys, tmp_path):
     mission = tmp_path / "m.toml"
     mission.write_text(
-        '[[segments]]\nkind = "saw-tooth"\nmax_depth_m = 30\npitch_deg = 75\nheading_deg = 10\nyos = 1\n'
+        '[[segments]]\nkind = "saw-tooth"\nmax_depth_m = 30\npitch_deg = 75\n'
+        "heading_deg = 10\nyos = 1\n"
     )
     code, _, err = call(capsys, "simulate", str(mission))
     assert code == 2

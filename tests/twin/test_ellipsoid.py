@@ -55,7 +55,7 @@ def test_still_water_wrench_equals_mujocos_fluid(vehicle):
 
 
 def test_added_mass_of_the_hull_is_that_of_an_ellipsoid():
-    """Lamb (1932): a slender ellipsoid entrains little along its axis, nearly its own mass across."""
+    """Lamb (1932): a slender ellipsoid entrains little along its axis, much across."""
     model = compile_model("glider", hydrodynamics="ellipsoid", lean=True)
     added = parameter_block(model)[b.P_ADDED_MASS : b.P_ADDED_MASS + 36].reshape(6, 6)
     np.testing.assert_allclose(added, added.T, atol=1e-12)
@@ -75,5 +75,5 @@ def test_flip_of_a_body_matrix_is_an_involution():
 def test_without_fluid_geoms_the_way_out_is_named():
     vehicle = load_vehicle("glider")
     bare = parse_vehicle(vehicle.xml.replace('fluidshape="ellipsoid"', ""), vehicle.path)
-    with pytest.raises(VehicleError, match="fluidshape.*--hydrodynamics coefficients"):
+    with pytest.raises(VehicleError, match=r"fluidshape.*--hydrodynamics coefficients"):
         compile_model(bare, hydrodynamics="ellipsoid")

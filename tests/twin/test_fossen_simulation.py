@@ -12,11 +12,11 @@ from twin.current.inertial import Inertial
 from twin.current.uniform import Uniform
 from twin.errors import InputError, MissionError, SimulationUnstable
 from twin.fossen import FossenModel, FossenState
-from twin.schedule import Schedule
 from twin.fossen.equations import mass_distribution
 from twin.fossen.forces import damping_wrench
 from twin.fossen.matrices import rigid_body_mass
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
+from twin.schedule import Schedule
 from twin.vehicle import Vehicle, load_vehicle
 
 DIVE = Schedule(times=[0.0], commands=[[0.02, math.radians(30), -290.0]])

@@ -72,7 +72,7 @@ def test_a_foreign_callback_is_not_silently_replaced():
 
 
 def test_users_own_forces_survive():
-    """The hull's row of xfrc_applied is the water's; qfrc_applied and other bodies are the user's."""
+    """The hull's row of xfrc_applied is the water's; the rest is the user's."""
     model, data = glider()
     battery = model.body("battery").id
     data.xfrc_applied[battery, 1] = 3.0

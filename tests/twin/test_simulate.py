@@ -23,6 +23,7 @@ from twin.store import mission_dataset, open_store, read_trajectory, write_store
 from twin.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("glider")
+WILD = VEHICLE.replace(drag=(-200.0, 0.0))  # the water drives it
 YO = Mission(segments=(SawTooth(max_depth_m=40, pitch_deg=30, heading_deg=40, yos=1),))
 
 
@@ -166,8 +167,7 @@ def test_an_unstable_run_names_itself_and_keeps_what_it_had():
     with pytest.raises(
         SimulationUnstable, match=r"mission 0 went unstable at .* s .*timestep 0.1 s"
     ) as error:
-        wild = VEHICLE.replace(drag=(-200.0, 0.0))
-        simulate(dive(vehicle=wild, duration=600.0))
+        simulate(dive(vehicle=WILD, duration=600.0))
     partial = error.value.partial
     assert error.value.time_s > 0
     assert len(partial.time) > 0
@@ -176,8 +176,7 @@ def test_an_unstable_run_names_itself_and_keeps_what_it_had():
 
 
 def test_an_unstable_run_does_not_stop_the_others():
-    wild = VEHICLE.replace(drag=(-200.0, 0.0))
-    results = simulate_many([dive(), dive(vehicle=wild, duration=600.0), dive()])
+    results = simulate_many([dive(), dive(vehicle=WILD, duration=600.0), dive()])
     assert isinstance(results[1], SimulationUnstable)
     assert results[1].mission == 1
     same(results[0], results[2])
@@ -196,10 +195,10 @@ def test_missing_and_impossible_durations_are_refused():
     with pytest.raises(InputError, match="must be positive"):
         simulate(dive(duration=-5.0))
     with pytest.raises(
-        InputError, match="unknown hydrodynamics 'elipsoid'.*did you mean 'ellipsoid'"
+        InputError, match=r"unknown hydrodynamics 'elipsoid'.*did you mean 'ellipsoid'"
     ):
         simulate(dive(hydrodynamics="elipsoid"))
-    with pytest.raises(InputError, match="unknown integrator 'rk5'.*did you mean 'rk4'"):
+    with pytest.raises(InputError, match=r"unknown integrator 'rk5'.*did you mean 'rk4'"):
         simulate(dive(integrator="rk5"))
 
 
