@@ -31,6 +31,9 @@ STATE_COLUMNS = (
 )
 """Columns of `simulation_state`: qpos, qvel, act, ctrl (x north, y west, z up; SI, rad, cm3)."""
 
+UNFINISHED = ".generating"
+"""Folder inside a store that the factory has begun and not completed."""
+
 GLOBAL_ATTRIBUTES = {
     "Conventions": "CF-1.11",
     "schema": "glider-twin missions",
@@ -144,6 +147,11 @@ def open_store(path: str | Path) -> xr.Dataset:
     path = Path(path)
     if not path.exists():
         raise StoreError(f"no store at {path}; make one with `factory generate --out {path}`")
+    if (path / UNFINISHED).is_dir() and not (path / "zarr.json").is_file():
+        raise StoreError(
+            f"store {path} is incomplete: the `factory generate` command that began it, with "
+            "--resume, completes it"
+        )
     if not (path / "zarr.json").is_file():
         raise StoreError(f"{path} is not a zarr v3 store; give the folder that ends in .zarr")
     try:
