@@ -7,7 +7,7 @@ import struct
 
 import google_crc32c
 import numpy as np
-from numcodecs import blosc
+from numcodecs import blosc  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
 from factory.layout import COMPRESSOR, DTYPE, LEVEL

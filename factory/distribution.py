@@ -1,11 +1,11 @@
 """Distribution: what a parameter of a mission is drawn from, and its text form.
 
-    35                                 always 35
-    none                               not used (NaN)
-    uniform(15, 45)                    also: uniform(15, 45) except (28, 32) (38, 40)
-    loguniform(40, 500)
-    normal(0, 0.7)                     mean, standard deviation
-    choice(saw-tooth: 0.7, spiral: 0.3)   options with or without weights
+35                                 always 35
+none                               not used (NaN)
+uniform(15, 45)                    also: uniform(15, 45) except (28, 32) (38, 40)
+loguniform(40, 500)
+normal(0, 0.7)                     mean, standard deviation
+choice(saw-tooth: 0.7, spiral: 0.3)   options with or without weights
 """
 
 from __future__ import annotations

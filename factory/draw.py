@@ -23,7 +23,7 @@ from twin.vehicle import Vehicle
 PLAN_STREAM, MISSION_STREAM = 0, 1
 """First element of every spawn key: what belongs to the whole run, and what to one mission."""
 SENSOR_STREAM = 1
-"""Below a mission's key: the sensors. Parameters use the checksum of their name, which is larger."""
+"""Below a mission's key: the sensors. Parameters use the checksum of their name, a larger one."""
 MAX_SEGMENTS = 100
 """A mission of more segments means a wrong distribution of their length."""
 TIME_RESERVE = 1.5

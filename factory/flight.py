@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,7 @@ def build_mission(parameters: Parameters, vehicle: Vehicle) -> Mission:
         if kind == SURFACE:
             segments.append(Surface(duration_s=number(drawn, "mission.surface_duration_s")))
             continue
-        profile = {
+        profile: dict[str, Any] = {
             "max_depth_m": number(drawn, "mission.max_depth_m"),
             "min_depth_m": number(drawn, "mission.min_depth_m"),
             "pitch_deg": number(drawn, "mission.pitch_deg"),

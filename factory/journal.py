@@ -21,8 +21,8 @@ from typing import Any
 from factory.chunk import checksum
 from factory.record import Record
 from twin.errors import StoreError
+from twin.store import UNFINISHED
 
-FOLDER = ".generating"
 _MAGIC = b"glider mission part 1\n"
 _LENGTH = struct.Struct("<I")
 
@@ -32,7 +32,7 @@ class Journal:
 
     def __init__(self, store: Path):
         self.store = store
-        self.folder = store / FOLDER
+        self.folder = store / UNFINISHED
 
     @property
     def exists(self) -> bool:

@@ -10,11 +10,12 @@ Rows of the group `mission` below SEGMENT are drawn anew for every segment of a 
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from factory.distribution import Distribution, parse_distribution
-from twin.errors import InputError, unknown_name
+from twin.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -213,6 +214,10 @@ def override(
     result = dict(distributions)
     for name, text in changes.items():
         if name not in PARAMETERS:
-            raise InputError(unknown_name("parameter", name, PARAMETERS))
+            near = difflib.get_close_matches(name, PARAMETERS, n=1, cutoff=0.5)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            raise InputError(
+                f"unknown parameter {name!r}: {hint}(`factory distributions` lists them all)"
+            )
         result[name] = parse_distribution(text, name)
     return result

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import platform
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -72,9 +73,7 @@ class Recipe:
         if self.seed < 0:
             raise InputError(f"--seed {self.seed} must be at least 0")
         if PRESETS[self.preset].fixed_missions and self.hours is not None:
-            raise InputError(
-                f"preset {self.preset!r} has missions of its own: leave --hours out"
-            )
+            raise InputError(f"preset {self.preset!r} has missions of its own: leave --hours out")
         # everything that can be wrong shows here, before a store is touched
         _ = self.suite, self.distributions, self.plan, self.physics
 
@@ -90,7 +89,7 @@ class Recipe:
 
     @cached_property
     def physics(self) -> dict[str, Any]:
-        """Time step [s] and integrator; compiling shows vehicle errors before a store is touched."""
+        """Time step [s] and integrator; compiling them shows vehicle errors at once."""
         option = compile_model(self.vehicle, lean=True).opt
         names = {int(number): name for name, number in INTEGRATORS.items()}
         return {"timestep_s": option.timestep, "integrator": names[int(option.integrator)]}
@@ -125,7 +124,7 @@ class Recipe:
 
     def describe(self) -> dict[str, Any]:
         """Everything that the bytes depend on, as JSON can hold it."""
-        return {
+        description = {
             "schema_version": SCHEMA_VERSION,
             "preset": self.preset,
             "hours": self.plan.hours,
@@ -139,6 +138,9 @@ class Recipe:
             "sensors": asdict(self.suite),
             "versions": versions(),
         }
+        # as a store or journal gives it back: tuples become lists
+        plain: dict[str, Any] = json.loads(json.dumps(description))
+        return plain
 
 
 def make_recipe(

@@ -56,9 +56,7 @@ class Generate(JsonOption):
         recipe = self._recipe()
         history = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
         try:
-            with console.progress(
-                total=recipe.plan.hours, label="generate", unit="h"
-            ) as progress:
+            with console.progress(total=recipe.plan.hours, label="generate", unit="h") as progress:
 
                 def watch(hours: float, failures: int) -> None:
                     progress.update(hours)
