@@ -267,7 +267,7 @@ def test_bad_input_is_refused(model, seawing):
         model.simulate(CRUISE, Schedule(times=[5.0], commands=[[0, 0, 0]]), 10.0)
     with pytest.raises(MissionError, match="must increase"):
         Schedule(times=[0.0, 0.0], commands=[[0, 0, 0], [0, 0, 0]])
-    with pytest.raises(InputError, match=r"commands must be finite with shape \(1, 3\)"):
+    with pytest.raises(MissionError, match="times and commands must be finite"):
         Schedule(times=[0.0], commands=[[0, math.nan, 0]])
     with pytest.raises(InputError, match="dt must be above 0 s"):
         model.simulate(CRUISE, DIVE, 10.0, dt=0.0)
