@@ -13,6 +13,11 @@ PROGRAM = Program(
             summary="fly randomised missions in parallel, into one store",
             loader="factory.commands.generate:Generate",
         ),
+        Command(
+            name="replay",
+            summary="fly stored missions again and compare every byte",
+            loader="factory.commands.replay:Replay",
+        ),
     ),
 )
 
