@@ -29,6 +29,11 @@ PROGRAM = Program(
             loader="twin.commands.bench:Bench",
         ),
         Command(
+            name="render",
+            summary="picture or video of a stored mission, drawn without a screen",
+            loader="twin.commands.render:Render",
+        ),
+        Command(
             name="plot",
             summary="figures of a stored mission: track, section, velocities, sensors, current",
             loader="twin.commands.plot:Plot",

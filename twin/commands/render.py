@@ -1,0 +1,128 @@
+"""`twin render`: a picture or a video of a stored mission, without a screen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from twin.console import Console, JsonOption
+from twin.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Render(JsonOption):
+    """Draw a stored mission: .png is one picture, .mp4 and .gif are videos."""
+
+    store: Annotated[Path, tyro.conf.Positional]
+    """store (zarr) that holds the mission"""
+    mission: int = 0
+    """index of the mission in the store"""
+    out: Path = Path("mission.mp4")
+    """file to write: .png, .mp4 or .gif"""
+    camera: Literal["orbit", "side", "map", "chase"] = "orbit"
+    """orbit circles the track, side and map show it whole, chase follows the glider"""
+    size: str = "1280x720"
+    """width x height in pixels"""
+    fps: float | None = None
+    """frames per second of a video; default: 30, for a gif 12.5"""
+    speed_up: float | None = None
+    """mission seconds per video second; default: the video lasts 20 s"""
+    start: float | None = None
+    """first mission time shown [s]"""
+    end: float | None = None
+    """last mission time shown [s]"""
+    time: float | None = None
+    """mission time of a .png [s]; default: the end of the part"""
+    colour: Literal["speed", "current", "error"] = "speed"
+    """what colours the track; error is the first track's of --tracks"""
+    tracks: Path | None = None
+    """dead-reckoned tracks to draw beside the true one: .nc, .zarr, .npz or .csv"""
+    exaggeration: float | None = None
+    """vertical over horizontal scale; default: chosen to fit"""
+    floor: float | None = None
+    """depth of the drawn sea floor [m]; default: a little below the deepest point"""
+    hud: bool = True
+    """readouts, labels and legend"""
+    inset: bool = True
+    """close-up of the glider"""
+    title: str | None = None
+    """first line of the picture; default: from the store"""
+    vehicle: str | None = None
+    """vehicle to draw, by name or MJCF file; default: the store's own"""
+    workers: int | None = None
+    """processes that draw a video; default: one per core"""
+
+    def run(self, console: Console) -> int:
+        """Draw and write the file."""
+        import time
+
+        from twin.render.encode import STILL_FORMATS, VIDEO_FORMATS
+        from twin.render.film import default_workers, save_still, save_video
+        from twin.render.shot import Shot
+        from twin.render.source import read_subject
+
+        suffix = self.out.suffix.lower()
+        if suffix not in (*STILL_FORMATS, *VIDEO_FORMATS):
+            allowed = ", ".join((*STILL_FORMATS, *VIDEO_FORMATS))
+            raise InputError(f"--out {self.out}: the ending must be one of {allowed}")
+        width, height = parse_size(self.size)
+        fps = self.fps if self.fps is not None else (GIF_FPS if suffix == ".gif" else VIDEO_FPS)
+        shot = Shot(
+            camera=self.camera,
+            width=width,
+            height=height,
+            fps=fps,
+            speed_up=self.speed_up,
+            start=self.start,
+            end=self.end,
+            colour=self.colour,
+            exaggeration=self.exaggeration,
+            floor=self.floor,
+            hud=self.hud,
+            inset=self.inset,
+        )
+        if self.time is not None and suffix not in STILL_FORMATS:
+            raise InputError("--time is for a .png; for a video give --start and --end")
+        subject = read_subject(
+            self.store,
+            self.mission,
+            vehicle=self.vehicle,
+            tracks=self.tracks,
+            title=self.title,
+        )
+        begun = time.perf_counter()
+        if suffix in STILL_FORMATS:
+            save_still(self.out, subject, shot, self.time)
+            frames = 1
+        else:
+            total = len(shot.frame_times(subject.trajectory.time))
+            workers = default_workers() if self.workers is None else self.workers
+            with console.progress(total=total, label="render", unit="frames") as progress:
+                frames = save_video(
+                    self.out, subject, shot, workers=workers, progress=progress.update
+                )
+        seconds = time.perf_counter() - begun
+        size = self.out.stat().st_size
+        many = f"{frames} frames, {frames / fps:.1f} s of video, " if frames > 1 else ""
+        console.say(
+            f"{self.out}: {many}{width}x{height}, {size / 1e6:.2f} MB, made in {seconds:.1f} s"
+        )
+        console.answer(
+            out=self.out, frames=frames, width=width, height=height, bytes=size, seconds=seconds
+        )
+        return 0
+
+
+VIDEO_FPS, GIF_FPS = 30.0, 12.5
+"""Frames per second when none are asked for; a gif's clock counts hundredths of a second."""
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """Width and height [pixel] from a text such as 1280x720; raises InputError."""
+    width, separator, height = text.lower().partition("x")
+    if not (separator and width.isdecimal() and height.isdecimal()):
+        raise InputError(f"--size {text!r} must be WIDTHxHEIGHT in pixels, such as 1280x720")
+    return int(width), int(height)

@@ -1,0 +1,144 @@
+"""Context: an OpenGL context without a screen, by EGL or else by OSMesa.
+
+EGL draws on a GPU or, with Mesa, on the CPU; OSMesa draws on the CPU only. Which of them works is
+found out before PyOpenGL is imported, because PyOpenGL settles for one of them for the rest of the
+process. The environment variable MUJOCO_GL, when it says `egl` or `osmesa`, wins.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import os
+import sys
+from typing import Protocol
+
+from twin.errors import TwinError
+
+BACKENDS = {"egl": "libegl1 libopengl0 libgl1-mesa-dri", "osmesa": "libosmesa6"}
+"""Debian packages of each backend, the preferred backend first."""
+_LIBRARIES = {"egl": ("libEGL.so.1",), "osmesa": ("libOSMesa.so.8", "libOSMesa.so.6")}
+_EGL_PLATFORM_DEVICE = 0x313F
+"""EGL_PLATFORM_DEVICE_EXT, from the extension EGL_EXT_platform_device."""
+_MOST_DEVICES = 16
+
+
+class NoOpenGL(TwinError):
+    """This machine cannot draw: a library is missing, or drawing was switched off."""
+
+
+class Context(Protocol):
+    """What MuJoCo's context classes have in common."""
+
+    def make_current(self) -> None:
+        """Let this thread draw into it."""
+
+    def free(self) -> None:
+        """Release it; a second call does nothing."""
+
+
+def available_backend() -> str | None:
+    """`egl` or `osmesa`, whichever works first, or None. Cheap, and imports no OpenGL."""
+    wanted = os.environ.get("MUJOCO_GL", "").strip().lower()
+    if wanted in ("disable", "disabled", "off", "false", "0"):
+        return None
+    # PyOpenGL, once imported, cannot change its platform any more.
+    settled = os.environ.get("PYOPENGL_PLATFORM", "").lower() if "OpenGL" in sys.modules else ""
+    for name, works in (("egl", _egl_works), ("osmesa", _osmesa_works)):
+        if wanted in BACKENDS and name != wanted:
+            continue
+        if settled in BACKENDS and name != settled:
+            continue
+        if works():
+            return name
+    return None
+
+
+def new_context(width: int, height: int) -> Context:
+    """An offscreen context of the preferred backend, released at exit if nobody does so before.
+
+    Args:
+      width, height: [pixel] of the largest picture; OSMesa needs to know.
+
+    Raises:
+      NoOpenGL: no backend works; the message names the Debian packages to install.
+    """
+    backend = available_backend()
+    if backend is None:
+        raise NoOpenGL(_advice())
+    os.environ["MUJOCO_GL"] = backend  # MuJoCo's C side asks it where to find OpenGL's functions
+    try:
+        context: Context
+        if backend == "egl":
+            from mujoco.egl import GLContext as EglContext
+
+            context = EglContext(width, height)
+        else:
+            from mujoco.osmesa import GLContext as OsmesaContext
+
+            context = OsmesaContext(width, height)
+        context.make_current()
+    except Exception as error:
+        # PyOpenGL and the drivers raise errors of many kinds; all of them mean this.
+        raise NoOpenGL(
+            f"{backend} is installed but gives no context ({error}). {_advice()}"
+        ) from error
+    # MuJoCo ends EGL at exit; functions registered later run earlier, so contexts go first.
+    atexit.register(context.free)
+    return context
+
+
+def release(context: Context) -> None:
+    """Free a context from `new_context` now."""
+    context.free()
+    atexit.unregister(context.free)
+
+
+def _advice() -> str:
+    switch = os.environ.get("MUJOCO_GL", "")
+    said = f"MUJOCO_GL={switch} is set; " if switch else ""
+    return (
+        f"no OpenGL without a screen: {said}on Debian, apt-get install {BACKENDS['egl']} (EGL), or "
+        f"{BACKENDS['osmesa']} (OSMesa)"
+    )
+
+
+def _load(name: str) -> ctypes.CDLL | None:
+    for file in _LIBRARIES[name]:
+        try:
+            return ctypes.CDLL(file)
+        except OSError:
+            continue
+    return None
+
+
+def _osmesa_works() -> bool:
+    return _load("osmesa") is not None
+
+
+def _egl_works() -> bool:
+    """True when some EGL device can be initialised: the library alone draws nothing."""
+    library = _load("egl")
+    if library is None:
+        return False
+    library.eglGetProcAddress.restype = ctypes.c_void_p
+    query = library.eglGetProcAddress(b"eglQueryDevicesEXT")
+    display = library.eglGetProcAddress(b"eglGetPlatformDisplayEXT")
+    if not query or not display:
+        return False
+    query_devices = ctypes.CFUNCTYPE(
+        ctypes.c_uint, ctypes.c_int, ctypes.POINTER(ctypes.c_void_p), ctypes.POINTER(ctypes.c_int)
+    )(query)
+    get_display = ctypes.CFUNCTYPE(
+        ctypes.c_void_p, ctypes.c_uint, ctypes.c_void_p, ctypes.c_void_p
+    )(display)
+    library.eglInitialize.argtypes = [ctypes.c_void_p] * 3
+    devices = (ctypes.c_void_p * _MOST_DEVICES)()
+    count = ctypes.c_int()
+    if not query_devices(_MOST_DEVICES, devices, ctypes.byref(count)):
+        return False
+    for device in devices[: count.value]:
+        handle = get_display(_EGL_PLATFORM_DEVICE, device, None)
+        if handle and library.eglInitialize(handle, None, None):
+            return True
+    return False

@@ -1,0 +1,109 @@
+"""Shot: what a picture or video shows, and when."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, unknown_name
+
+Array = NDArray[np.float64]
+
+CAMERAS = ("orbit", "side", "map", "chase")
+COLOURS = ("speed", "current", "error")
+DEFAULT_SECONDS = 20.0
+"""[s] of video when no speed-up is given"""
+SMALLEST, LARGEST = 64, 7680
+"""[pixel] sides of a picture; the largest is 8K UHD"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Shot:
+    """Camera, size, speed and part of the mission."""
+
+    camera: str = "orbit"
+    """orbit (circles the track), side, map (from above) or chase (behind the glider)."""
+
+    width: int = 1280
+    """[pixel]"""
+
+    height: int = 720
+    """[pixel]"""
+
+    fps: float = 30.0
+    """Frames per second of a video."""
+
+    speed_up: float | None = None
+    """Mission seconds per video second; None makes the video DEFAULT_SECONDS long."""
+
+    start: float | None = None
+    """[s] First mission time shown; None is the mission's start."""
+
+    end: float | None = None
+    """[s] Last mission time shown; None is the mission's end."""
+
+    colour: str = "speed"
+    """What colours the track: speed, current, or error (of the first dead-reckoned track)."""
+
+    exaggeration: float | None = None
+    """Vertical scale over horizontal scale; None chooses one. The chase camera has always 1."""
+
+    floor: float | None = None
+    """[m] Depth of the drawn sea floor; None puts it a little below the deepest point."""
+
+    hud: bool = True
+    """Draw the strip of readouts, the labels and the legend."""
+
+    inset: bool = True
+    """Draw the close-up of the glider (not with the chase camera, which is one)."""
+
+    def __post_init__(self) -> None:
+        if self.camera not in CAMERAS:
+            raise InputError(unknown_name("camera", self.camera, CAMERAS))
+        if self.colour not in COLOURS:
+            raise InputError(unknown_name("track colour", self.colour, COLOURS))
+        for name, pixels in (("width", self.width), ("height", self.height)):
+            if not SMALLEST <= pixels <= LARGEST:
+                raise InputError(f"{name} {pixels} must be {SMALLEST} to {LARGEST} pixels")
+        for name in ("fps", "speed_up", "exaggeration", "floor"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise InputError(f"{name.replace('_', '-')} {value} must be positive and finite")
+
+    def part(self, time: Array) -> tuple[float, float]:
+        """First and last mission time [s] shown, of a mission sampled at `time` [s].
+
+        Raises:
+          InputError: the part lies outside the mission or is empty.
+        """
+        first, last = float(time[0]), float(time[-1])
+        start = first if self.start is None else self.start
+        end = last if self.end is None else self.end
+        slack = 1e-6 * max(last - first, 1.0)
+        if not (first - slack <= start < end <= last + slack):
+            raise InputError(
+                f"part {start:g} to {end:g} s must be inside the mission, {first:g} to {last:g} s, "
+                "and end after it starts"
+            )
+        return max(start, first), min(end, last)
+
+    def frame_times(self, time: Array) -> Array:
+        """Mission times [s] of the video's frames, shape (frames,)."""
+        start, end = self.part(time)
+        speed_up = self.speed_up
+        if speed_up is None:
+            speed_up = (end - start) / DEFAULT_SECONDS
+        frames = max(2, round((end - start) / speed_up * self.fps) + 1)
+        return np.asarray(np.linspace(start, end, frames))
+
+    def still_time(self, time: Array, at: float | None) -> Array:
+        """The one mission time [s] of a still: `at`, or the end of the part. Shape (1,)."""
+        start, end = self.part(time)
+        if at is None:
+            return np.array([end])
+        if not start <= at <= end:
+            raise InputError(f"time {at:g} s is outside the shown part, {start:g} to {end:g} s")
+        return np.array([float(at)])
