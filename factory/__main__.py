@@ -14,9 +14,24 @@ PROGRAM = Program(
             loader="factory.commands.generate:Generate",
         ),
         Command(
+            name="info",
+            summary="what a store holds: preset, missions, splits, drawn values, failures",
+            loader="factory.commands.info:Info",
+        ),
+        Command(
+            name="verify",
+            summary="read every chunk; check padding, ranges and kinematics",
+            loader="factory.commands.verify:Verify",
+        ),
+        Command(
             name="replay",
             summary="fly stored missions again and compare every byte",
             loader="factory.commands.replay:Replay",
+        ),
+        Command(
+            name="distributions",
+            summary="everything that is drawn, with unit and reason",
+            loader="factory.commands.distributions:Distributions",
         ),
     ),
 )

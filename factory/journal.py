@@ -122,6 +122,15 @@ class Journal:
         except (ValueError, KeyError, TypeError):
             return None
 
+    def count_missions(self) -> int:
+        """Finished missions, in parts and in shards."""
+        notes = [json.loads(path.read_bytes()) for path in self.folder.glob("shard-*.json")]
+        in_shards = {record["mission"] for note in notes for record in note}
+        in_parts = {
+            int(path.stem.rpartition("-")[2]) for path in self.folder.glob("mission-*.part")
+        }
+        return len(in_shards | in_parts)
+
     def remove(self) -> None:
         """The store is complete."""
         shutil.rmtree(self.folder, ignore_errors=True)

@@ -19,6 +19,7 @@ from factory.draw import Parameters, draw_parameters
 from factory.paper_test import paper_test_parameters, paper_test_plan
 from factory.parameters import declared, override
 from factory.plan import Plan, plan_missions
+from factory.presets import PRESETS
 from twin.errors import InputError, unknown_name
 from twin.model import INTEGRATORS, compile_model
 from twin.scenario import SAMPLE_PERIOD
@@ -29,25 +30,6 @@ from twin.version import __version__
 
 DEFAULT_HOURS = 10.0
 """[h], as much as the paper's training set"""
-
-
-@dataclass(frozen=True)
-class Preset:
-    """What a preset name stands for."""
-
-    spread: str
-    """column of the table of parameters"""
-    sensors: str
-    """sensor suite"""
-    fixed_missions: bool = False
-    """its missions are given, not drawn"""
-
-
-PRESETS: Mapping[str, Preset] = {
-    "paper": Preset("paper", "ideal"),
-    "field": Preset("field", "field"),
-    "paper-test": Preset("paper", "ideal", fixed_missions=True),
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

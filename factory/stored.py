@@ -131,9 +131,7 @@ class StoredRun:
     def check_mission(self, mission: int) -> None:
         """Raise StoreError when there is no such mission."""
         if not 0 <= mission < len(self):
-            raise StoreError(
-                f"store {self.path} has missions 0 to {len(self) - 1}, not {mission}"
-            )
+            raise StoreError(f"store {self.path} has missions 0 to {len(self) - 1}, not {mission}")
 
     def attempt(self, mission: int) -> int:
         """The attempt that made the stored mission."""
@@ -212,5 +210,3 @@ class StoredRun:
 
 def _tuples(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
-
-

@@ -1,0 +1,45 @@
+"""`factory distributions`: the table of everything that is drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from twin.console import Console, JsonOption
+
+
+@dataclass(frozen=True, kw_only=True)
+class Distributions(JsonOption):
+    """Every parameter with its distribution, unit and reason."""
+
+    preset: Literal["paper", "field", "paper-test"] = "paper"
+    """whose distributions to show"""
+    set: tuple[str, ...] = ()
+    """replacements to apply first, as in `factory generate`"""
+    config: Path | None = None
+    """TOML file with replacements"""
+
+    def run(self, console: Console) -> int:
+        """Print the table."""
+        from factory.config import read_changes
+        from factory.parameters import PARAMETERS, declared, override
+        from factory.presets import PRESETS
+
+        changes = read_changes(self.config, self.set)
+        distributions = override(declared(PRESETS[self.preset].spread), changes)
+        console.table(
+            [
+                {
+                    "parameter": name,
+                    "distribution": distribution.text(),
+                    "unit": PARAMETERS[name].unit,
+                    "why": PARAMETERS[name].why,
+                }
+                for name, distribution in distributions.items()
+            ]
+        )
+        console.answer(
+            preset=self.preset, distributions={n: d.text() for n, d in distributions.items()}
+        )
+        return 0

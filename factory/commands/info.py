@@ -1,0 +1,88 @@
+"""`factory info`: what a store holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from twin.console import Console, JsonOption
+
+
+@dataclass(frozen=True, kw_only=True)
+class Info(JsonOption):
+    """Preset, missions, splits, size, drawn values and failures of a store."""
+
+    store: Annotated[Path, tyro.conf.Positional]
+    """the store"""
+
+    def run(self, console: Console) -> int:
+        """Print what the store holds."""
+        from factory.info import drawn_rows, split_rows, stored_bytes, unfinished
+        from factory.stored import StoredRun
+
+        begun = unfinished(self.store)
+        if begun is not None:
+            console.pairs(
+                {
+                    "store": f"{self.store} (incomplete)",
+                    "preset": begun.settings["preset"],
+                    "seed": begun.settings["seed"],
+                    "hours wanted": begun.settings["hours"],
+                    "missions kept": begun.missions_kept,
+                    "to complete it": "the same `factory generate` command with --resume",
+                }
+            )
+            console.answer(
+                store=self.store,
+                complete=False,
+                settings=begun.settings,
+                missions_kept=begun.missions_kept,
+            )
+            return 0
+        run = StoredRun(self.store)
+        size, splits, drawn = stored_bytes(self.store), split_rows(run), drawn_rows(run)
+        versions = ", ".join(f"{name} {v}" for name, v in run.settings["versions"].items())
+        console.pairs(
+            {
+                "store": str(self.store),
+                "preset": run.settings["preset"],
+                "seed": run.seed,
+                "vehicle": run.settings["vehicle"],
+                "sensors": run.dataset.attrs["sensors"],
+                "missions": len(run),
+                "simulated": f"{run.hours:.4g} h every {run.settings['sample_period_s']:g} s",
+                "physics": f"{run.settings['integrator']}, steps of "
+                f"{run.settings['timestep_s']:g} s, {run.settings['hydrodynamics']}",
+                "signals": len(run.signals()),
+                "size": f"{size / 1e6:.1f} MB, {size / 1e6 / run.hours:.2f} MB/h",
+                "made with": versions,
+                "history": run.dataset.attrs["history"],
+            }
+        )
+        console.table(splits, title="\nsplits")
+        console.table(drawn, title="\ndrawn")
+        failures = run.failures()
+        if failures:
+            rows = [
+                {"mission": m, "attempt": f.attempt, "time [s]": f.time_s, "reason": f.reason}
+                for m, f in failures
+            ]
+            console.table(rows, title="\nfailed and replaced")
+        console.answer(
+            store=self.store,
+            complete=True,
+            missions=len(run),
+            hours=run.hours,
+            bytes=size,
+            settings=run.settings,
+            splits=splits,
+            drawn=drawn,
+            signals=run.signals(),
+            failures=[
+                {"mission": m, "attempt": f.attempt, "reason": f.reason} for m, f in failures
+            ],
+        )
+        return 0

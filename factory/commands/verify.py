@@ -1,0 +1,45 @@
+"""`factory verify`: every chunk of a store read and checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from twin.console import Console, JsonOption
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verify(JsonOption):
+    """Read every chunk; check metadata, padding, finite values, ranges and kinematics."""
+
+    store: Annotated[Path, tyro.conf.Positional]
+    """the store"""
+
+    def run(self, console: Console) -> int:
+        """Verify; exit code 1 when something is wrong."""
+        from factory.stored import StoredRun
+        from factory.verify import MAX_NAMED, verify_store
+
+        run = StoredRun(self.store)
+        with console.progress(total=len(run), label="verify", unit="missions") as progress:
+            report = verify_store(run, watch=progress.update)
+        console.table(
+            [{"check": c.name, "done": c.done, "problems": len(c.problems)} for c in report.checks]
+        )
+        for check in report.checks:
+            for problem in check.problems[:MAX_NAMED]:
+                console.say(f"{check.name}: {problem}")
+            if len(check.problems) > MAX_NAMED:
+                console.say(f"{check.name}: {len(check.problems) - MAX_NAMED} more")
+        verdict = "sound" if report.ok else "NOT sound"
+        console.say(f"{self.store} is {verdict}: {report.missions} missions")
+        console.answer(
+            store=self.store,
+            ok=report.ok,
+            missions=report.missions,
+            problems={check.name: check.problems for check in report.checks},
+        )
+        return 0 if report.ok else 1
