@@ -115,9 +115,7 @@ def rotate_to_ned(velocity: Array, attitude: Attitude) -> Array:
     return np.stack([north, east, down], axis=-1)
 
 
-def horizontal_velocity(
-    surge: Array, sway: Array, depth_rate: Array, attitude: Attitude
-) -> Array:
+def horizontal_velocity(surge: Array, sway: Array, depth_rate: Array, attitude: Attitude) -> Array:
     """North and east velocity through the water [m/s], (time, 2), with heave solved for."""
     heave = heave_from_depth_rate(depth_rate, surge, sway, attitude.roll, attitude.pitch)
     return rotate_to_ned(np.stack([surge, sway, heave], axis=-1), attitude)[:, :2]
@@ -141,9 +139,7 @@ def water_track(
       attitude: measured or true.
       period: [s] between samples.
     """
-    return integrate(
-        horizontal_velocity(surge, sway, depth_rate(depth, period), attitude), period
-    )
+    return integrate(horizontal_velocity(surge, sway, depth_rate(depth, period), attitude), period)
 
 
 def true_water_track(signals: Signals, period: float) -> Array:

@@ -1,0 +1,86 @@
+"""What every way to estimate velocities gives and may see: one interface for all of them."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learn.dead_reckoning import Array, Signals
+from twin.vehicle import Vehicle
+
+Mask = NDArray[np.bool_]
+
+SURFACE_DEPTH = 1.0
+"""[m] above this a vehicle counts as surfaced: it drifts and makes no way through the water."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """Velocities of one mission; what a method cannot know is None."""
+
+    surge: Array | None = None
+    """[m/s] through the water, forward, (time,)"""
+    sway: Array | None = None
+    """[m/s] through the water, starboard, (time,)"""
+    surge_sd: Array | None = None
+    """[m/s] standard deviation that the method claims for `surge`, (time,)"""
+    sway_sd: Array | None = None
+    """[m/s] as `surge_sd`"""
+    ground_track: Array | None = None
+    """[m] north, east over ground since the first sample, (time, 2), of a method that makes its
+    own track."""
+    uses_fixes: bool = False
+    """`ground_track` is reset at GPS fixes and carries the depth-averaged current."""
+
+
+class Estimator(Protocol):
+    """A way to estimate velocities from what a vehicle measures and commands."""
+
+    channels: tuple[str, ...]
+    """Schema variables that it reads; none of them is truth."""
+
+    def estimate(self, signals: Signals, period: float) -> Estimate:
+        """Velocities from channels (time,), one sample every `period` [s].
+
+        Raises:
+          StoreError: a channel is missing or not finite.
+        """
+        ...
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Baseline:
+    """Base of the methods that know the vehicle as its file says, never as a mission drew it."""
+
+    vehicle: Vehicle
+    """Nominal parameters."""
+
+
+def smooth(values: Array, seconds: float, period: float) -> Array:
+    """Centred moving average over about `seconds`, shorter at the ends; (time,)."""
+    half = round(0.5 * seconds / period)
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    index = np.arange(len(values))
+    first = np.maximum(index - half, 0)
+    last = np.minimum(index + half + 1, len(values))
+    return (total[last] - total[first]) / (last - first)
+
+
+def hold(values: Array, valid: Mask, initial: float = 0.0) -> Array:
+    """The last valid value at each sample, `initial` before the first; (time,)."""
+    last = np.maximum.accumulate(np.where(valid, np.arange(len(values)), -1))
+    return np.where(last >= 0, values[np.maximum(last, 0)], initial)
+
+
+def bridge(values: Array, valid: Mask, outside: float = 0.0) -> Array:
+    """Values with the samples that are not valid interpolated in between; (time,).
+
+    Before the first and after the last valid sample, and without any, `outside`.
+    """
+    index = np.arange(len(values))
+    if not valid.any():
+        return np.full(len(values), outside)
+    return np.interp(index, index[valid], values[valid], left=outside, right=outside)

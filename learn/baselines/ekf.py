@@ -1,0 +1,260 @@
+"""EKF: an extended Kalman filter on the dynamic model, the observer that the paper argues against.
+
+State (surge, sway, heave [m/s], depth [m], error of the net buoyancy mass [kg]). Prediction
+integrates the momentum equation of the nominal vehicle (Fossen 2011, chapter 8; the coefficient
+forces are the Fossen model's own) with measured attitude, rates and pump as known inputs,
+
+    (m + M_A) dv/dt = P x omega + W(net mass, attitude) + F(v, omega),
+                  P = (m + M_A) v + M_vw omega,
+
+and the depth by the vertical row of the kinematics; the update is the measured depth. Angular
+accelerations are left out: their coupling is below 1e-3 m/s2 and the process noise covers it. The
+water's velocity is not in the state: no relative sensor sees it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from learn.baselines.base import Baseline, Estimate
+from learn.baselines.steady_flight import net_mass
+from learn.dead_reckoning import Array, Attitude, Signals, finite_channel
+from twin.errors import InputError
+from twin.fossen.forces import STRIPS, Parameters, damping_wrench, parameters_of
+from twin.fossen.matrices import skew
+from twin.vehicle import Vehicle
+
+STATES = 5
+SURGE, SWAY, HEAVE, DEPTH, NET_ERROR = range(STATES)
+SUBSTEPS = 2
+"""Runge-Kutta steps per sample: heave settles within 0.6 s at 0.5 m/s, samples are 0.5 s apart."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EkfNoise:
+    """What the filter believes; set for a vehicle whose coefficients are 10 % uncertain."""
+
+    acceleration: float = 2e-3
+    """[m/s2/sqrt(Hz)] each axis: what the force law and the measured inputs get wrong."""
+    net_mass: float = 1.2e-2
+    """[kg/sqrt(s)] drift of the net mass's error. It stands for stratification, compressibility and
+    wrong drag, whose sign differs between dive and climb: fast enough to turn with an inflection."""
+    initial_net_mass: float = 0.03
+    """[kg] ballasting error at the start: 20 g is usual."""
+    initial_velocity: float = 0.05
+    """[m/s] each axis: the mission starts from rest."""
+    depth: float = 0.01
+    """[m] of a depth sample: noise and quantisation of the transducer."""
+    kinematic: float = 5e-4
+    """[m/sqrt(s)] drift between depth and integrated vertical velocity: attitude errors, internal
+    waves."""
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if not (np.isfinite(value) and value > 0.0):
+                raise InputError(f"EKF {field.name} noise is {value!r}: it must be above 0")
+
+
+class EkfRun(NamedTuple):
+    """States and covariances after each update, and the innovations."""
+
+    states: Array
+    """(time, 5)"""
+    covariances: Array
+    """(time, 5, 5)"""
+    innovations: Array
+    """[m] measured minus predicted depth, (time,)"""
+    innovation_sd: Array
+    """[m] what the filter expected, (time,)"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Ekf(Baseline):
+    """Model-based observer with the nominal parameters."""
+
+    channels: ClassVar[tuple[str, ...]] = (
+        *("measured_depth", "measured_roll", "measured_pitch", "measured_heading"),
+        *("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate"),
+        *("measured_pump", "measured_shift", "measured_rotation"),
+    )
+    noise: EkfNoise = dataclasses.field(default_factory=EkfNoise)
+
+    def estimate(self, signals: Signals, period: float) -> Estimate:
+        """See `learn.baselines.base.Estimator`."""
+        run = self.run(signals, period)
+        return Estimate(
+            surge=run.states[:, SURGE],
+            sway=run.states[:, SWAY],
+            surge_sd=np.sqrt(run.covariances[:, SURGE, SURGE]),
+            sway_sd=np.sqrt(run.covariances[:, SWAY, SWAY]),
+        )
+
+    def run(self, signals: Signals, period: float) -> EkfRun:
+        """The whole filter on one mission."""
+        attitude = Attitude.of(signals)
+        depth = finite_channel(signals, "measured_depth")
+        immersion = immersed_fraction(self.vehicle, depth, attitude.pitch)
+        pump = finite_channel(signals, "measured_pump")
+        net = net_mass(self.vehicle, pump, np.maximum(depth, 0.0))
+        net = np.minimum(net + (1.0 - immersion) * (self.vehicle.mass - net), self._strongest())
+        inputs = np.stack(
+            [
+                -np.sin(attitude.pitch),
+                np.cos(attitude.pitch) * np.sin(attitude.roll),
+                np.cos(attitude.pitch) * np.cos(attitude.roll),
+                *(finite_channel(signals, f"measured_{n}_rate") for n in ("roll", "pitch", "yaw")),
+                net,
+                immersion,
+            ],
+            axis=1,
+        )
+        table = np.array([self.vehicle.reference_density])
+        parameters = parameters_of(self.vehicle, np.zeros(1), table)
+        q = self.noise
+        process = np.array([q.acceleration**2] * 3 + [q.kinematic**2, q.net_mass**2])
+        first = np.array([q.initial_velocity**2] * 3 + [q.depth**2, q.initial_net_mass**2])
+        return EkfRun(
+            *_filter(
+                parameters,
+                _inertia(self.vehicle),
+                _coupling(self.vehicle),
+                inputs,
+                depth,
+                process,
+                first,
+                q.depth**2,
+                period,
+            )
+        )
+
+    def _strongest(self) -> float:
+        """Largest net mass [kg]: a pressure gauge's offset must not lift the hull into the air."""
+        reach = max(abs(self.vehicle.actuator_min[2]), abs(self.vehicle.actuator_max[2]))
+        return abs(self.vehicle.net_mass_for_pump(float(reach)))
+
+
+def immersed_fraction(vehicle: Vehicle, depth: Array, pitch: Array) -> Array:
+    """Immersed part of the hull at `depth` [m] of the CB and `pitch` [rad], (time,); strip law."""
+    places = vehicle.hull_length * ((np.arange(STRIPS) + 0.5) / STRIPS - 0.5)
+    deep = depth[:, None] - np.sin(pitch)[:, None] * places
+    part = np.clip((deep + 0.5 * vehicle.hull_diameter) / vehicle.hull_diameter, 0.0, 1.0)
+    return (part**2 * (3.0 - 2.0 * part)).mean(axis=1)
+
+
+def _inertia(vehicle: Vehicle) -> Array:
+    return vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]
+
+
+def _coupling(vehicle: Vehicle) -> Array:
+    """M_vw, (3, 3): momentum per body rate, with the battery in its neutral place."""
+    movable = vehicle.movable_position(0.0, 0.0)
+    moment = vehicle.static_mass * vehicle.static_cg + vehicle.movable_mass * movable
+    return vehicle.added_mass[:3, 3:] - skew(moment)
+
+
+@njit(cache=True, error_model="numpy")
+def _rates(p: Parameters, inverse: Array, inertia: Array, coupling: Array, x: Array, given: Array):  # type: ignore[no-untyped-def]
+    """dx/dt (5,) for inputs (down axis 3, rates 3, net mass, immersion)."""
+    down, omega = given[:3], given[3:6]
+    nu = np.empty(6)
+    nu[:3] = x[:3]
+    nu[3:] = omega
+    force = given[7] * damping_wrench(p, nu)
+    momentum = np.zeros(3)
+    for i in range(3):
+        for j in range(3):
+            momentum[i] += inertia[i, j] * x[j] + coupling[i, j] * omega[j]
+    weight = p.gravity * (given[6] + x[4])
+    total = np.empty(3)
+    total[0] = force[0] + weight * down[0] + momentum[1] * omega[2] - momentum[2] * omega[1]
+    total[1] = force[1] + weight * down[1] + momentum[2] * omega[0] - momentum[0] * omega[2]
+    total[2] = force[2] + weight * down[2] + momentum[0] * omega[1] - momentum[1] * omega[0]
+    out = np.zeros(5)
+    for i in range(3):
+        for j in range(3):
+            out[i] += inverse[i, j] * total[j]
+        out[3] += down[i] * x[i]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _predict(  # type: ignore[no-untyped-def]
+    p: Parameters,
+    inverse: Array,
+    inertia: Array,
+    coupling: Array,
+    x: Array,
+    before: Array,
+    after: Array,
+    period: float,
+):
+    """State after one sample; inputs change linearly between two samples."""
+    h = period / SUBSTEPS
+    for step in range(SUBSTEPS):
+        a, b = step / SUBSTEPS, (step + 1) / SUBSTEPS
+        start = before + a * (after - before)
+        middle = before + 0.5 * (a + b) * (after - before)
+        end = before + b * (after - before)
+        k1 = _rates(p, inverse, inertia, coupling, x, start)
+        k2 = _rates(p, inverse, inertia, coupling, x + 0.5 * h * k1, middle)
+        k3 = _rates(p, inverse, inertia, coupling, x + 0.5 * h * k2, middle)
+        k4 = _rates(p, inverse, inertia, coupling, x + h * k3, end)
+        x = x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return x
+
+
+@njit(cache=True, error_model="numpy")
+def _filter(  # type: ignore[no-untyped-def]
+    p: Parameters,
+    inertia: Array,
+    coupling: Array,
+    inputs: Array,
+    depth: Array,
+    process: Array,
+    first: Array,
+    depth_variance: float,
+    period: float,
+):
+    """Predict and update over all samples; the Jacobian is by one-sided differences."""
+    n = depth.size
+    inverse = np.linalg.inv(inertia)
+    states = np.empty((n, 5))
+    covariances = np.empty((n, 5, 5))
+    innovations = np.zeros(n)
+    expected = np.empty(n)
+    x = np.zeros(5)
+    x[3] = depth[0]
+    cov = np.diag(first)
+    states[0], covariances[0] = x, cov
+    expected[0] = np.sqrt(cov[3, 3] + depth_variance)
+    nudge = 1e-5
+    jacobian = np.empty((5, 5))
+    for k in range(1, n):
+        ahead = _predict(p, inverse, inertia, coupling, x, inputs[k - 1], inputs[k], period)
+        for j in range(5):
+            moved = x.copy()
+            moved[j] += nudge
+            there = _predict(p, inverse, inertia, coupling, moved, inputs[k - 1], inputs[k], period)
+            for i in range(5):
+                jacobian[i, j] = (there[i] - ahead[i]) / nudge
+        cov = jacobian @ cov @ jacobian.T
+        for i in range(5):
+            cov[i, i] += process[i] * period
+        innovation = depth[k] - ahead[3]
+        variance = cov[3, 3] + depth_variance
+        gain = cov[:, 3] / variance
+        x = ahead + gain * innovation
+        # Joseph form keeps the covariance symmetric and positive.
+        keep = np.eye(5)
+        for i in range(5):
+            keep[i, 3] -= gain[i]
+        cov = keep @ cov @ keep.T + depth_variance * np.outer(gain, gain)
+        states[k], covariances[k] = x, cov
+        innovations[k] = innovation
+        expected[k] = np.sqrt(variance)
+    return states, covariances, innovations, expected
