@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from factory.draw import SAW_TOOTH, SURFACE, Parameters, number
 from factory.glider import BelievedMission, apply_errors, spread_vehicle
-from factory.water import build_current, build_density, origin
+from factory.water import bottom_depth, build_current, build_density, origin
+from twin.current.base import Current
 from twin.mission import Mission, SawTooth, Segment, Spiral, Surface
 from twin.scenario import SAMPLE_PERIOD, Scenario
 from twin.simulate import Simulation
@@ -79,13 +80,15 @@ def _unless_nan(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
-def build_scenario(parameters: Parameters, nominal: Vehicle) -> Scenario:
-    """Everything that the physics needs."""
+def build_scenario(
+    parameters: Parameters, nominal: Vehicle, current: Current | None = None
+) -> Scenario:
+    """Everything that the physics needs; `current` replaces the drawn one."""
     return Scenario(
         vehicle=spread_vehicle(nominal, parameters),
         plan=build_mission(parameters, nominal),
         duration=parameters.duration_s,
-        current=build_current(parameters),
+        current=build_current(parameters) if current is None else current,
         density=build_density(parameters),
         origin=origin(parameters),
         sample_period=SAMPLE_PERIOD,
@@ -98,33 +101,34 @@ def fly(
     suite: SensorSuite,
     sensor_seed: np.random.SeedSequence,
     *,
+    current: Current | None = None,
     drawn: Mapping[str, float] | None = None,
 ) -> Flight:
     """Fly one mission and measure it.
 
     Args:
+      current: instead of the drawn one.
       drawn: the sensors' constants, by default those that the seed gives.
 
     Raises:
       MissionError: the vehicle cannot fly it.
       SimulationUnstable: the simulation left the finite numbers.
     """
-    scenario = build_scenario(parameters, nominal)
+    scenario = build_scenario(parameters, nominal, current)
     simulation = Simulation(scenario)
     apply_errors(simulation, parameters, scenario.density)
     trajectory = simulation.run()
     if drawn is None:
         drawn = suite.draw(sensor_seed)
-    below = parameters.number("water.bottom_below_m")
-    current = scenario.current
+    water = scenario.current
     measured = suite.measure(
         trajectory.signals,
         dt=SAMPLE_PERIOD,
         rng_seed=sensor_seed,
         drawn=drawn,
-        bottom_depth=None if math.isnan(below) else parameters.deepest_m + below,
+        bottom_depth=bottom_depth(parameters),
         latitude=parameters.number("water.latitude"),
         density=scenario.density,
-        current=None if current is None else current.compile(simulation.duration, scenario.origin),
+        current=None if water is None else water.compile(simulation.duration, scenario.origin),
     )
     return Flight(trajectory=trajectory, measured=measured, drawn=drawn)

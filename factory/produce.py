@@ -28,7 +28,9 @@ def produce(recipe: Recipe, mission: int) -> tuple[Record, dict[str, bytes]]:
         try:
             parameters = recipe.parameters(mission, attempt)
             seed = sensor_seed(recipe.seed, mission, attempt)
-            flight = fly(parameters, recipe.vehicle, recipe.suite, seed)
+            flight = fly(
+                parameters, recipe.vehicle, recipe.suite, seed, current=recipe.given_current
+            )
         except (MissionError, SimulationUnstable) as error:
             failures.append(
                 Failure(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import platform
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -14,10 +15,11 @@ import mujoco
 import numba
 import numpy as np
 
-from factory.distribution import Distribution
+from factory.distribution import Distribution, Fixed
 from factory.draw import Parameters, draw_parameters
+from factory.given_current import GivenCurrent, given_current
 from factory.paper_test import paper_test_parameters, paper_test_plan
-from factory.parameters import declared, override
+from factory.parameters import PARAMETERS, declared, override
 from factory.plan import Plan, plan_missions
 from factory.presets import PRESETS
 from twin.errors import InputError, unknown_name
@@ -48,6 +50,8 @@ class Recipe:
     """as its file says"""
     sensors: str | None = None
     """sensor suite by name; None: the preset's"""
+    current: str | None = None
+    """one current for all missions, as `twin simulate --current` takes it; None: drawn"""
 
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:
@@ -57,7 +61,7 @@ class Recipe:
         if PRESETS[self.preset].fixed_missions and self.hours is not None:
             raise InputError(f"preset {self.preset!r} has missions of its own: leave --hours out")
         # everything that can be wrong shows here, before a store is touched
-        _ = self.suite, self.distributions, self.plan, self.physics
+        _ = self.suite, self.distributions, self.plan, self.physics, self.given_current
 
     @property
     def sensor_preset(self) -> str:
@@ -79,7 +83,23 @@ class Recipe:
     @cached_property
     def distributions(self) -> dict[str, Distribution]:
         """What every parameter is drawn from."""
-        return override(declared(PRESETS[self.preset].spread), self.changes)
+        distributions = override(declared(PRESETS[self.preset].spread), self.changes)
+        if self.current is not None:
+            for name in self._currents():
+                if name in self.changes:
+                    raise InputError(f"--current replaces every drawn current: do not set {name}")
+                distributions[name] = Fixed(math.nan)
+        return distributions
+
+    def _currents(self) -> list[str]:
+        return [name for name in PARAMETERS if name.startswith("current.")]
+
+    @cached_property
+    def given_current(self) -> GivenCurrent | None:
+        """The current of all missions; None when it is drawn."""
+        if self.current is None:
+            return None
+        return given_current(self.current, max(self.plan.durations_s))
 
     @cached_property
     def plan(self) -> Plan:
@@ -92,8 +112,9 @@ class Recipe:
     def parameters(self, mission: int, attempt: int) -> Parameters:
         """What one attempt at one mission is made of; raises MissionError."""
         if PRESETS[self.preset].fixed_missions:
+            settled = [*self.changes, *(self._currents() if self.current is not None else ())]
             return paper_test_parameters(
-                mission, self.distributions, self.changes, seed=self.seed, attempt=attempt
+                mission, self.distributions, settled, seed=self.seed, attempt=attempt
             )
         return draw_parameters(
             self.distributions,
@@ -118,6 +139,7 @@ class Recipe:
             "sample_period_s": SAMPLE_PERIOD,
             "distributions": {name: d.text() for name, d in self.distributions.items()},
             "sensors": asdict(self.suite),
+            "current": None if self.given_current is None else self.given_current.describe(),
             "versions": versions(),
         }
         # as a store or journal gives it back: tuples become lists
@@ -133,6 +155,7 @@ def make_recipe(
     changes: Mapping[str, str | float] | None = None,
     vehicle: str = "glider",
     sensors: str | None = None,
+    current: str | None = None,
 ) -> Recipe:
     """A recipe from names.
 
@@ -146,6 +169,7 @@ def make_recipe(
         changes=dict(changes or {}),
         vehicle=load_vehicle(vehicle),
         sensors=sensors,
+        current=current,
     )
 
 

@@ -47,6 +47,7 @@ def replay_mission(run: StoredRun, mission: int) -> Comparison:
         run.vehicle,
         run.suite,
         sensor_seed(run.seed, mission, run.attempt(mission)),
+        current=run.given_current,
         drawn=run.sensor_constants(mission),
     )
     samples = int(run.samples[mission])
@@ -94,7 +95,8 @@ def replay_failure(run: StoredRun, mission: int, attempt: int) -> tuple[str, str
         segments=failure.segments,
     )
     try:
-        fly(parameters, run.vehicle, run.suite, sensor_seed(run.seed, mission, attempt))
+        seed = sensor_seed(run.seed, mission, attempt)
+        fly(parameters, run.vehicle, run.suite, seed, current=run.given_current)
     except (MissionError, SimulationUnstable) as error:
         return failure.reason, str(error)
     return failure.reason, "flew to its end"

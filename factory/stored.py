@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from factory.assemble import SENSOR_PREFIX, UNUSED_CODE
 from factory.distribution import Distribution, Fixed, Value, parse_distribution
 from factory.draw import Parameters
+from factory.given_current import GivenCurrent, stored_current
 from factory.parameters import PARAMETERS, Parameter
 from factory.plan import SPLITS
 from factory.record import Failure
@@ -127,6 +128,14 @@ class StoredRun:
                 for name, fields in self.settings["sensors"].items()
             }
         )
+
+    @functools.cached_property
+    def given_current(self) -> GivenCurrent | None:
+        """The current of all missions; None when each has its own."""
+        description = self.settings.get("current")
+        if description is None:
+            return None
+        return stored_current(description, float(self.small("duration").max()))
 
     def check_mission(self, mission: int) -> None:
         """Raise StoreError when there is no such mission."""

@@ -12,16 +12,20 @@ from twin.current import (
     GaussMarkov,
     Geostrophic,
     Inertial,
+    LogLayer,
     TidalEllipse,
     Tide,
     Uniform,
 )
+from twin.current.log_layer import VON_KARMAN
 from twin.current.origin import Origin, coriolis
 from twin.density import REFERENCE_DENSITY, DensityProfile
 
-PARTS = ("steady", "shear", "tide", "inertial", "ekman", "wander")
+PARTS = ("steady", "shear", "tide", "inertial", "ekman", "bottom", "wander")
 WANDER_MEAN, WANDER_STD, WANDER_DIRECTION_STD_DEG = 0.6, 0.2, 30.0
 """Mean and deviation of the wandering part as shares of its largest speed, and of its direction."""
+BOTTOM_ROUGHNESS_M = 1e-3
+"""[m] of the log layer, sand"""
 DEEP_MARGIN_M = 100.0
 """[m] of density profile below the deepest turning depth: overshoots and down-currents"""
 
@@ -70,6 +74,8 @@ def build_current(parameters: Parameters) -> Current | None:
         )
     if amplitude["ekman"]:
         parts.append(_ekman(parameters, amplitude["ekman"]))
+    if amplitude["bottom"] and (depth := bottom_depth(parameters)) is not None:
+        parts.append(_bottom(parameters, amplitude["bottom"], depth))
     if amplitude["wander"]:
         largest = amplitude["wander"]
         parts.append(
@@ -84,6 +90,24 @@ def build_current(parameters: Parameters) -> Current | None:
             )
         )
     return parts[0] if len(parts) == 1 else CurrentSum(parts=tuple(parts))
+
+
+def bottom_depth(parameters: Parameters) -> float | None:
+    """Depth of the bottom [m]; None is out of reach of everything."""
+    below = parameters.number("water.bottom_below_m")
+    return None if math.isnan(below) else parameters.deepest_m + below
+
+
+def _bottom(parameters: Parameters, speed: float, water_depth: float) -> LogLayer:
+    """The log layer that reaches `speed` at its top."""
+    thickness = parameters.number("current.bottom_layer_m")
+    return LogLayer(
+        friction_velocity=speed * VON_KARMAN / math.log(thickness / BOTTOM_ROUGHNESS_M),
+        direction_deg=parameters.number("current.bottom_direction_deg"),
+        water_depth=water_depth,
+        roughness=BOTTOM_ROUGHNESS_M,
+        thickness=thickness,
+    )
 
 
 def _ekman(parameters: Parameters, surface_speed: float) -> Ekman:

@@ -41,6 +41,9 @@ class Generate(JsonOption):
     """shipped vehicle name, or the path of an MJCF file"""
     sensors: str | None = None
     """sensor suite instead of the preset's: ideal, field, field-uncalibrated, field-no-dvl"""
+    current: str | None = None
+    """one current for all missions instead of drawn ones, as in `twin simulate`, such as
+    grid:FILE.nc,lat=49,lon=-16,time=2000-01-05"""
     resume: bool = False
     """complete a store that an earlier run left incomplete; start it if there is none"""
     overwrite: bool = False
@@ -119,6 +122,7 @@ class Generate(JsonOption):
             changes=read_changes(self.config, self.set),
             vehicle=self.vehicle,
             sensors=self.sensors,
+            current=self.current,
         )
 
 
