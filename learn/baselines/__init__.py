@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from learn.baselines.base import Baseline, Estimate, Estimator
+from learn.baselines.base import Baseline, Estimate
 from learn.baselines.dvl import Dvl
 from learn.baselines.ekf import Ekf
 from learn.baselines.onboard import Onboard
@@ -18,4 +18,4 @@ BASELINES: Mapping[str, type[Baseline]] = {
 }
 """Every baseline by the name that tables use."""
 
-__all__ = ["BASELINES", "Baseline", "Estimate", "Estimator"]
+__all__ = ["BASELINES", "Baseline", "Estimate"]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import abc
 import dataclasses
-from typing import Protocol
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,27 +37,26 @@ class Estimate:
     """`ground_track` is reset at GPS fixes and carries the depth-averaged current."""
 
 
-class Estimator(Protocol):
-    """A way to estimate velocities from what a vehicle measures and commands."""
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Baseline(abc.ABC):
+    """A way to estimate velocities from what a vehicle measures and commands.
 
-    channels: tuple[str, ...]
+    It knows the vehicle as its file says, never as a mission drew it.
+    """
+
+    channels: ClassVar[tuple[str, ...]]
     """Schema variables that it reads; none of them is truth."""
 
+    vehicle: Vehicle
+    """Nominal parameters."""
+
+    @abc.abstractmethod
     def estimate(self, signals: Signals, period: float) -> Estimate:
         """Velocities from channels (time,), one sample every `period` [s].
 
         Raises:
           StoreError: a channel is missing or not finite.
         """
-        ...
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Baseline:
-    """Base of the methods that know the vehicle as its file says, never as a mission drew it."""
-
-    vehicle: Vehicle
-    """Nominal parameters."""
 
 
 def smooth(values: Array, seconds: float, period: float) -> Array:

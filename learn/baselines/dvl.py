@@ -54,7 +54,7 @@ class Dvl(Baseline):
     )
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `learn.baselines.base.Estimator`; without any lock nothing is estimated."""
+        """See `learn.baselines.base.Baseline`; without any lock nothing is estimated."""
         mode = np.rint(finite_channel(signals, "measured_dvl_mode")).astype(int)
         log = np.stack(
             [np.asarray(signals[f"measured_dvl_{n}"], float) for n in ("surge", "sway", "heave")],

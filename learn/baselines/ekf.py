@@ -41,8 +41,8 @@ class EkfNoise:
     acceleration: float = 2e-3
     """[m/s2/sqrt(Hz)] each axis: what the force law and the measured inputs get wrong."""
     net_mass: float = 1.2e-2
-    """[kg/sqrt(s)] drift of the net mass's error. It stands for stratification, compressibility and
-    wrong drag, whose sign differs between dive and climb: fast enough to turn with an inflection."""
+    """[kg/sqrt(s)] drift of the net mass's error: stratification, compressibility and wrong drag.
+    The last one changes its sign between dive and climb, so the drift must follow an inflection."""
     initial_net_mass: float = 0.03
     """[kg] ballasting error at the start: 20 g is usual."""
     initial_velocity: float = 0.05
@@ -85,7 +85,7 @@ class Ekf(Baseline):
     noise: EkfNoise = dataclasses.field(default_factory=EkfNoise)
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `learn.baselines.base.Estimator`."""
+        """See `learn.baselines.base.Baseline`."""
         run = self.run(signals, period)
         return Estimate(
             surge=run.states[:, SURGE],
@@ -121,6 +121,7 @@ class Ekf(Baseline):
         return EkfRun(
             *_filter(
                 parameters,
+                np.linalg.inv(_inertia(self.vehicle)),
                 _inertia(self.vehicle),
                 _coupling(self.vehicle),
                 inputs,
@@ -211,6 +212,7 @@ def _predict(  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def _filter(  # type: ignore[no-untyped-def]
     p: Parameters,
+    inverse: Array,
     inertia: Array,
     coupling: Array,
     inputs: Array,
@@ -222,7 +224,6 @@ def _filter(  # type: ignore[no-untyped-def]
 ):
     """Predict and update over all samples; the Jacobian is by one-sided differences."""
     n = depth.size
-    inverse = np.linalg.inv(inertia)
     states = np.empty((n, 5))
     covariances = np.empty((n, 5, 5))
     innovations = np.zeros(n)

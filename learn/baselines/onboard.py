@@ -23,6 +23,6 @@ class Onboard(Baseline):
     channels: ClassVar[tuple[str, ...]] = ("measured_onboard_north", "measured_onboard_east")
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `learn.baselines.base.Estimator`."""
+        """See `learn.baselines.base.Baseline`."""
         track = np.stack([finite_channel(signals, name) for name in self.channels], axis=1)
         return Estimate(ground_track=track, uses_fixes=True)

@@ -41,7 +41,7 @@ class PitchPlusAlpha(Baseline):
         return steady_angle_of_attack(self.vehicle, REFERENCE_PITCH)
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `learn.baselines.base.Estimator`."""
+        """See `learn.baselines.base.Baseline`."""
         depth = finite_channel(signals, "measured_depth")
         pitch = np.deg2rad(finite_channel(signals, "measured_pitch"))
         rate = smooth(depth_rate(depth, period), WINDOW_S, period)

@@ -47,7 +47,7 @@ class SteadyFlight(Baseline):
     )
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `learn.baselines.base.Estimator`."""
+        """See `learn.baselines.base.Baseline`."""
         depth = finite_channel(signals, "measured_depth")
         rate = smooth(depth_rate(depth, period), WINDOW_S, period)
         attitude = Attitude.of(signals)
