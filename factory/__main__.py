@@ -29,6 +29,11 @@ PROGRAM = Program(
             loader="factory.commands.replay:Replay",
         ),
         Command(
+            name="plot",
+            summary="a page of tracks, depths, currents and histograms",
+            loader="factory.commands.plot:Plot",
+        ),
+        Command(
             name="distributions",
             summary="everything that is drawn, with unit and reason",
             loader="factory.commands.distributions:Distributions",

@@ -65,7 +65,7 @@ TABLE: tuple[Parameter, ...] = (
     Parameter("mission.surface_every", "1", "none", "1",
               "dives between two stays at the surface (GPS fixes); none: never surfaces"),
     # SEGMENT: drawn for every segment
-    Parameter("mission.kind", "1", "choice(saw-tooth, spiral)", "choice(saw-tooth: 3, spiral: 1)",
+    Parameter("mission.kind", "1", "choice(saw-tooth, spiral)", "choice(saw-tooth: 2, spiral: 1)",
               "the paper combines wings-level and spiral motion; field work is mostly transects",
               per_segment=True),
     Parameter("mission.segment_duration_s", "s", "uniform(600, 1800)", "none",
