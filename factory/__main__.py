@@ -29,6 +29,11 @@ PROGRAM = Program(
             loader="factory.commands.replay:Replay",
         ),
         Command(
+            name="export",
+            summary="OceanGliders OG1.0 netCDF files or a flat Parquet table",
+            loader="factory.commands.export:Export",
+        ),
+        Command(
             name="plot",
             summary="a page of tracks, depths, currents and histograms",
             loader="factory.commands.plot:Plot",

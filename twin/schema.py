@@ -40,6 +40,8 @@ class Variable:
         attributes = {"units": self.units, "long_name": self.long_name, "signal_group": self.group}
         if self.standard_name:
             attributes["standard_name"] = self.standard_name
+        if self.standard_name == "depth":
+            attributes["positive"] = "down"
         return attributes
 
 
