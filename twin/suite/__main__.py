@@ -1,0 +1,30 @@
+"""`python -m twin.suite`: a task in the dm_control viewer."""
+
+import sys
+
+from twin.program import Command, Program
+
+_VIEW = "view"
+PROGRAM = Program(
+    name="python -m twin.suite",
+    summary="Control tasks for a glider, in the dm_control viewer.",
+    commands=(
+        Command(
+            name=_VIEW,
+            summary="watch a policy fly a task (the default command)",
+            loader="twin.suite.view:View",
+        ),
+    ),
+)
+
+
+def main() -> int:
+    """Entry point; options without a command go to `view`."""
+    words = sys.argv[1:]
+    if words and words[0].startswith("-") and words[0] not in ("-h", "--help", "--version"):
+        words = [_VIEW, *words]
+    return PROGRAM.main(words)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,98 @@
+"""Depth: go to a wanted depth and stay there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from dm_control.utils import rewards
+
+from twin.scenario import Start
+from twin.suite.environment import Environment, build
+from twin.suite.physics import Physics
+from twin.suite.task import (
+    CRUISE_PITCH,
+    GliderTask,
+    Observation,
+    Reference,
+    place_marker,
+    with_marker,
+)
+from twin.vehicle import load_vehicle
+
+TIME_LIMIT = 900.0
+"""[s]"""
+MAX_DEPTH = 200.0
+"""[m]"""
+DEPTHS = (20.0, 150.0)
+"""[m] of start and target"""
+BAND, MARGIN = 1.0, 50.0
+"""[m] error that counts as none, and beyond it where the reward has fallen to 0.1"""
+STILL, STILL_MARGIN = 0.02, 0.2
+"""[m/s] vertical speed that counts as none, and beyond it where its share has fallen to 0.1"""
+APPROACH = 15.0
+"""[m] from the target where the reference starts to slow down"""
+LEAD = 60.0
+"""[s] by which the reference looks ahead: a glider needs that long to lose its way"""
+MARKER_SIZE = "40 0.05"
+"""[m] radius and half thickness of the disc that shows the wanted depth"""
+
+
+def depth(
+    vehicle: str = "glider",
+    *,
+    random: np.random.RandomState | int | None = None,
+    time_limit: float = TIME_LIMIT,
+    normalised: bool = True,
+    hydrodynamics: str = "coefficients",
+    environment_kwargs: Mapping[str, Any] | None = None,
+) -> Environment:
+    """Reach a random depth from rest at another one and stay."""
+    glider = load_vehicle(vehicle)
+    marked = with_marker(glider, type="cylinder", size=MARKER_SIZE)
+    physics = Physics.from_vehicle(marked, hydrodynamics=hydrodynamics)
+    task = Depth(glider, max_depth=MAX_DEPTH, normalised=normalised, random=random)
+    return build(physics, task, time_limit=time_limit, settings=environment_kwargs)
+
+
+class Depth(GliderTask):
+    """Reward: mostly for being near, a quarter of it for being still there."""
+
+    target_depth = 0.0
+    """[m]"""
+
+    def initialize_episode(self, physics: Physics) -> None:
+        """Draw the depths of start and target; the glider rests, neutral and level."""
+        draw = self.random.uniform
+        self.target_depth = draw(*DEPTHS)
+        physics.set_start(Start(depth=draw(*DEPTHS), heading=draw(0.0, 2.0 * math.pi)))
+        place_marker(physics, 0.0, 0.0, self.target_depth)
+        super().initialize_episode(physics)
+
+    def error(self, physics: Physics) -> float:
+        """Wanted minus present depth [m], positive when it must dive."""
+        return self.target_depth - physics.depth()
+
+    def get_observation(self, physics: Physics) -> Observation:
+        """Adds `to_target`: wanted minus present depth [m]."""
+        observation = self.observe_vehicle(physics)
+        observation["to_target"] = np.array([self.error(physics)])
+        return observation
+
+    def get_reward(self, physics: Physics) -> float:
+        """1 at rest at the wanted depth."""
+        near = rewards.tolerance(
+            self.error(physics), bounds=(-BAND, BAND), margin=MARGIN, sigmoid="long_tail"
+        )
+        still = rewards.tolerance(physics.depth_rate(), bounds=(-STILL, STILL), margin=STILL_MARGIN)
+        return float(near * (3.0 + still) / 4.0)
+
+    def reference(self, physics: Physics) -> Reference:
+        """Net buoyancy and pitch in proportion to the depth error LEAD seconds ahead."""
+        ahead = self.error(physics) - LEAD * physics.depth_rate()
+        effort = min(max(ahead / APPROACH, -1.0), 1.0)
+        return Reference(
+            pitch=-effort * CRUISE_PITCH, heading=None, net_mass=effort * self.cruise_mass
+        )

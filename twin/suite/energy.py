@@ -1,0 +1,133 @@
+"""Energy: make way on a course and spend little."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from dm_control.utils import rewards
+
+from twin.suite.consumption import Consumption, cost_of_transport
+from twin.suite.environment import Environment, build
+from twin.suite.physics import Physics
+from twin.suite.task import CRUISE_PITCH, GliderTask, Observation, Reference, wrap_angle
+from twin.suite.waypoints import yo_sense
+from twin.vehicle import load_vehicle
+
+TIME_LIMIT = 3600.0
+"""[s]"""
+MAX_DEPTH = 200.0
+"""[m]"""
+START_DEPTHS = (30.0, 60.0)
+"""[m]"""
+LARGEST_TURN = math.radians(30.0)
+"""[rad] between initial heading and course"""
+GOOD_COST, COST_MARGIN = 0.004, 0.02
+"""Cost of transport that earns reward 1, and beyond it where the reward has fallen to 0.1"""
+SETTLING = 30.0
+"""[m] of way at GOOD_COST counted before the start, so that the first metres do not decide"""
+TURN_DEPTHS = (15.0, 185.0)
+"""[m] where the reference turns: deep yos pump seldom"""
+KILO = 1e3
+
+
+def energy(
+    vehicle: str = "glider",
+    *,
+    random: np.random.RandomState | int | None = None,
+    time_limit: float = TIME_LIMIT,
+    normalised: bool = True,
+    hydrodynamics: str = "coefficients",
+    consumption: Consumption | None = None,
+    environment_kwargs: Mapping[str, Any] | None = None,
+) -> Environment:
+    """Go far on a random course at a low cost of transport, pump and battery moves included."""
+    glider = load_vehicle(vehicle)
+    physics = Physics.from_vehicle(glider, hydrodynamics=hydrodynamics)
+    task = Energy(
+        glider,
+        consumption=consumption or Consumption(),
+        max_depth=MAX_DEPTH,
+        normalised=normalised,
+        random=random,
+    )
+    return build(physics, task, time_limit=time_limit, settings=environment_kwargs)
+
+
+class Energy(GliderTask):
+    """Reward: falls with the cost of transport along the course since the start."""
+
+    course = 0.0
+    """[rad]"""
+    spent = 0.0
+    """[J] since the start"""
+
+    def __init__(self, *arguments: Any, consumption: Consumption, **settings: Any):
+        super().__init__(*arguments, **settings)
+        self.consumption = consumption
+        self._before = np.zeros(3)
+        self._time = 0.0
+
+    def initialize_episode(self, physics: Physics) -> None:
+        """Draw a course and a dive to start from."""
+        draw = self.random.uniform
+        self.course = draw(0.0, 2.0 * math.pi)
+        heading = (self.course + draw(-LARGEST_TURN, LARGEST_TURN)) % (2.0 * math.pi)
+        self.start_gliding(physics, depth=draw(*START_DEPTHS), heading=heading, pitch=-CRUISE_PITCH)
+        self.spent = 0.0
+        self._before = physics.activation()
+        self._time = physics.time()
+        super().initialize_episode(physics)
+
+    def after_step(self, physics: Physics) -> None:
+        """Count what the step took."""
+        after, time = physics.activation(), physics.time()
+        self.spent += self.consumption.energy(
+            self.vehicle,
+            self._before,
+            after,
+            depth=physics.depth(),
+            pitch=physics.pitch(),
+            duration=time - self._time,
+        )
+        self._before, self._time = after, time
+        super().after_step(physics)
+
+    def distance(self, physics: Physics) -> float:
+        """Way made along the course since the start [m]."""
+        return physics.north() * math.cos(self.course) + physics.east() * math.sin(self.course)
+
+    def heading_error(self, physics: Physics) -> float:
+        """Course minus heading [rad], in [-pi, pi)."""
+        return wrap_angle(self.course - physics.heading())
+
+    def get_observation(self, physics: Physics) -> Observation:
+        """Adds `to_course`: sine and cosine of the heading error; `distance` [m]; `spent` [kJ]."""
+        observation = self.observe_vehicle(physics)
+        heading = self.heading_error(physics)
+        observation["to_course"] = np.array([math.sin(heading), math.cos(heading)])
+        observation["distance"] = np.array([self.distance(physics)])
+        observation["spent"] = np.array([self.spent / KILO])
+        return observation
+
+    def get_reward(self, physics: Physics) -> float:
+        """1 at GOOD_COST or less."""
+        vehicle = self.vehicle
+        credit = GOOD_COST * vehicle.mass * vehicle.gravity * SETTLING
+        cost = cost_of_transport(vehicle, self.spent + credit, self.distance(physics) + SETTLING)
+        if not math.isfinite(cost):
+            return 0.0
+        return float(
+            rewards.tolerance(
+                cost, bounds=(0.0, GOOD_COST), margin=COST_MARGIN, sigmoid="long_tail"
+            )
+        )
+
+    def reference(self, physics: Physics) -> Reference:
+        """Deep yos on the course."""
+        sense = yo_sense(physics, *TURN_DEPTHS)
+        return Reference(
+            pitch=-sense * CRUISE_PITCH, heading=self.course, net_mass=sense * self.cruise_mass
+        )

@@ -1,0 +1,79 @@
+"""Environment: dm_control's, except that an unstable simulation ends the episode."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import dm_env
+import numpy as np
+from dm_control.rl import control
+
+from twin.errors import InputError
+from twin.suite.physics import Physics
+from twin.suite.task import GliderTask
+
+
+class Environment(control.Environment):
+    """A task with a glider.
+
+    When the state leaves the finite numbers, the episode ends with reward 0, discount 0 and the
+    last finite observation, so that no NaN reaches a learner; with `raise_on_instability` the
+    `PhysicsError` goes through instead.
+    """
+
+    def __init__(
+        self,
+        physics: Physics,
+        task: GliderTask,
+        *,
+        raise_on_instability: bool = False,
+        **settings: Any,
+    ):
+        super().__init__(physics, task, **settings)
+        self._raise_on_instability = raise_on_instability
+        self._last_observation: Mapping[str, Any] = {}
+
+    def reset(self) -> dm_env.TimeStep:
+        """Start a new episode."""
+        return self._remember(super().reset())
+
+    def step(self, action: Any) -> dm_env.TimeStep:
+        """Advance by one control timestep, or start a new episode after the last step of one."""
+        try:
+            return self._remember(super().step(action))
+        except control.PhysicsError:
+            if self._raise_on_instability:
+                raise
+        self._reset_next_step = True
+        copies = {name: np.array(value) for name, value in self._last_observation.items()}
+        observation = type(self._last_observation)(copies)  # type: ignore[call-arg]
+        return dm_env.TimeStep(dm_env.StepType.LAST, 0.0, 0.0, observation)
+
+    def _remember(self, time_step: dm_env.TimeStep) -> dm_env.TimeStep:
+        self._last_observation = time_step.observation
+        return time_step
+
+
+def build(
+    physics: Physics,
+    task: GliderTask,
+    *,
+    time_limit: float,
+    settings: Mapping[str, Any] | None,
+) -> Environment:
+    """The environment of a task: control timestep of the vehicle unless `settings` says otherwise.
+
+    Args:
+      time_limit: [s] of an episode.
+      settings: the caller's `environment_kwargs`.
+
+    Raises:
+      InputError: an impossible time limit.
+    """
+    if not time_limit > 0:
+        raise InputError(f"time_limit {time_limit} s must be positive (float('inf') for none)")
+    chosen = dict(settings or {})
+    if "n_sub_steps" not in chosen:
+        chosen.setdefault("control_timestep", task.vehicle.control_period)
+    return Environment(physics, task, time_limit=time_limit, **chosen)

@@ -1,0 +1,115 @@
+"""Hold: fly at a wanted pitch and heading."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from dm_control.utils import rewards
+
+from twin.suite.environment import Environment, build
+from twin.suite.physics import Physics
+from twin.suite.task import GliderTask, Observation, Reference, wrap_angle
+from twin.vehicle import load_vehicle
+
+TIME_LIMIT = 600.0
+"""[s]"""
+MAX_DEPTH = 500.0
+"""[m]"""
+START_DEPTHS = (200.0, 300.0)
+"""[m]: far from both ends of the water for the whole episode"""
+PITCHES = (math.radians(30.0), math.radians(45.0))
+"""[rad] magnitudes of wanted and initial pitch"""
+LARGEST_TURN = math.radians(90.0)
+"""[rad] between initial and wanted heading"""
+PITCH_BAND, PITCH_MARGIN = math.radians(1.0), math.radians(20.0)
+"""[rad] error that counts as none, and beyond it where the reward has fallen to 0.1"""
+HEADING_BAND, HEADING_MARGIN = math.radians(2.0), math.radians(60.0)
+"""[rad]"""
+SPEED_SHARE = 0.5
+"""Part of the cruise speed from which the speed is good enough: a drifting hull holds nothing"""
+
+
+def hold(
+    vehicle: str = "glider",
+    *,
+    random: np.random.RandomState | int | None = None,
+    time_limit: float = TIME_LIMIT,
+    normalised: bool = True,
+    hydrodynamics: str = "coefficients",
+    environment_kwargs: Mapping[str, Any] | None = None,
+) -> Environment:
+    """Hold a random heading and pitch, in a dive or in a climb, from a glide on another one."""
+    glider = load_vehicle(vehicle)
+    physics = Physics.from_vehicle(glider, hydrodynamics=hydrodynamics)
+    task = Hold(glider, max_depth=MAX_DEPTH, normalised=normalised, random=random)
+    return build(physics, task, time_limit=time_limit, settings=environment_kwargs)
+
+
+class Hold(GliderTask):
+    """Reward: product of how well pitch and heading are held and of flying fast enough to steer."""
+
+    target_pitch = 0.0
+    """[rad]"""
+    target_heading = 0.0
+    """[rad]"""
+
+    def initialize_episode(self, physics: Physics) -> None:
+        """Draw a glide to start from and one to hold."""
+        draw = self.random.uniform
+        heading = draw(0.0, 2.0 * math.pi)
+        self.target_pitch = self._draw_pitch()
+        self.target_heading = (heading + draw(-LARGEST_TURN, LARGEST_TURN)) % (2.0 * math.pi)
+        self.start_gliding(
+            physics, depth=draw(*START_DEPTHS), heading=heading, pitch=self._draw_pitch()
+        )
+        super().initialize_episode(physics)
+
+    def _draw_pitch(self) -> float:
+        sense = 1.0 if self.random.uniform() < 0.5 else -1.0
+        return sense * float(self.random.uniform(*PITCHES))
+
+    def pitch_error(self, physics: Physics) -> float:
+        """Wanted minus present pitch [rad]."""
+        return self.target_pitch - physics.pitch()
+
+    def heading_error(self, physics: Physics) -> float:
+        """Wanted minus present heading [rad], in [-pi, pi)."""
+        return wrap_angle(self.target_heading - physics.heading())
+
+    def get_observation(self, physics: Physics) -> Observation:
+        """Adds `to_target`: pitch error [rad], sine and cosine of the heading error."""
+        observation = self.observe_vehicle(physics)
+        heading = self.heading_error(physics)
+        observation["to_target"] = np.array(
+            [self.pitch_error(physics), math.sin(heading), math.cos(heading)]
+        )
+        return observation
+
+    def get_reward(self, physics: Physics) -> float:
+        """1 on pitch and heading at half the cruise speed or more."""
+        enough = SPEED_SHARE * self.cruise.speed
+        pitch = rewards.tolerance(
+            self.pitch_error(physics), bounds=(-PITCH_BAND, PITCH_BAND), margin=PITCH_MARGIN
+        )
+        heading = rewards.tolerance(
+            self.heading_error(physics),
+            bounds=(-HEADING_BAND, HEADING_BAND),
+            margin=HEADING_MARGIN,
+            sigmoid="long_tail",
+        )
+        flying = rewards.tolerance(
+            physics.speed(),
+            bounds=(enough, math.inf),
+            margin=enough,
+            sigmoid="linear",
+            value_at_margin=0.0,
+        )
+        return float(pitch * heading * flying)
+
+    def reference(self, physics: Physics) -> Reference:
+        """The target, with the cruise's buoyancy."""
+        net_mass = -math.copysign(self.cruise_mass, self.target_pitch)
+        return Reference(pitch=self.target_pitch, heading=self.target_heading, net_mass=net_mass)

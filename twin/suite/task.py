@@ -1,0 +1,226 @@
+"""Task: what every task with a glider shares: actions, observations, the ends of an episode."""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+import math
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from dm_control.suite import base
+from dm_env import specs
+from numpy.typing import ArrayLike, NDArray
+
+from twin.errors import InputError, VehicleError
+from twin.mission.glide import SteadyGlide, steady_glide
+from twin.scenario import Start
+from twin.suite.physics import Physics
+from twin.vehicle import ACTUATORS, Vehicle
+
+Array = NDArray[np.float64]
+Observation = collections.OrderedDict[str, Array]
+
+CRUISE_PITCH = math.radians(35.0)
+"""[rad] of the glide that rewards and starts take as normal"""
+CRUISE_PUMP = 0.5
+"""Part of the pump's travel in that glide"""
+MARKER = "target"
+"""Name of the site that shows where to go"""
+_HULL = "hull"
+_REWARDED = np.array([0.15, 0.85, 0.35])
+"""Colour of the hull at reward 1, when rewards are shown"""
+_COLOUR_POWER = 4
+"""As in dm_control: high rewards are told apart better"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Reference:
+    """What a pilot would aim at now; the autopilot flies it."""
+
+    pitch: float
+    """[rad], positive nose up"""
+    heading: float | None
+    """[rad], None: any"""
+    net_mass: float
+    """[kg], positive = heavy"""
+
+
+class GliderTask(base.Task):
+    """A task for one vehicle.
+
+    Actions command the actuators: shift, rotation and pump, each from -1 to 1 over its travel, or
+    in m, rad and cm3 with `normalised=False`. The actuators follow with their lags and rates. An
+    episode ends with discount 0 when the hull breaks the surface or goes below `max_depth`.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        *,
+        max_depth: float,
+        normalised: bool = True,
+        random: np.random.RandomState | int | None = None,
+    ):
+        """Take a vehicle and a depth limit [m].
+
+        Raises:
+          InputError: the depth limit leaves no room. MissionError: the vehicle cannot cruise.
+        """
+        super().__init__(random=random)
+        if not max_depth > 0:
+            raise InputError(f"max_depth {max_depth} m must be positive")
+        self.vehicle = vehicle
+        self.max_depth = float(max_depth)
+        self.normalised = normalised
+        self._low, self._high = vehicle.actuator_min, vehicle.actuator_max
+        self.cruise_mass = vehicle.net_mass_for_pump(CRUISE_PUMP * float(self._low[2]))
+        self.cruise = self.glide(-CRUISE_PITCH)
+        self._colour: Array | None = None
+
+    # --- actions ------------------------------------------------------------------------------
+
+    def action_spec(self, physics: Physics) -> specs.BoundedArray:
+        """Bounds of the commands; the name lists the actuators, separated by tabs."""
+        low, high = (np.full(3, -1.0), np.full(3, 1.0))
+        if not self.normalised:
+            low, high = self._low, self._high
+        return specs.BoundedArray(
+            shape=(len(ACTUATORS),),
+            dtype=np.float64,
+            minimum=low,
+            maximum=high,
+            name="\t".join(ACTUATORS),
+        )
+
+    def to_command(self, action: ArrayLike) -> Array:
+        """Commanded positions (shift [m], rotation [rad], pump [cm3]) of an action.
+
+        Raises:
+          InputError: another shape, or a value that is not finite.
+        """
+        values: Array = np.asarray(action, float)
+        if values.shape != (len(ACTUATORS),) or not np.isfinite(values).all():
+            raise InputError(
+                f"action {values.tolist()} must be {len(ACTUATORS)} finite numbers: "
+                f"{', '.join(ACTUATORS)}"
+            )
+        if not self.normalised:
+            return np.clip(values, self._low, self._high)
+        fraction = 0.5 * (np.clip(values, -1.0, 1.0) + 1.0)
+        return self._low + fraction * (self._high - self._low)
+
+    def to_action(self, command: ArrayLike) -> Array:
+        """The action that commands these positions; the inverse of `to_command`."""
+        values: Array = np.clip(np.asarray(command, float), self._low, self._high)
+        if not self.normalised:
+            return values
+        return 2.0 * (values - self._low) / (self._high - self._low) - 1.0
+
+    def before_step(self, action: ArrayLike, physics: Physics) -> None:
+        """Command the actuators."""
+        physics.set_control(self.to_command(action))
+
+    # --- episodes -----------------------------------------------------------------------------
+
+    def after_step(self, physics: Physics) -> None:
+        """Colour the hull by the reward when rewards are shown."""
+        if not self.visualize_reward:
+            return
+        material = physics.model.ptr.material(_HULL).id
+        colours = physics.model.mat_rgba
+        if self._colour is None:
+            self._colour = colours[material, :3].copy()
+        blend = min(max(self.get_reward(physics), 0.0), 1.0) ** _COLOUR_POWER
+        colours[material, :3] = blend * _REWARDED + (1.0 - blend) * self._colour
+
+    def get_termination(self, physics: Physics) -> float | None:
+        """Discount 0 at the surface and below the depth limit, None otherwise."""
+        if physics.immersion() < 1.0 or physics.depth() > self.max_depth:
+            return 0.0
+        return None
+
+    def glide(self, pitch: float) -> SteadyGlide:
+        """The steady glide of the cruise's net buoyancy at `pitch` [rad], nose down or up."""
+        return steady_glide(self.vehicle, pitch, -math.copysign(self.cruise_mass, pitch))
+
+    def start_gliding(
+        self, physics: Physics, *, depth: float, heading: float, pitch: float
+    ) -> None:
+        """Start at the origin in the steady glide at `pitch` [rad], depth [m], heading [rad]."""
+        glide = self.glide(pitch)
+        alpha = glide.angle_of_attack
+        v_rel = (glide.speed * math.cos(alpha), 0.0, glide.speed * math.sin(alpha))
+        shift = min(max(glide.shift, float(self._low[0])), float(self._high[0]))
+        pump = self.vehicle.pump_for_net_mass(-math.copysign(self.cruise_mass, pitch))
+        actuators = (shift, 0.0, pump)
+        physics.set_start(
+            Start(depth=depth, heading=heading, pitch=pitch, v_rel=v_rel, actuators=actuators)
+        )
+
+    # --- observations -------------------------------------------------------------------------
+
+    def observe_vehicle(self, physics: Physics) -> Observation:
+        """What a vehicle knows about itself.
+
+        attitude: roll, pitch [rad]; rates: p, q, r [rad/s]; velocity: surge, sway, heave through
+        the water [m/s]; depth [m]; depth_rate [m/s]; actuators: fractions of travel, -1 to 1;
+        net_buoyancy [kg].
+        """
+        return collections.OrderedDict(
+            attitude=np.array([physics.roll(), physics.pitch()]),
+            rates=physics.rates(),
+            velocity=physics.velocity_through_water(),
+            depth=np.array([physics.depth()]),
+            depth_rate=np.array([physics.depth_rate()]),
+            actuators=physics.actuators(),
+            net_buoyancy=np.array([physics.net_buoyancy()]),
+        )
+
+    def get_observation(self, physics: Physics) -> Observation:
+        """The vehicle's state and what the task asks for."""
+        raise NotImplementedError
+
+    def get_reward(self, physics: Physics) -> float:
+        """Between 0 and 1."""
+        raise NotImplementedError
+
+    def reference(self, physics: Physics) -> Reference:
+        """What a pilot would aim at now."""
+        raise NotImplementedError
+
+
+def wrap_angle(angle: float) -> float:
+    """The same direction in [-pi, pi) [rad]."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def with_marker(vehicle: Vehicle, **attributes: Any) -> Vehicle:
+    """The vehicle with a translucent site named MARKER in its world; sites exert no force.
+
+    Args:
+      attributes: of the site, as in MJCF (type, size, ...).
+
+    Raises:
+      VehicleError: the file has no world body, or a site of that name.
+    """
+    root = ElementTree.fromstring(vehicle.xml)
+    world = root.find("worldbody")
+    if world is None or root.find(f".//site[@name='{MARKER}']") is not None:
+        raise VehicleError(
+            f"vehicle {vehicle.name!r}: the suite adds a site {MARKER!r} to <worldbody>; the file "
+            "needs that element and must not use the name"
+        )
+    # off the origin: MuJoCo gives a site at its body's origin the body's place for good
+    ElementTree.SubElement(
+        world, "site", name=MARKER, pos="0 0 -1", rgba="0.2 0.9 0.4 0.3", group="0", **attributes
+    )
+    return vehicle.replace(xml=ElementTree.tostring(root, encoding="unicode"))
+
+
+def place_marker(physics: Physics, north: float, east: float, depth: float) -> None:
+    """Move the site of `with_marker` to a place [m]; call it in a reset or before a step."""
+    marker = physics.model.ptr.site(MARKER).id
+    physics.model.site_pos[marker] = (north, -east, -depth)
+    physics.data.site_xpos[marker] = (north, -east, -depth)  # seen before the next step

@@ -1,0 +1,98 @@
+"""View: one task in dm_control's interactive viewer."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from twin.console import Console
+from twin.errors import InputError, TwinError, unknown_name
+from twin.suite.environment import Environment
+
+Policy = Callable[[Any], Any]
+
+
+KEYS = "Space starts and pauses, ] goes to the chase camera, = and - change the speed, F1 helps"
+"""What a user must know of dm_control's viewer; its free camera stays at the surface."""
+
+
+class NoScreen(TwinError):
+    """The viewer needs a window."""
+
+
+def autopilot(environment: Environment, seed: int) -> Policy:
+    """The suite's own pilot."""
+    from twin.suite.autopilot import Autopilot
+
+    return Autopilot(environment)
+
+
+def random_policy(environment: Environment, seed: int) -> Policy:
+    """Uniform commands."""
+    spec = environment.action_spec()
+    generator = np.random.default_rng(seed)
+    return lambda time_step: generator.uniform(spec.minimum, spec.maximum)
+
+
+def still(environment: Environment, seed: int) -> Policy:
+    """Every actuator at its neutral position."""
+    action = environment.task.to_action(np.zeros(3))
+    return lambda time_step: action
+
+
+POLICIES = {"autopilot": autopilot, "random": random_policy, "still": still}
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """Watch a policy fly a task; needs a screen."""
+
+    task: str = "hold"
+    """hold, depth, waypoints or energy"""
+    policy: str = "autopilot"
+    """autopilot, random or still"""
+    vehicle: str = "glider"
+    """shipped vehicle name, or the path of an MJCF file"""
+    seed: int = 0
+    """seed of the task and of the random policy"""
+    show_reward: bool = False
+    """colour the hull by the reward"""
+
+    def run(self, console: Console) -> int:
+        """Open the window; returns when it is closed."""
+        from twin.suite import load
+
+        if self.policy not in POLICIES:
+            raise InputError(unknown_name("policy", self.policy, POLICIES))
+        environment = load(
+            self.task,
+            task_kwargs={"vehicle": self.vehicle, "random": self.seed},
+            visualize_reward=self.show_reward,
+        )
+        console.note(KEYS)
+        launch(environment, POLICIES[self.policy](environment, self.seed))
+        return 0
+
+
+def launch(environment: Environment, policy: Policy) -> None:
+    """Show the environment in dm_control's viewer.
+
+    Raises:
+      NoScreen: there is no window system, or MUJOCO_GL chose to draw without one.
+    """
+    from dm_control import _render
+
+    if _render.BACKEND != "glfw":
+        chosen = os.environ.get("MUJOCO_GL") or "nothing"
+        raise NoScreen(
+            f"the viewer needs a screen, and here dm_control draws with {chosen}: run it on a "
+            "desktop with MUJOCO_GL unset, or draw pictures with "
+            "environment.physics.render(camera_id='chase')"
+        )
+    from dm_control import viewer  # without a screen its import warns
+
+    viewer.launch(environment, policy=policy, title=f"glider: {type(environment.task).__name__}")
