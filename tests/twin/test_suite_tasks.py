@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 import os
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -230,6 +233,21 @@ def test_a_second_marker_is_refused():
     marked = with_marker(VEHICLE, type="sphere", size="1")
     with pytest.raises(VehicleError, match="'target'"):
         with_marker(marked, type="sphere", size="1")
+
+
+DOCS = Path(__file__).parents[2] / "docs" / "dm_control.md"
+BLOCKS = re.findall(r"```python( gym)?\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.DOTALL)
+
+
+@pytest.mark.parametrize(("extra", "program"), BLOCKS)
+def test_the_documentations_programs_run(extra, program):
+    if extra and not importlib.util.find_spec("shimmy"):
+        pytest.skip("the extra 'gym' is not installed")
+    exec(compile(program, str(DOCS), "exec"), {})
+
+
+def test_the_documentation_names_every_task():
+    assert all(f"| `{task}` |" in DOCS.read_text(encoding="utf-8") for task in suite.ALL_TASKS)
 
 
 def headless(*words):

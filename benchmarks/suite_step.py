@@ -1,0 +1,81 @@
+"""Cost of an environment step in us, beside its bare physics: python benchmarks/suite_step.py
+
+With --rewards it prints the mean rewards of the autopilot and of random commands instead.
+"""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import time
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from twin import suite
+from twin.suite.autopilot import Autopilot
+
+STEPS = 400
+REPEATS = 9
+EPISODES = 20
+YARDSTICKS = (("fish", "swim"), ("swimmer", "swimmer6"))
+
+
+def median_cost(step: Callable[[], object]) -> float:
+    """Median over the repeats of one call [us]."""
+    times = []
+    for _ in range(REPEATS):
+        begin = time.perf_counter()
+        for _ in range(STEPS):
+            step()
+        times.append((time.perf_counter() - begin) / STEPS)
+    return statistics.median(times) * 1e6
+
+
+def costs() -> None:
+    from dm_control import suite as dm_suite
+
+    print(f"{'task':24s} {'step':>8s} {'physics':>8s}  substeps")
+    for task in suite.ALL_TASKS:
+        environment = suite.load(task, task_kwargs={"random": 0, "time_limit": float("inf")})
+        report(task, environment, environment.task.to_action(environment.physics.control()))
+    for domain, task in YARDSTICKS:
+        environment = dm_suite.load(domain, task, task_kwargs={"random": 0})
+        report(f"dm_control {domain}", environment, np.zeros(environment.action_spec().shape))
+
+
+def report(name: str, environment, action) -> None:
+    environment.reset()
+    model, data = environment.physics.model.ptr, environment.physics.data.ptr
+    substeps = round(environment.control_timestep() / environment.physics.timestep())
+    whole = median_cost(lambda: environment.step(action))
+    environment.reset()
+    bare = median_cost(lambda: mujoco.mj_step(model, data, nstep=substeps))
+    print(f"{name:24s} {whole:8.1f} {bare:8.1f}  {substeps}")
+
+
+def rewards() -> None:
+    for name in ("autopilot", "random"):
+        cells = []
+        for task in suite.ALL_TASKS:
+            means = [episode(task, name, seed) for seed in range(EPISODES)]
+            cells.append(f"{statistics.mean(means):.2f}")
+        print(f"| {name} | {' | '.join(cells)} |")
+
+
+def episode(task: str, policy: str, seed: int) -> float:
+    """Mean reward over the episode's full length: what is lost by ending it early counts as 0."""
+    environment = suite.load(task, task_kwargs={"random": seed})
+    generator, pilot = np.random.default_rng(seed), Autopilot(environment)
+    time_step, total = environment.reset(), 0.0
+    steps = environment._step_limit
+    while not time_step.last():
+        action = pilot() if policy == "autopilot" else generator.uniform(-1.0, 1.0, 3)
+        time_step = environment.step(action)
+        total += time_step.reward
+    return total / steps
+
+
+if __name__ == "__main__":
+    rewards() if "--rewards" in sys.argv[1:] else costs()
