@@ -241,7 +241,7 @@ BLOCKS = re.findall(r"```python( gym)?\n(.*?)```", DOCS.read_text(encoding="utf-
 
 @pytest.mark.parametrize(("extra", "program"), BLOCKS)
 def test_the_documentations_programs_run(extra, program):
-    if extra and not importlib.util.find_spec("shimmy"):
+    if extra and not all(map(importlib.util.find_spec, ("shimmy", "imageio"))):
         pytest.skip("the extra 'gym' is not installed")
     exec(compile(program, str(DOCS), "exec"), {})
 
