@@ -113,13 +113,18 @@ class Simulation:
         block[b.P_LOG_PERIOD] = scenario.sample_period
 
     def start(self) -> Start:
-        """The scenario's start, or the mission's: at rest in the water at its depth and heading."""
+        """The scenario's start, or the mission's: at rest in the water at its depth and heading.
+
+        A mission that starts at the surface floats just immersed, as a neutral glider does: with
+        its CB at depth 0 half of the hull would stand out of the water and drop.
+        """
         if self.scenario.start is not None:
             return self.scenario.start
         plan = self.scenario.plan
         if isinstance(plan, Mission):
             heading = math.radians(plan.start_heading_deg)
-            return Start(depth=plan.start_depth_m, heading=heading)
+            awash = self.scenario.vehicle.hull_diameter / 2
+            return Start(depth=max(plan.start_depth_m, awash), heading=heading)
         return Start()
 
     def reset(self) -> None:
