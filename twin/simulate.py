@@ -133,23 +133,8 @@ class Simulation:
         self.rows[:] = 0.0
         set_start(self.data, self.start(), self._current_at_start())
         if parameter_block(self.model)[b.P_CENTRED]:
-            self._stagger()
-
-    def _stagger(self) -> None:
-        """Move the velocities half a step back in time, where a time-centred run keeps them."""
-        model, data = self.model, self.data
-        saved = data.ctrl.copy()
-        mujoco.mj_forward(model, data)
-        mass = np.zeros((model.nv, model.nv))
-        mujoco.mj_fullM(model, data, mass)
-        # the battery is held by its screws: it moves with the hull
-        change = np.linalg.solve(mass[:6, :6], data.qfrc_smooth[:6]) * model.opt.timestep
-        data.qvel[:6] -= 0.5 * change
-        data.ctrl[:], data.userdata[:] = saved, 0.0
-        data.userdata[b.U_TWIST : b.U_TWIST + 6] = data.qvel[:6]
-        data.userdata[b.U_EARLIER : b.U_EARLIER + 6] = data.qvel[:6] - change
-        data.userdata[b.U_KNOWN] = 1.0
-        self.rows[:] = 0.0
+            stagger(self.model, self.data)
+            self.rows[:] = 0.0
 
     def _current_at_start(self) -> Array:
         current, start = self.scenario.current, self.start()
@@ -245,6 +230,25 @@ def collect(simulation: Simulation, userdata: Array, mission: int) -> Trajectory
             partial=trajectory,
         )
     return trajectory
+
+
+def stagger(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Move the velocities half a step back in time, where a time-centred run keeps them.
+
+    Evaluates the forward dynamics once and then clears `userdata`: guidance and log begin anew.
+    """
+    command = data.ctrl.copy()
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    # the battery is held by its screws: it moves with the hull
+    change = np.linalg.solve(mass[:6, :6], data.qfrc_smooth[:6]) * model.opt.timestep
+    data.qvel[:6] -= 0.5 * change
+    data.ctrl[:], data.userdata[:] = command, 0.0
+    data.userdata[b.U_TWIST : b.U_TWIST + 6] = data.qvel[:6]
+    data.userdata[b.U_EARLIER : b.U_EARLIER + 6] = data.qvel[:6] - change
+    data.userdata[b.U_TIME] = data.time
+    data.userdata[b.U_KNOWN] = 1.0
 
 
 def set_start(data: mujoco.MjData, start: Start, current: Array) -> None:

@@ -74,7 +74,7 @@ def test_lean_and_full_models_fly_alike():
 def test_python_controller_flies_like_the_native_guidance():
     scenario = Scenario(vehicle=VEHICLE, plan=YO, duration=300.0)
     native = simulate(scenario)
-    free = Scenario(vehicle=VEHICLE, duration=300.0, start=Start())
+    free = Scenario(vehicle=VEHICLE, duration=300.0, start=Simulation(scenario).start())
     python = Simulation(free).run(MissionController(YO, VEHICLE))
     np.testing.assert_allclose(python.position, native.position, atol=1e-6)
 

@@ -28,7 +28,7 @@ from twin.model import compile_model, fluid_geoms, parameter_block, share
 from twin.native import block as b
 from twin.native import plant
 from twin.scenario import Start
-from twin.simulate import set_start
+from twin.simulate import set_start, stagger
 from twin.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 Array = NDArray[np.float64]
@@ -226,21 +226,7 @@ class Physics(dm_mujoco.Physics):
         data.userdata[:] = 0.0
         set_start(data, start, current)
         if self._block[b.P_CENTRED]:
-            self._stagger()
-
-    def _stagger(self) -> None:
-        model, data = self.model.ptr, self.data.ptr
-        mujoco.mj_forward(model, data)
-        mass = np.zeros((model.nv, model.nv))
-        mujoco.mj_fullM(model, data, mass)
-        # the battery is held by its screws: it moves with the hull
-        change = np.linalg.solve(mass[:6, :6], data.qfrc_smooth[:6]) * model.opt.timestep
-        data.qvel[:6] -= 0.5 * change
-        data.userdata[:] = 0.0
-        data.userdata[b.U_TWIST : b.U_TWIST + 6] = data.qvel[:6]
-        data.userdata[b.U_EARLIER : b.U_EARLIER + 6] = data.qvel[:6] - change
-        data.userdata[b.U_TIME] = data.time
-        data.userdata[b.U_KNOWN] = 1.0
+            stagger(self.model.ptr, self.data.ptr)
 
     # --- water --------------------------------------------------------------------------------
 
