@@ -212,12 +212,14 @@ def parse_distribution(text: str | float | int, name: str = "value") -> Distribu
     text = text.strip()
     if text == "none":
         return Fixed(math.nan)
-    if "(" not in text:
-        try:
-            return _fixed_number(name, float(text), text)
-        except ValueError:
-            if re.fullmatch(r"[A-Za-z][\w-]*", text):
-                return Fixed(text)
+    try:
+        number = float(text)
+    except ValueError:
+        number = None
+    if number is not None:
+        return _fixed_number(name, number, text)
+    if re.fullmatch(r"[A-Za-z][\w-]*", text):
+        return Fixed(text)
     match = _CALL.match(text)
     if match is None:
         raise InputError(
@@ -261,6 +263,8 @@ def _parse_choice(inner: str) -> Choice:
     weights: list[float] = []
     for item in inner.split(","):
         option, colon, weight = (part.strip() for part in item.partition(":"))
+        if not option:
+            raise InputError("choice(...) needs options, separated by commas")
         try:
             options.append(float(option))
         except ValueError:

@@ -7,9 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.bounds import check_possible
 from factory.draw import SAW_TOOTH, SURFACE, Parameters, number
 from factory.glider import BelievedMission, apply_errors, spread_vehicle
 from factory.water import bottom_depth, build_current, build_density, origin
@@ -95,6 +97,14 @@ def build_scenario(
     )
 
 
+def quiet_physics() -> None:
+    """Keep MuJoCo's own warnings out of the terminal and of MUJOCO_LOG.TXT in this process.
+
+    A mission that leaves the finite numbers is recorded with its parameters instead.
+    """
+    mujoco.set_mju_user_warning(lambda text: None)
+
+
 def fly(
     parameters: Parameters,
     nominal: Vehicle,
@@ -113,11 +123,13 @@ def fly(
     Raises:
       MissionError: the vehicle cannot fly it.
       SimulationUnstable: the simulation left the finite numbers.
+      Impossible: it left the physically possible ones.
     """
     scenario = build_scenario(parameters, nominal, current)
     simulation = Simulation(scenario)
     apply_errors(simulation, parameters, scenario.density)
     trajectory = simulation.run()
+    check_possible(trajectory.signals, trajectory.time)
     if drawn is None:
         drawn = suite.draw(sensor_seed)
     water = scenario.current

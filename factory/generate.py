@@ -100,7 +100,7 @@ def _prepare(recipe: Recipe, journal: Journal, *, resume: bool, overwrite: bool)
     store, settings = journal.store, recipe.describe()
     if store.is_symlink() and not store.exists():
         raise StoreError(f"{store} is a link to nothing; choose another --out")
-    present = store.exists() and not (store.is_dir() and not any(store.iterdir()))
+    present = store.exists() and not journal.blank
     complete = (store / "zarr.json").is_file()
     if present and not (complete or journal.exists):
         raise StoreError(f"{store} exists and is not a store; choose another --out")

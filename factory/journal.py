@@ -39,6 +39,14 @@ class Journal:
         """Whether a run was started here."""
         return (self.folder / "settings.json").is_file()
 
+    @property
+    def blank(self) -> bool:
+        """Whether the store's folder holds nothing but, at most, a run that never got going."""
+        if not self.store.is_dir():
+            return False
+        others = [path for path in self.store.iterdir() if path != self.folder]
+        return not others and not self.exists
+
     def start(self, settings: Mapping[str, Any]) -> None:
         """Begin a run."""
         self.folder.mkdir(parents=True, exist_ok=True)

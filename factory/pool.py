@@ -21,6 +21,7 @@ from multiprocessing.context import ForkProcess
 from types import TracebackType
 from typing import Self
 
+from factory.flight import quiet_physics
 from factory.journal import Journal
 from factory.produce import produce
 from factory.recipe import Recipe
@@ -167,6 +168,7 @@ def _work(
     for descriptor in inherited:
         os.close(descriptor)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what an interrupt means
+    quiet_physics()
     while (mission := _take(numbers)) is not None and os.getppid() == parent:
         try:
             record, chunks = produce(recipe, mission)

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
+from factory.bounds import Impossible
 from factory.chunk import encode, stored_values
 from factory.draw import sensor_seed
 from factory.flight import Flight, fly
 from factory.recipe import Recipe
 from factory.record import Failure, Record
-from twin.errors import MissionError, SimulationUnstable, TwinError
+from twin.errors import CurrentError, MissionError, SimulationUnstable, TwinError, VehicleError
 from twin.schema import VARIABLES
 
 MAX_ATTEMPTS = 20
 """So many failures in a row mean impossible distributions, not bad luck."""
+REPLACED = (MissionError, VehicleError, CurrentError, SimulationUnstable, Impossible)
+"""What a draw can do wrong: the vehicle cannot fly it, cannot exist, or runs away."""
 
 
 def produce(recipe: Recipe, mission: int) -> tuple[Record, dict[str, bytes]]:
@@ -31,11 +34,11 @@ def produce(recipe: Recipe, mission: int) -> tuple[Record, dict[str, bytes]]:
             flight = fly(
                 parameters, recipe.vehicle, recipe.suite, seed, current=recipe.given_current
             )
-        except (MissionError, SimulationUnstable) as error:
+        except REPLACED as error:
             failures.append(
                 Failure(
                     attempt=attempt,
-                    reason=str(error),
+                    reason=reason(error),
                     time_s=getattr(error, "time_s", None),
                     values={} if parameters is None else parameters.values,
                     segments=() if parameters is None else parameters.segments,
@@ -55,6 +58,13 @@ def produce(recipe: Recipe, mission: int) -> tuple[Record, dict[str, bytes]]:
         f"mission {mission} failed {MAX_ATTEMPTS} times, last: {failures[-1].reason}; "
         "narrow the distributions"
     )
+
+
+def reason(error: TwinError) -> str:
+    """Why an attempt failed, the same words on every replay."""
+    if isinstance(error, SimulationUnstable):
+        return f"went unstable at {error.time_s:.1f} s"
+    return str(error)
 
 
 def encode_signals(flight: Flight, samples: int) -> dict[str, bytes]:

@@ -8,10 +8,11 @@ import numpy as np
 
 from factory.chunk import DTYPE, stored_values
 from factory.draw import Parameters, sensor_seed
-from factory.flight import fly
+from factory.flight import fly, quiet_physics
+from factory.produce import REPLACED, reason
 from factory.recipe import differences, versions
 from factory.stored import StoredRun
-from twin.errors import MissionError, SimulationUnstable, StoreError
+from twin.errors import StoreError
 from twin.schema import VARIABLES
 
 
@@ -94,9 +95,10 @@ def replay_failure(run: StoredRun, mission: int, attempt: int) -> tuple[str, str
         values=failure.values,
         segments=failure.segments,
     )
+    quiet_physics()
     try:
         seed = sensor_seed(run.seed, mission, attempt)
         fly(parameters, run.vehicle, run.suite, seed, current=run.given_current)
-    except (MissionError, SimulationUnstable) as error:
-        return failure.reason, str(error)
+    except REPLACED as error:
+        return failure.reason, reason(error)
     return failure.reason, "flew to its end"

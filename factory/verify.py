@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.bounds import bounds
 from factory.draw import SURFACE
 from factory.layout import SHARD_MISSIONS
 from factory.plan import HOUR, SPLITS
@@ -30,28 +31,14 @@ NAN_ALLOWED = (
     "commanded_pitch", "commanded_heading",
 )  # fmt: skip
 """Signals that may be NaN inside a mission: no fix, no lock, no setpoint."""
-UNIT_BOUNDS = {
-    "m s-1": (-5.0, 5.0), "rad s-1": (-10.0, 10.0), "m s-2": (-100.0, 100.0),
-    "degree": (-180.0, 360.0), "cm3": (-1e5, 1e5), "kg": (-100.0, 100.0),
-    "kg m-3": (900.0, 1100.0), "dbar": (-20.0, 12_000.0), "1": (-1.0, 1000.0),
-}  # fmt: skip
-"""Physically possible values by unit; no glider swims 5 m/s."""
-NAME_BOUNDS = {
-    "depth": (-20.0, 12_000.0), "shift": (-1.0, 1.0), "immersion": (-1e-6, 1.0 + 1e-6),
-    "heading": (0.0, 360.0), "pitch": (-90.0, 90.0), "roll": (-180.0, 180.0),
-    "dvl_mode": (0.0, 2.0),
-}  # fmt: skip
-"""Narrower ones by the end of the name"""
-TRACK_BOUND = 1e6
-"""[m] for tracks: 1000 km in one mission"""
 STEP_TOLERANCE_M = 0.3
 """[m] position change of one sample against its velocities; a launch from rest makes 0.08"""
 DRIFT_TOLERANCE_M = 1.0
 """[m] the same, summed over a mission"""
 VELOCITY_TOLERANCE = 1e-4
 """[m/s] over ground = through the water + current; rounding makes 2e-6"""
-TURN_TOLERANCE = 0.15
-"""[rad] attitude change of one sample against the rates; inflections make 0.03"""
+TURN_TOLERANCE = 0.2
+"""[rad] attitude changes against the rates, summed over a mission; inflections make 0.03"""
 MAX_NAMED = 20
 """Problems of one check that are named; the others are counted."""
 
@@ -228,15 +215,6 @@ def _check_mission(run: StoredRun, mission: int, rows: Block, checks: Mapping[st
     checks["kinematics"].done += 4
 
 
-def bounds(name: str) -> tuple[float, float]:
-    """Possible values of a signal."""
-    for ending, limits in NAME_BOUNDS.items():
-        if name.endswith(ending):
-            return limits
-    unit = VARIABLES[name].units
-    return (-TRACK_BOUND, TRACK_BOUND) if unit == "m" else UNIT_BOUNDS[unit]
-
-
 def kinematic_problems(truth: Mapping[str, Array], period: float) -> list[str]:
     """What does not fit together among position, velocity, attitude, rates and current.
 
@@ -276,7 +254,7 @@ def kinematic_problems(truth: Mapping[str, Array], period: float) -> list[str]:
         ),
         (
             "attitude does not follow the rates",
-            np.abs(angle - period * (rates[1:] + rates[:-1]) / 2),
+            np.abs(np.cumsum(angle - period * (rates[1:] + rates[:-1]) / 2, axis=0)),
             TURN_TOLERANCE,
             "rad",
         ),
