@@ -2,12 +2,33 @@
 
 import sys
 
-from twin.program import Program
+from twin.program import Command, Program
 
 PROGRAM = Program(
     name="learn",
     summary="Networks for surge and sway, and the dead reckoning that uses them.",
-    commands=(),
+    commands=(
+        Command(
+            name="fit",
+            summary="train both networks, judge them, write runs/NAME/ with a report",
+            loader="learn.commands.fit:Fit",
+        ),
+        Command(
+            name="evaluate",
+            summary="dead reckoning of a run on any store, beside floor and baselines",
+            loader="learn.commands.evaluate:Evaluate",
+        ),
+        Command(
+            name="compare",
+            summary="one table of runs and baselines",
+            loader="learn.commands.compare:Compare",
+        ),
+        Command(
+            name="export",
+            summary="ONNX step models for on-board use, with a parity check",
+            loader="learn.commands.export:Export",
+        ),
+    ),
 )
 
 

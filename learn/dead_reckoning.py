@@ -73,6 +73,11 @@ def finite_channel(signals: Signals, name: str) -> Array:
     return values
 
 
+def sample_times(samples: int, period: float) -> Array:
+    """Seconds since the first sample, (time,)."""
+    return np.arange(samples, dtype=np.float64) * period
+
+
 def depth_rate(depth: Array, period: float) -> Array:
     """Rate of the depth [m/s], central differences, one-sided at both ends.
 

@@ -12,14 +12,31 @@ position across the distance made good, and a fix resets everything to its own a
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.dead_reckoning import Array, integrate
+from learn.dead_reckoning import (
+    LEAST_COSINE,
+    Array,
+    horizontal_error,
+    horizontal_velocity,
+    integrate,
+)
 from twin.errors import InputError
 
+if TYPE_CHECKING:
+    from learn.baselines import Estimate
+    from learn.score import MissionScore, Reference
+
 SECONDS_PER_HOUR = 3600.0
+BIAS_TIME_S = 4.0 * SECONDS_PER_HOUR
+"""[s] correlation time of errors that last a mission through."""
+COMPASS_SD = math.radians(0.8)
+"""[rad] heading accuracy of the paper's attitude sensor (its table on the 3DM-GX5-25)."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -29,10 +46,10 @@ class ErrorModel:
     velocity_sd: float = 0.005
     """[m/s] standard deviation of each horizontal component of the velocity through the water; an
     ensemble's spread replaces it sample by sample."""
-    velocity_time: float = 1800.0
-    """[s] correlation time of that error: about a dive, since trim and buoyancy change with it."""
-    heading_sd: float = 0.014
-    """[rad] constant heading error: 0.8 deg, the paper's sensor table."""
+    velocity_time: float = BIAS_TIME_S
+    """[s] correlation time of that error: what is wrong about a vehicle lasts a mission."""
+    heading_sd: float = COMPASS_SD
+    """[rad] constant heading error; 0 for an ideal compass."""
     current_sd: float = 0.0
     """[m/s] standard deviation of each component of the unknown current; 0 for tracks through the
     water."""
@@ -46,6 +63,76 @@ class ErrorModel:
             value = getattr(self, field.name)
             if not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"error model {field.name} is {value!r}: it must be at least 0")
+
+
+def fit_error_model(
+    scores: Sequence[MissionScore], seconds: Sequence[float], *, ideal_compass: bool
+) -> ErrorModel:
+    """An error model whose velocity error is what missions showed that no network was trained on.
+
+    The end error with true attitude is taken as that of a velocity bias: s = rms(error / time) per
+    component, with two components.
+
+    Args:
+      scores: of the networks, on validation missions.
+      seconds: duration of each mission.
+    """
+    drifts = [
+        score.tracks["velocity"].end_m / duration
+        for score, duration in zip(scores, seconds, strict=True)
+        if "velocity" in score.tracks and duration > 0
+    ]
+    heading = 0.0 if ideal_compass else COMPASS_SD
+    if not drifts:
+        return ErrorModel(heading_sd=heading)
+    rms = math.sqrt(math.fsum(d * d for d in drifts) / len(drifts))
+    return ErrorModel(velocity_sd=rms / math.sqrt(2.0), heading_sd=heading)
+
+
+def network_position_sd(reference: Reference, estimate: Estimate, model: ErrorModel) -> Array:
+    """Standard deviation [m] of the track through the water, (time,), no fixes.
+
+    An ensemble's spread adds to the model's velocity error, sample by sample.
+    """
+    assert estimate.surge is not None
+    assert estimate.sway is not None
+    velocity = horizontal_velocity(
+        estimate.surge, estimate.sway, reference.depth_rate, reference.measured
+    )
+    spread = np.full(len(velocity), model.velocity_sd**2)
+    if estimate.surge_sd is not None:
+        # With heave solved from the depth rate, surge goes into the track over cos(pitch).
+        forward = estimate.surge_sd / np.maximum(np.cos(reference.measured.pitch), LEAST_COSINE)
+        spread = spread + forward**2 / 2.0
+    if estimate.sway_sd is not None:
+        spread = spread + estimate.sway_sd**2 / 2.0
+    return position_sd(velocity, reference.mission.period, model, velocity_sd=np.sqrt(spread))
+
+
+class Coverage:
+    """Counts missions that end within two predicted deviations; its `add` is a watch."""
+
+    def __init__(self, model: ErrorModel) -> None:
+        self._model = model
+        self._ends: list[tuple[float, float]] = []
+
+    def add(self, reference: Reference, estimates: Mapping[str, Estimate]) -> None:
+        """See one mission; the estimate called `network` is judged."""
+        estimate = estimates["network"]
+        track = reference.track(estimate, reference.measured)
+        error = horizontal_error(track[-1:], reference.water_track[-1:])
+        deviation = network_position_sd(reference, estimate, self._model)
+        self._ends.append((float(error[0]), float(deviation[-1])))
+
+    def figures(self) -> dict[str, float | None]:
+        """Mean predicted deviation at mission end [m], and the share within two of them."""
+        if not self._ends:
+            return {"position_sd_m_mean": None, "within_2sd": None}
+        errors, deviations = np.array(self._ends).T
+        return {
+            "position_sd_m_mean": float(deviations.mean()),
+            "within_2sd": float((errors <= 2.0 * deviations).mean()),
+        }
 
 
 def position_sd(

@@ -1,0 +1,57 @@
+"""`learn compare`: one table of runs and baselines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from learn.run import open_run
+from twin.console import Console, JsonOption
+from twin.errors import InputError
+from twin.program import EXIT_OK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compare(JsonOption):
+    """Runs side by side: as they were judged when fitted, or anew on one store."""
+
+    runs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """folders or names of runs"""
+    store: Path | None = None
+    """evaluate all of them on this store instead of reading what each has on its own"""
+    split: str = "test"
+    """which missions of --store: test, train, validation or all"""
+
+    def run(self, console: Console) -> int:
+        """Print one table."""
+        from learn.report.tables import comparison_rows
+
+        if not self.runs:
+            raise InputError("name at least one run to compare")
+        figures = {}
+        for path in self.runs:
+            run = open_run(path)
+            if self.store is not None:
+                from learn.judge import judge
+
+                found = dict(judge(run, self.store, split=self.split).figures)
+            else:
+                found = run.evaluation() or {}
+                if not found:
+                    raise InputError(f"run {run.path} was not evaluated; give --store STORE")
+            figures[run.name if run.name not in figures else str(run.path)] = found
+        console.answer(runs=figures)
+        stores = {(f["store"], f["split"]) for f in figures.values()}
+        if len(stores) > 1:
+            console.warn(
+                "these runs were judged on different missions: "
+                + "; ".join(f"{name}: {f['store']} ({f['split']})" for name, f in figures.items())
+                + ". Give --store to judge them on the same ones"
+            )
+        store, split = sorted(stores)[0]
+        where = f"{store} ({split})" if len(stores) == 1 else "each on its own store"
+        console.table(comparison_rows(figures), title=f"missions: {where}", digits=3)
+        return EXIT_OK

@@ -1,0 +1,107 @@
+"""`learn evaluate`: dead reckoning of a run on any store."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from learn.run import DEFAULT_STORE, newest_run, open_run
+from twin.console import Console, JsonOption
+from twin.program import EXIT_OK
+
+if TYPE_CHECKING:
+    from learn.baselines import Estimate
+    from learn.report.build import Judged
+    from learn.run import Run
+    from learn.score import Reference
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluate(JsonOption):
+    """Networks, floor and baselines on the missions of a store: velocities and dead reckoning."""
+
+    run_folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None
+    """folder or name of the run [default: the newest in runs/]"""
+    store: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="STORE")] = DEFAULT_STORE
+    """store of missions"""
+    split: Literal["test", "train", "validation", "all"] = "test"
+    """which missions"""
+    tracks: Path | None = None
+    """write the dead-reckoned tracks to this file (.nc, .zarr, .npz or .csv), as
+    `twin render --tracks` reads them"""
+    out: Path | None = None
+    """write a page with tables and figures into this folder"""
+
+    def run(self, console: Console) -> int:
+        """Evaluate, print, write what was asked for."""
+        os.environ.setdefault("OMP_NUM_THREADS", "1")
+        from learn.judge import judge
+        from learn.report.tables import dive_rows, summary_rows, verdicts
+        from learn.tracks import TrackCollector, check_ending
+
+        run = newest_run() if self.run_folder is None else open_run(self.run_folder)
+        collector = TrackCollector()
+        watches = [] if self.tracks is None else [collector.add]
+        if self.tracks is not None:
+            check_ending(self.tracks)
+        with console.progress(total=_count(self), label="evaluate", unit="missions") as progress:
+
+            def see(reference: Reference, estimates: Mapping[str, Estimate]) -> None:
+                progress.update(1)
+
+            judged = judge(run, self.store, split=self.split, watches=[*watches, see])
+        for name, why in judged.evaluation.missing.items():
+            console.warn(f"no baseline {name}: {why}")
+        if self.tracks is not None:
+            collector.write(self.tracks)
+        page = self._page(run, judged) if self.out is not None else None
+
+        figures = dict(judged.figures)
+        console.answer(**figures, tracks=self.tracks, report=page)
+        console.table(
+            summary_rows(figures),
+            title=f"{run.path} on {figures['missions']} missions ({self.split}) of {self.store}: "
+            "MSE in (m/s)^2, dead reckoning in % of the distance through the water",
+            digits=3,
+        )
+        if dives := dive_rows(figures):
+            console.say()
+            console.table(dives, title="over ground between GPS fixes, % of the dive", digits=3)
+        console.say()
+        for sentence in verdicts(figures):
+            console.say(f"- {sentence}")
+        for label, path in (("tracks", self.tracks), ("report", page)):
+            if path is not None:
+                console.say(f"{label}: {path}")
+        return EXIT_OK
+
+    def _page(self, run: Run, judged: Judged) -> Path:
+        from learn.judge import provenance
+        from learn.report.build import Contents, build_page
+
+        assert self.out is not None
+        return build_page(
+            self.out,
+            Contents(
+                title=f"{run.name} on {self.store.name}",
+                lead=f"{judged.figures['missions']} missions ({self.split}) of {self.store}",
+                test=judged,
+                error_model=run.error_model(),
+                provenance=provenance(run),
+                command=shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+            ),
+        )
+
+
+def _count(options: Evaluate) -> int:
+    """Missions that will be evaluated; errors as `load_missions`."""
+    from learn.dataset import load_missions
+
+    return len(load_missions(options.store, ("measured_depth",), split=options.split))

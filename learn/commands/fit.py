@@ -1,0 +1,216 @@
+"""`learn fit`: train both networks, judge them, write a run with its page."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from learn.run import DEFAULT_STORE, DESCRIPTION, RUNS, free_name
+from twin.console import Console, JsonOption
+from twin.errors import InputError
+from twin.program import EXIT_OK
+
+if TYPE_CHECKING:
+    from learn.fit import FitConfig, Job
+    from learn.run import Run
+    from learn.training import Report
+    from twin.progress import Progress
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit(JsonOption):
+    """Train surge and sway networks on a store, judge them by dead reckoning, write a report."""
+
+    store: Annotated[Path, tyro.conf.Positional] = DEFAULT_STORE
+    """store of missions"""
+    name: str | None = None
+    """name of the run, its folder in runs/ [default: date and number]"""
+    kind: Literal["elman", "lstm", "gru", "tcn", "mlp"] | None = None
+    """kind of network [default: elman, the paper's]"""
+    hidden: int | None = None
+    """units per hidden layer [default: 50]"""
+    layers: int | None = None
+    """hidden layers [default: 3]"""
+    delays: int | None = None
+    """elman: past outputs that a hidden layer is fed back [default: 5]"""
+    features: tuple[str, ...] = ()
+    """inputs: names of features or groups [default: attitude imu depth_rate controls]"""
+    without: tuple[str, ...] = ()
+    """features or groups to leave out, such as imu for a vehicle that logs no raw IMU"""
+    optimiser: Literal["adam", "scg"] | None = None
+    """adam with a schedule, or scg, the paper's scaled conjugate gradients [default: adam]"""
+    seconds: float | None = None
+    """time in training of each network; two are trained side by side [default: 240]"""
+    epochs: int | None = None
+    """passes over the training missions instead of a time (scg: iterations); repeatable"""
+    seed: int = 0
+    """of initial weights and order; every network gets one of its own from it"""
+    members: int = 1
+    """networks per velocity; with more than one their spread is an uncertainty"""
+    division: Literal["missions", "samples"] = "missions"
+    """missions: the store's split; samples: the paper's random 70/15/15, which leaks"""
+    device: Literal["auto", "cpu", "cuda"] = "cpu"
+    """auto takes a GPU when there is one"""
+    workers: int | None = None
+    """processes [default: the CPUs that this process may use]"""
+    ablation: bool = False
+    """train again without each group of inputs, for a table in the report (takes much longer)"""
+    tensorboard: bool = False
+    """write TensorBoard events into the run too (needs the extra `tensorboard`)"""
+    resume: bool = False
+    """go on with the run of this --name; start it if there is none"""
+    overwrite: bool = False
+    """replace the run of this --name"""
+
+    def run(self, console: Console) -> int:
+        """Train, judge, report."""
+        # must be said before numpy is imported: each network trains in one thread
+        os.environ.setdefault("OMP_NUM_THREADS", "1")
+        from learn.fit import fit
+        from learn.judge import finish
+
+        if self.resume and self.name is None:
+            raise InputError("--resume needs the --name of the run to go on with")
+        config = self._config()
+        folder = self._folder()
+        workers = self.workers or len(os.sched_getaffinity(0))
+        history = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+        try:
+            with _Watcher(console, config, folder, events=self.tensorboard) as watcher:
+                run = fit(
+                    config,
+                    folder,
+                    resume=self.resume,
+                    workers=workers,
+                    watch=watcher.see,
+                    history=history,
+                )
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(
+                f"what is trained so far is in {folder}; `learn fit --name {folder.name} --resume`"
+                " with the same settings goes on from there"
+            ) from None
+        if self.ablation:
+            self._ablate(console, run, config, workers)
+        run = finish(run, history=history, say=console.note)
+        self._report(console, run)
+        return EXIT_OK
+
+    def _config(self) -> FitConfig:
+        from learn.features import DEFAULT_GROUPS, select_features
+        from learn.fit import FitConfig
+        from learn.networks import NetworkConfig
+        from learn.training import TrainingConfig
+
+        chosen = {"kind": self.kind, "hidden": self.hidden, "layers": self.layers}
+        chosen |= {"delays": self.delays}
+        budget: dict[str, float | int | None] = {"seconds": self.seconds, "epochs": self.epochs}
+        if self.epochs is not None and self.seconds is None:
+            budget["seconds"] = 0.0
+        settings = {"optimiser": self.optimiser, "seed": self.seed, "device": self.device, **budget}
+        return FitConfig(
+            store=str(self.store),
+            features=select_features(self.features or DEFAULT_GROUPS, self.without),
+            network=NetworkConfig(**{k: v for k, v in chosen.items() if v is not None}),  # type: ignore[arg-type]
+            training=TrainingConfig(**{k: v for k, v in settings.items() if v is not None}),  # type: ignore[arg-type]
+            members=self.members,
+            division=self.division,
+        )
+
+    def _folder(self) -> Path:
+        name = self.name or free_name()
+        if Path(name).name != name or name in (".", ".."):
+            raise InputError(f"--name {name!r} must be a plain name: the run goes into {RUNS}/NAME")
+        folder = RUNS / name
+        if self.overwrite and folder.exists():
+            if not (folder / DESCRIPTION).is_file():
+                raise InputError(f"{folder} is in the way and is not a run; choose another --name")
+            if not self.resume:
+                shutil.rmtree(folder)
+        return folder
+
+    def _ablate(self, console: Console, run: Run, config: FitConfig, workers: int) -> None:
+        from learn.ablation import ablate, masked
+
+        jobs = len(masked(config)) * len(config.jobs())
+        with console.progress(total=100.0 * jobs, label="ablation", unit="%") as progress:
+            shares: dict[tuple[str, ...], float] = {}
+
+            def see(job: Job, report: Report) -> None:
+                key = (*job.config.features, job.name)
+                progress.update(100.0 * (report.share - shares.get(key, 0.0)))
+                shares[key] = report.share
+
+            ablate(run, config, workers=workers, watch=see, say=progress.note)
+
+    def _report(self, console: Console, run: Run) -> None:
+        from learn.report.tables import summary_rows, verdicts
+
+        figures = run.evaluation()
+        assert figures is not None
+        console.answer(
+            **figures,
+            report=run.report,
+            settings=run.description["settings"],
+            networks=run.description["networks"],
+        )
+        console.table(
+            summary_rows(figures),
+            title=f"{figures['missions']} {figures['split']} missions of {figures['store']}: "
+            "MSE in (m/s)^2, dead reckoning in % of the distance through the water",
+            digits=3,
+        )
+        console.say()
+        for sentence in verdicts(figures):
+            console.say(f"- {sentence}")
+        console.say()
+        console.say(f"run:    {run.path}")
+        console.say(f"report: {run.report}")
+
+
+class _Watcher:
+    """Progress of all networks of a run, and TensorBoard events when asked."""
+
+    def __init__(self, console: Console, config: FitConfig, folder: Path, *, events: bool) -> None:
+        self._progress: Progress = console.progress(
+            total=100.0 * len(config.jobs()), label="fit", unit="%"
+        )
+        self._shares: dict[str, float] = {}
+        self._writer = _event_writer(folder) if events else None
+
+    def __enter__(self) -> _Watcher:
+        self._progress.__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._progress.__exit__(*error)  # type: ignore[arg-type]
+        if self._writer is not None:
+            self._writer.close()
+
+    def see(self, job: Job, report: Report) -> None:
+        """Show one validation."""
+        done = 100.0 * (report.share - self._shares.get(job.name, 0.0))
+        self._shares[job.name] = report.share
+        known = report.validation_mse == report.validation_mse  # not NaN
+        error = report.validation_mse if known else report.train_mse
+        self._progress.update(done, **{f"{job.name} MSE": error, "rate": report.rate})
+        if self._writer is not None:
+            for name in ("train_mse", "validation_mse", "rate"):
+                self._writer.add_scalar(f"{job.name}/{name}", getattr(report, name), report.step)
+
+
+def _event_writer(folder: Path):  # type: ignore[no-untyped-def]
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError as error:
+        raise InputError(
+            "--tensorboard needs the package tensorboard: pip install 'glider-twin[tensorboard]'"
+        ) from error
+    return SummaryWriter(str(folder / "events"))

@@ -1,0 +1,281 @@
+"""Fit: train the networks of a run, side by side in processes of one thread each."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+import math
+import multiprocessing
+import queue
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from learn.networks import NetworkConfig
+from learn.preparation import Division, prepare
+from learn.run import (
+    DESCRIPTION,
+    FORMAT,
+    METRICS,
+    TARGETS,
+    Run,
+    now,
+    read_description,
+    stem,
+    versions,
+    write_description,
+)
+from learn.training import Report, Trainer, TrainingConfig
+from twin.console import to_json
+from twin.errors import InputError, StoreError, TwinError
+from twin.store import open_store
+
+if TYPE_CHECKING:
+    from multiprocessing.process import BaseProcess
+
+CHECKPOINT = ".checkpoint"
+POLL_S = 0.2
+"""[s] between looks at the queue, so that a dead process is noticed."""
+STORE_ATTRIBUTES = ("preset", "seed", "hours", "sensors", "vehicle_sha256", "history")
+"""What a run keeps of its store's description."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FitConfig:
+    """Everything that decides what a run becomes."""
+
+    store: str
+    """Path of the store."""
+    features: tuple[str, ...]
+    """Inputs by name, in order."""
+    network: NetworkConfig = dataclasses.field(default_factory=NetworkConfig)
+    training: TrainingConfig = dataclasses.field(default_factory=TrainingConfig)
+    """Its seed is the first member's of surge; every network gets one of its own."""
+    members: int = 1
+    """Networks per velocity; their spread is an uncertainty."""
+    division: Division = "missions"
+    """`missions`: the store's split. `samples`: the paper's random 70/15/15, which leaks."""
+
+    def __post_init__(self) -> None:
+        if self.members < 1:
+            raise InputError(f"members must be at least 1, not {self.members}")
+        if not self.features:
+            raise InputError("the networks need at least one input feature")
+
+    def jobs(self) -> list[Job]:
+        """The networks to train."""
+        return [
+            Job(
+                target=target,
+                member=member,
+                config=self,
+                seed=self.training.seed + member * len(TARGETS) + place,
+            )
+            for member in range(self.members)
+            for place, target in enumerate(TARGETS)
+        ]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Job:
+    """One network of a run."""
+
+    target: str
+    member: int
+    config: FitConfig
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Name of its files."""
+        return f"{self.target}-{self.member}"
+
+
+Watch = Callable[[Job, Report], None]
+"""Called at every validation of every network."""
+
+
+def fit(
+    config: FitConfig,
+    folder: Path,
+    *,
+    resume: bool = False,
+    workers: int = 2,
+    watch: Watch | None = None,
+    history: str = "",
+) -> Run:
+    """Train what is missing in `folder` and describe it; the evaluation is a step of its own.
+
+    Args:
+      resume: go on with an unfinished run of the same settings; start it if there is none.
+      workers: processes; 1 trains in this one.
+      watch: sees every validation.
+      history: command line for the record.
+
+    Raises:
+      InputError: the folder is in use, or holds a run of other settings.
+      StoreError: the store cannot be used (see `learn.dataset`).
+    """
+    description = _begin(config, folder, resume=resume, history=history)
+    jobs = [job for job in config.jobs() if not (folder / f"{job.name}.json").is_file()]
+    results = dict(description.get("networks", {}))
+
+    def finished(job: Job, report: Report | None) -> None:
+        results[job.name] = _figures(job, report)
+        write_description(folder, {**description, "networks": results})
+
+    def seen(job: Job, report: Report) -> None:
+        record = {"network": job.name, **dataclasses.asdict(report)}
+        with (folder / METRICS).open("a") as file:
+            file.write(json.dumps(to_json(record)) + "\n")
+        if watch is not None:
+            watch(job, report)
+
+    if workers == 1 or len(jobs) < 2:
+        for job in jobs:
+            finished(job, train(job, folder, functools.partial(seen, job)))
+    else:
+        _train_aside(jobs, folder, min(workers, len(jobs)), seen, finished)
+    description = {**description, "networks": results, "complete": True, "finished": now()}
+    write_description(folder, description)
+    return Run(folder, description)
+
+
+def train(job: Job, folder: Path, report: Callable[[Report], None]) -> Report | None:
+    """Train one network and save it; its last report, None when nothing was left to do."""
+    config = job.config
+    data = prepare(
+        config.store,
+        target=job.target,
+        features=config.features,
+        division=config.division,
+        seed=config.training.seed,
+    )
+    from learn.predictor import Predictor
+
+    trained = Trainer(
+        config.network,
+        dataclasses.replace(config.training, seed=job.seed),
+        data.train,
+        data.validation,
+        target_scale=data.normalisation.target_scale,
+        checkpoint=folder / f"{job.name}{CHECKPOINT}",
+        report=report,
+    ).run()
+    Predictor(trained.network.cpu(), data.normalisation).save(stem(folder, job.target, job.member))
+    return trained.history[-1] if trained.history else None
+
+
+def _begin(config: FitConfig, folder: Path, *, resume: bool, history: str) -> dict[str, Any]:
+    """The description of a new run, or that of the one to go on with."""
+    settings = to_json(config)
+    if folder.exists() and any(folder.iterdir()):
+        if not (folder / DESCRIPTION).is_file():
+            raise InputError(f"{folder} is in the way and is not a run; choose another --name")
+        if not resume:
+            raise InputError(f"run {folder} exists; use --resume, --overwrite or another --name")
+        found = read_description(folder)
+        for name, value in settings.items():
+            if found["settings"].get(name) != value:
+                raise InputError(
+                    f"run {folder} was started with {name} {found['settings'].get(name)}, not "
+                    f"{value}; give the same settings or another --name"
+                )
+        return found
+    dataset = open_store(config.store)
+    attributes = {k: dataset.attrs[k] for k in STORE_ATTRIBUTES if k in dataset.attrs}
+    dataset.close()
+    folder.mkdir(parents=True, exist_ok=True)
+    description = {
+        "format": FORMAT,
+        "created": now(),
+        "complete": False,
+        "history": history,
+        "settings": settings,
+        "store": attributes,
+        "versions": versions(),
+    }
+    write_description(folder, description)
+    return description
+
+
+def _figures(job: Job, report: Report | None) -> dict[str, Any]:
+    """What is remembered of a training."""
+    if report is None:
+        return {"seed": job.seed}
+    return {
+        "seed": job.seed,
+        "train_mse": report.train_mse,
+        "validation_mse": None if math.isnan(report.validation_mse) else report.best_mse,
+        "steps": report.step,
+        "epochs": report.epoch,
+        "seconds": report.seconds,
+    }
+
+
+def _train_aside(
+    jobs: Sequence[Job],
+    folder: Path,
+    workers: int,
+    seen: Watch,
+    finished: Callable[[Job, Report | None], None],
+) -> None:
+    """Train in processes; an interrupt or an error ends them, their checkpoints stay."""
+    context = multiprocessing.get_context("spawn")
+    messages: Any = context.Queue()
+    waiting = list(jobs)
+    running: dict[str, tuple[Job, BaseProcess]] = {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < workers:
+                job = waiting.pop(0)
+                started = context.Process(
+                    target=_work, args=(job, folder, messages), daemon=True, name=job.name
+                )
+                started.start()
+                running[job.name] = (job, started)
+            try:
+                name, kind, content = messages.get(timeout=POLL_S)
+            except queue.Empty:
+                _check_alive(running)
+                continue
+            job, process = running[name]
+            if kind == "report":
+                seen(job, content)
+            elif kind == "done":
+                process.join()
+                del running[name]
+                finished(job, content)
+            else:
+                raise content
+    finally:
+        for _, process in running.values():
+            process.terminate()
+            process.join()
+
+
+def _work(job: Job, folder: Path, messages: Any) -> None:
+    """One process: reports and the result go through the queue."""
+    import signal
+
+    # An interrupt is for the parent, which ends this process.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        last = train(job, folder, lambda report: messages.put((job.name, "report", report)))
+    except TwinError as error:
+        messages.put((job.name, "error", type(error)(*error.args)))
+    except Exception as error:  # carried to the parent, which alone may speak to the user
+        text = f"training of {job.name} failed: {type(error).__name__}: {error}"
+        messages.put((job.name, "error", StoreError(text)))
+    else:
+        messages.put((job.name, "done", last))
+
+
+def _check_alive(running: Mapping[str, tuple[Job, BaseProcess]]) -> None:
+    for name, (_, process) in running.items():
+        if process.exitcode:
+            raise StoreError(
+                f"the process that trains {name} ended with code {process.exitcode} (out of "
+                "memory?); go on with `learn fit --resume`"
+            )

@@ -1,0 +1,170 @@
+"""Judge: evaluate a run, draw its page and write its card."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from learn.baselines import BASELINES, Estimate
+from learn.dataset import SPLITS, Mission, load_missions
+from learn.evaluate import NETWORK, Evaluation, Watch, evaluate
+from learn.report.build import Contents, Judged, build_page
+from learn.report.card import model_card
+from learn.report.figures import TRAINING_PANELS
+from learn.report.shown import Showcase
+from learn.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
+from learn.score import Reference
+from learn.uncertainty import Coverage, ErrorModel, fit_error_model
+from twin.console import to_json
+from twin.store import open_store
+
+IDEAL_SENSORS = "ideal"
+"""The store's attribute `sensors` when its compass has no error."""
+PAPER_TEST_STORE = "paper-test.zarr"
+
+Say = Callable[[str], None]
+
+
+def judge(
+    run: Run,
+    store: str | Path,
+    *,
+    split: str = "test",
+    baselines: Sequence[str] = tuple(BASELINES),
+    watches: Sequence[Watch] = (),
+) -> Judged:
+    """Evaluate a run on a store, with the missions that a page draws; errors as `evaluate`."""
+    showcase, coverage = Showcase(), Coverage(run.error_model())
+
+    def watch(reference: Reference, estimates: Mapping[str, Estimate]) -> None:
+        for see in (showcase.add, coverage.add, *watches):
+            see(reference, estimates)
+
+    evaluation = evaluate(run.networks(), store, split=split, baselines=baselines, watch=watch)
+    found = {
+        "run": str(run.path),
+        **evaluation.to_json(),
+        "uncertainty": coverage.figures(),
+    }
+    return Judged(evaluation=evaluation, figures=to_json(found), shown=showcase.missions)
+
+
+def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
+    """Everything of a run that follows its training: error model, evaluations, page and card.
+
+    Args:
+      history: command line for the page.
+      say: told what is being done.
+
+    Returns:
+      The run with its error model.
+    """
+    split, others = judged_split(run)
+    say("learning how far off the networks are from missions that they were not trained on")
+    run = run.remember(error_model=dataclasses.asdict(_error_model(run, others)))
+    say(f"evaluating on {split} missions, with floor and baselines")
+    test = judge(run, run.store, split=split)
+    _write(run.path / EVALUATION, test.figures)
+    say("flying the paper's test in three currents")
+    paper = _paper_test(run)
+    if paper is not None:
+        _write(run.path / PAPER_TEST, paper.figures)
+    write_page(run, test, paper, history=history)
+    (run.path / CARD).write_text(model_card(run, test.figures, split), encoding="utf-8")
+    return run
+
+
+def write_page(run: Run, test: Judged, paper: Judged | None, *, history: str) -> Path:
+    """The run's page from its evaluations."""
+    settings = run.description["settings"]
+    ablation = run.path / ABLATION
+    contents = Contents(
+        title=f"Surge and sway networks: {run.name}",
+        lead=f"{settings['network']['kind']} networks, {test.figures['missions']} "
+        f"{test.evaluation.split} missions of {test.evaluation.store}",
+        test=test,
+        paper_test=paper,
+        error_model=run.error_model(),
+        metrics=run.metrics(),
+        training=_training_mission(run),
+        ablation=json.loads(ablation.read_text()) if ablation.is_file() else {},
+        provenance=provenance(run),
+        command=history or str(run.description.get("history", "")),
+    )
+    return build_page((run.path / REPORT).parent, contents)
+
+
+def provenance(run: Run) -> dict[str, object]:
+    """What a run was made from and with."""
+    settings = run.description["settings"]
+    networks = run.description.get("networks", {}).values()
+    return {
+        "store": settings["store"],
+        **{f"store: {name}": value for name, value in run.description["store"].items()},
+        "inputs": ", ".join(settings["features"]),
+        "network": ", ".join(f"{k} {v}" for k, v in settings["network"].items()),
+        "training": ", ".join(f"{k} {v}" for k, v in settings["training"].items()),
+        "networks per velocity": settings["members"],
+        "division": settings["division"],
+        "time in training": f"{sum(n.get('seconds', 0.0) for n in networks):.0f} s of networks",
+        "started": run.description["created"],
+        **{f"version of {name}": value for name, value in run.description["versions"].items()},
+    }
+
+
+def judged_split(run: Run) -> tuple[str, str]:
+    """The split to judge on, and the one to learn the size of errors from.
+
+    Test and validation missions; where a store has none, what comes nearest to unseen missions.
+    """
+    if run.description["settings"]["division"] == "samples":
+        return "all", "all"
+    parts = {m.split for m in load_missions(run.store, ("measured_depth",), split="all")}
+    held_out = [split for split in reversed(SPLITS) if split in parts] or ["all"]
+    return held_out[0], held_out[min(1, len(held_out) - 1)]
+
+
+def _error_model(run: Run, split: str) -> ErrorModel:
+    seconds: list[float] = []
+
+    def watch(reference: Reference, estimates: Mapping[str, Estimate]) -> None:
+        seconds.append(reference.mission.samples * reference.mission.period)
+
+    found: Evaluation = evaluate(run.networks(), run.store, split=split, baselines=(), watch=watch)
+    ideal = found.provenance.get("sensors") == IDEAL_SENSORS
+    return fit_error_model(found.methods[NETWORK].scores, seconds, ideal_compass=ideal)
+
+
+def _paper_test(run: Run) -> Judged | None:
+    """The run on the paper's three missions, flown with the sensors of its store.
+
+    None for a store that the factory did not make: its sensors are not known.
+    """
+    sensors = run.description["store"].get("sensors")
+    if sensors is None:
+        return None
+    from factory.generate import generate
+    from factory.recipe import make_recipe
+
+    path = run.path / PAPER_TEST_STORE
+    recipe = make_recipe(preset="paper-test", sensors=str(sensors))
+    generate(recipe, path, workers=1, overwrite=True, history="learn fit")
+    return judge(run, path, split="all")
+
+
+def _training_mission(run: Run) -> Mission | None:
+    """One training mission with the channels that the page draws and the store has."""
+    dataset = open_store(run.store)
+    present = set(dataset.data_vars)
+    dataset.close()
+    channels = [name for name, _ in TRAINING_PANELS if name in present]
+    split = "train" if "split" in present else "all"
+    missions = load_missions(run.store, channels, split=split, limit=1)
+    return missions[0] if missions else None
+
+
+def _write(path: Path, figures: Mapping[str, Any]) -> None:
+    path.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")

@@ -1,0 +1,1 @@
+"""Report: one self-contained page per run, its figures as PNG, and the model card."""

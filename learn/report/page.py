@@ -1,0 +1,138 @@
+"""Page: one HTML file with everything in it, figures too, that opens anywhere without a network."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from twin.errors import InputError
+from twin.table import MISSING, format_number
+
+DPI = 200
+
+STYLE = """
+:root { color-scheme: light; --ink: #1a1a1a; --dim: #5c6570; --line: #dde1e6; --mark: #d55e00; }
+* { box-sizing: border-box; }
+body { font: 16px/1.55 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: var(--ink);
+  background: #fff; max-width: 62rem; margin: 0 auto; padding: 2rem 1.25rem 4rem; }
+h1 { font-size: 1.7rem; line-height: 1.2; margin: 0 0 .25rem; }
+h2 { font-size: 1.2rem; margin: 2.6rem 0 .6rem; padding-top: .6rem;
+  border-top: 1px solid var(--line); }
+p.lead { color: var(--dim); margin-top: 0; }
+dl.figures { display: grid; grid-template-columns: repeat(auto-fit, minmax(13rem, 1fr));
+  gap: .75rem; margin: 1.5rem 0; }
+dl.figures div { border: 1px solid var(--line); border-radius: 6px; padding: .7rem .9rem; }
+dl.figures dt { color: var(--dim); font-size: .85rem; }
+dl.figures dd { margin: 0; font-size: 1.35rem; font-variant-numeric: tabular-nums; }
+.scroll { overflow-x: auto; }
+table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
+th, td { padding: .3rem .8rem .3rem 0; text-align: right; border-bottom: 1px solid var(--line);
+  vertical-align: bottom; }
+th { font-weight: 600; color: var(--dim); }
+th:first-child, td:first-child { text-align: left; }
+tr.first td { font-weight: 600; }
+tr.first td:first-child { color: var(--mark); }
+figure { margin: 1.2rem 0; }
+figure img { max-width: 100%; height: auto; display: block; }
+figcaption { color: var(--dim); font-size: .9rem; max-width: 46rem; }
+.pair { display: flex; flex-wrap: wrap; gap: 1.5rem; }
+.pair figure { flex: 1 1 24rem; margin: .5rem 0; }
+code, pre { font: .85rem/1.5 ui-monospace, "DejaVu Sans Mono", monospace; }
+pre { background: #f6f7f9; padding: .8rem 1rem; border-radius: 6px; overflow-x: auto; }
+@media print { h2 { break-after: avoid; } figure, table { break-inside: avoid; } }
+"""
+
+
+class Page:
+    """Collects a page piece by piece; each figure is embedded and written as PNG beside it."""
+
+    def __init__(self, folder: Path, title: str, lead: str) -> None:
+        self._folder = folder
+        self._title = title
+        self._body = [f"<h1>{_text(title)}</h1>", f'<p class="lead">{_text(lead)}</p>']
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make folder {folder}: {error.strerror or error}") from error
+
+    def section(self, title: str) -> None:
+        """A heading."""
+        self._body.append(f"<h2>{_text(title)}</h2>")
+
+    def say(self, text: str) -> None:
+        """A paragraph."""
+        self._body.append(f"<p>{_text(text)}</p>")
+
+    def points(self, texts: Sequence[str]) -> None:
+        """A list of sentences."""
+        self._body.append(f"<ul>{''.join(f'<li>{_text(text)}</li>' for text in texts)}</ul>")
+
+    def numbers(self, figures: Mapping[str, str]) -> None:
+        """The few figures that matter, large."""
+        cells = "".join(
+            f"<div><dt>{_text(name)}</dt><dd>{_text(value)}</dd></div>"
+            for name, value in figures.items()
+        )
+        self._body.append(f'<dl class="figures">{cells}</dl>')
+
+    def table(self, rows: Sequence[Mapping[str, object]], caption: str = "") -> None:
+        """Rows with one column per key; the first row stands out."""
+        columns = list(dict.fromkeys(key for row in rows for key in row))
+        head = "".join(f"<th>{_text(column)}</th>" for column in columns)
+        lines = [f"<tr>{head}</tr>"]
+        for place, row in enumerate(rows):
+            cells = "".join(f"<td>{_text(_cell(row.get(c)))}</td>" for c in columns)
+            lines.append(f'<tr class="first">{cells}</tr>' if place == 0 else f"<tr>{cells}</tr>")
+        note = f"<p class=lead>{_text(caption)}</p>" if caption else ""
+        self._body.append(f'{note}<div class="scroll"><table>{"".join(lines)}</table></div>')
+
+    def figure(self, name: str, drawn: Figure, caption: str) -> None:
+        """A figure with what it shows."""
+        self._body.append(self._figure(name, drawn, caption))
+
+    def pair(self, figures: Sequence[tuple[str, Figure, str]]) -> None:
+        """Figures side by side where the window is wide enough."""
+        self._body.append(
+            f'<div class="pair">{"".join(self._figure(*entry) for entry in figures)}</div>'
+        )
+
+    def code(self, text: str) -> None:
+        """Text as it is."""
+        self._body.append(f"<pre>{_text(text)}</pre>")
+
+    def write(self) -> Path:
+        """Write `index.html`."""
+        path = self._folder / "index.html"
+        body = "\n".join(self._body)
+        path.write_text(
+            f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n'
+            f'<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+            f"<title>{_text(self._title)}</title>\n<style>{STYLE}</style></head>\n"
+            f"<body>\n{body}\n</body></html>\n",
+            encoding="utf-8",
+        )
+        return path
+
+    def _figure(self, name: str, drawn: Figure, caption: str) -> str:
+        buffer = io.BytesIO()
+        drawn.savefig(buffer, format="png", dpi=DPI)
+        (self._folder / f"{name}.png").write_bytes(buffer.getvalue())
+        data = base64.b64encode(buffer.getvalue()).decode()
+        width = round(drawn.get_size_inches()[0] * 118)
+        return (
+            f'<figure><img width="{width}" alt="{_text(caption)}" '
+            f'src="data:image/png;base64,{data}"><figcaption>{_text(caption)}</figcaption></figure>'
+        )
+
+
+def _cell(value: object) -> str:
+    return MISSING if value is None else format_number(value, 3)
+
+
+def _text(text: str) -> str:
+    return html.escape(text, quote=True)

@@ -1,0 +1,179 @@
+"""Tables: figures of an evaluation as rows for a terminal or a page.
+
+They read the JSON object of `learn evaluate`, so that a run's tables can be made without its store.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from learn.report.names import KNOWLEDGE_TITLES, title_of
+
+Figures = Mapping[str, Any]
+Row = dict[str, object]
+
+PAPER = {"surge_mse": 2.12e-4, "sway_mse": 4.59e-6}
+"""[(m/s)^2] of the paper's glider networks (its table II); of which samples is not said."""
+
+
+def methods_of(evaluation: Figures) -> Iterator[tuple[str, Figures]]:
+    """The network, the floor and each baseline that has any figure."""
+    yield "network", evaluation
+    yield "floor", evaluation["floor"]
+    for name, figures in evaluation["baselines"].items():
+        if any(v is not None for k, v in figures.items() if k.endswith(("_mse", "_mean"))) or any(
+            dives["dives"] for dives in figures["dives"].values()
+        ):
+            yield name, figures
+
+
+def velocity_rows(evaluation: Figures) -> list[Row]:
+    """Mean squared errors of surge and sway of each method."""
+    rows = []
+    for name, figures in methods_of(evaluation):
+        if figures["surge_mse"] is None or name == "floor":
+            continue
+        rows.append(
+            {
+                "method": title_of(name),
+                "surge MSE [(m/s)²]": figures["surge_mse"],
+                "after 30 s": figures["surge_mse_after_30s"],
+                "sway MSE [(m/s)²]": figures["sway_mse"],
+                "after 30 s ": figures["sway_mse_after_30s"],
+            }
+        )
+    return rows
+
+
+def track_rows(evaluation: Figures, track: str) -> list[Row]:
+    """Dead-reckoning errors of each method: `water`, `velocity` or `ground`."""
+    rows = []
+    for name, figures in methods_of(evaluation):
+        if figures[f"dr_{track}_percent_mean"] is None:
+            continue
+        rows.append(
+            {
+                "method": title_of(name),
+                "mean [%]": figures[f"dr_{track}_percent_mean"],
+                "median [%]": figures[f"dr_{track}_percent_median"],
+                "p90 [%]": figures[f"dr_{track}_percent_p90"],
+                "largest on the way, mean [%]": figures[f"dr_{track}_max_percent_mean"],
+                "mean [m]": figures[f"dr_{track}_m_mean"],
+                "p90 [m]": figures[f"dr_{track}_m_p90"],
+            }
+        )
+    return rows
+
+
+def dive_rows(evaluation: Figures) -> list[Row]:
+    """Errors over ground between GPS fixes, by what is known of the current."""
+    rows = []
+    for name, figures in methods_of(evaluation):
+        row: Row = {"method": title_of(name)}
+        for knowledge, found in figures["dives"].items():
+            kind = "dr_max_percent" if knowledge == "corrected" else "dr_percent"
+            words = KNOWLEDGE_TITLES[knowledge]
+            row[f"{words}: median [%]"] = found[f"{kind}_median"]
+            row[f"p90 [%] ({words})"] = found[f"{kind}_p90"]
+        if any(value is not None for key, value in row.items() if key != "method"):
+            rows.append(row)
+    return rows
+
+
+def summary_rows(evaluation: Figures) -> list[Row]:
+    """One line per method: what `learn evaluate` prints."""
+    return [
+        {
+            "method": title_of(name),
+            "surge MSE": None if name == "floor" else figures["surge_mse"],
+            "sway MSE": None if name == "floor" else figures["sway_mse"],
+            "water % mean": figures["dr_water_percent_mean"],
+            "p90": figures["dr_water_percent_p90"],
+            "true attitude % mean": figures["dr_velocity_percent_mean"],
+            "p90 ": figures["dr_velocity_percent_p90"],
+            "ground % mean": figures["dr_ground_percent_mean"],
+            "p90  ": figures["dr_ground_percent_p90"],
+        }
+        for name, figures in methods_of(evaluation)
+    ]
+
+
+def comparison_rows(evaluations: Mapping[str, Figures]) -> list[Row]:
+    """Runs side by side, then the baselines of the first."""
+    rows: list[Row] = []
+    for name, evaluation in evaluations.items():
+        rows.append({"run or baseline": name} | summary_rows(evaluation)[0])
+    for row in summary_rows(next(iter(evaluations.values())))[1:]:
+        rows.append({"run or baseline": row["method"]} | row)
+    return [{k: v for k, v in row.items() if k != "method"} for row in rows]
+
+
+def ablation_rows(full: Figures, ablation: Mapping[str, Figures]) -> list[Row]:
+    """The networks without some inputs, beside those with all."""
+    return [
+        {
+            "inputs": name,
+            "surge MSE [(m/s)²]": figures["surge_mse"],
+            "sway MSE [(m/s)²]": figures["sway_mse"],
+            "through the water, mean [%]": figures["dr_water_percent_mean"],
+            "true attitude, mean [%]": figures["dr_velocity_percent_mean"],
+        }
+        for name, figures in {"all": full, **ablation}.items()
+    ]
+
+
+JUDGED = {
+    "dr_water_percent_mean": "through the water",
+    "dr_velocity_percent_mean": "through the water with the true attitude",
+    "dr_ground_percent_mean": "over ground without knowledge of the current",
+}
+"""Figures in which networks and baselines are set against each other, in words."""
+
+
+def verdicts(evaluation: Figures) -> list[str]:
+    """Sentences: where the networks are better than the baselines, and where they are not."""
+    sentences = []
+    for key, words in JUDGED.items():
+        mine = evaluation[key]
+        theirs = {n: f[key] for n, f in evaluation["baselines"].items() if f[key] is not None}
+        if mine is None or not theirs:
+            continue
+        lost = {name: value for name, value in theirs.items() if value <= mine}
+        beaten = [title_of(name) for name in theirs if name not in lost]
+        text = f"Dead reckoning {words}: the networks have {mine:.3g} % of the distance"
+        if beaten:
+            text += f", better than {_list(beaten)}"
+        if lost:
+            named = _list([f"{title_of(name)} ({value:.3g} %)" for name, value in lost.items()])
+            text += f"{'; they do' if beaten else ' and do'} not beat {named}"
+        sentences.append(text + ".")
+    for knowledge in ("previous", "corrected"):
+        sentence = _dive_verdict(evaluation, knowledge)
+        if sentence:
+            sentences.append(sentence)
+    return sentences
+
+
+def _dive_verdict(evaluation: Figures, knowledge: str) -> str:
+    key = "dr_max_percent_median" if knowledge == "corrected" else "dr_percent_median"
+    mine = evaluation["dives"][knowledge][key]
+    if mine is None:
+        return ""
+    found = {n: f["dives"][knowledge][key] for n, f in evaluation["baselines"].items()}
+    better = {n: v for n, v in found.items() if v is not None and v <= mine}
+    text = (
+        f"Between GPS fixes, {KNOWLEDGE_TITLES[knowledge]}: median {mine:.3g} % over "
+        f"{evaluation['dives'][knowledge]['dives']} dives"
+    )
+    if not better:
+        return text + ", no baseline is better."
+    return (
+        text + f"; not beaten: {_list([f'{title_of(n)} ({v:.3g} %)' for n, v in better.items()])}."
+    )
+
+
+def _list(words: Sequence[str]) -> str:
+    if len(words) < 2:
+        return "".join(words)
+    return ", ".join(words[:-1]) + " and " + words[-1]
