@@ -18,9 +18,9 @@ from factory.draw import KINDS
 from factory.journal import Journal, write_whole
 from factory.layout import (
     SEGMENT,
-    SHARD_MISSIONS,
     flag_attributes,
     group_metadata,
+    shard_missions,
     signal_metadata,
     small_metadata,
     split_attributes,
@@ -40,13 +40,13 @@ SENSOR_PREFIX = "sensor_"
 
 def shards(recipe: Recipe) -> range:
     """Numbers of all shards."""
-    return range(-(-len(recipe.plan) // SHARD_MISSIONS))
+    return range(-(-len(recipe.plan) // shard_missions(len(recipe.plan))))
 
 
 def shard_range(recipe: Recipe, number: int) -> range:
     """Missions of one shard."""
-    first = number * SHARD_MISSIONS
-    return range(first, min(first + SHARD_MISSIONS, len(recipe.plan)))
+    size = shard_missions(len(recipe.plan))
+    return range(number * size, min((number + 1) * size, len(recipe.plan)))
 
 
 def write_shard(recipe: Recipe, journal: Journal, number: int) -> list[Record]:
@@ -65,7 +65,7 @@ def write_shard(recipe: Recipe, journal: Journal, number: int) -> list[Record]:
         chunks.append(part[1])
     for name in chunks[0]:
         packed: list[bytes | None] = [mission_chunks[name] for mission_chunks in chunks]
-        packed += [None] * (SHARD_MISSIONS - len(packed))
+        packed += [None] * (shard_missions(len(recipe.plan)) - len(packed))
         folder = journal.store / name / "c" / str(number)
         folder.mkdir(parents=True, exist_ok=True)
         write_whole(folder / "0", shard(packed))
@@ -96,9 +96,14 @@ def finish_store(recipe: Recipe, store: Path, records: Sequence[Record], history
         if (store / name / "c").is_dir():
             arrays[name] = signal_metadata(variable, len(recipe.plan), recipe.plan.samples)
     for name, metadata in arrays.items():
-        write_whole(store / name / "zarr.json", json.dumps(metadata, indent=1).encode())
+        write_whole(store / name / "zarr.json", compact_json(metadata))
     group = group_metadata(attributes(recipe, records, history), arrays)
-    write_whole(store / "zarr.json", json.dumps(group, indent=1).encode())
+    write_whole(store / "zarr.json", compact_json(group))
+
+
+def compact_json(value: Mapping[str, Any]) -> bytes:
+    """JSON without white space: a small store is mostly metadata."""
+    return json.dumps(value, separators=(",", ":"), allow_nan=False).encode()
 
 
 def small_arrays(recipe: Recipe, records: Sequence[Record]) -> dict[str, Small]:

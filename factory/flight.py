@@ -16,7 +16,7 @@ from factory.draw import SAW_TOOTH, SURFACE, Parameters, number
 from factory.glider import BelievedMission, apply_errors, spread_vehicle
 from factory.water import bottom_depth, build_current, build_density, origin
 from twin.current.base import Current
-from twin.mission import Mission, SawTooth, Segment, Spiral, Surface
+from twin.mission import SawTooth, Segment, Spiral, Surface
 from twin.scenario import SAMPLE_PERIOD, Scenario
 from twin.simulate import Simulation
 from twin.vehicle import Vehicle
@@ -43,7 +43,7 @@ class Flight:
         return {**self.trajectory.signals, **self.measured}
 
 
-def build_mission(parameters: Parameters, vehicle: Vehicle) -> Mission:
+def build_mission(parameters: Parameters, vehicle: Vehicle) -> BelievedMission:
     """The mission that the guidance is given."""
     heading = parameters.number("mission.start_heading_deg")
     start_heading = heading

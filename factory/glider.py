@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,14 @@ class BelievedMission(Mission):
     def compile(self, vehicle: Vehicle) -> tuple[Array, Array]:
         """Table and gains for the believed vehicle; see `Mission.compile`."""
         return super().compile(self.believed)
+
+    def plain(self) -> Mission:
+        """The mission itself, for whichever vehicle."""
+        return Mission(**{f.name: getattr(self, f.name) for f in dataclasses.fields(Mission)})
+
+    def to_dict(self) -> dict[str, Any]:
+        """The mission's own fields; see `Mission.to_dict`."""
+        return self.plain().to_dict()
 
 
 def spread_vehicle(nominal: Vehicle, parameters: Parameters) -> Vehicle:

@@ -18,7 +18,7 @@ from twin.schema import MISSION, TIME, Variable
 from twin.store import GLOBAL_ATTRIBUTES
 
 SHARD_MISSIONS = 64
-"""Missions in a shard: 48 h of preset paper, half a MB per variable."""
+"""Missions in a shard, or all of a smaller store: 48 h of preset paper, a MB per variable."""
 COMPRESSOR, LEVEL = "zstd", 1
 """Higher levels cost twice the time and gain a tenth of the size."""
 SEGMENT = "segment"
@@ -26,6 +26,11 @@ DTYPE = np.dtype("<f4")
 
 _BYTES = {"name": "bytes", "configuration": {"endian": "little"}}
 _CRC = {"name": "crc32c"}
+
+
+def shard_missions(missions: int) -> int:
+    """Missions in each shard of a store of `missions`."""
+    return min(missions, SHARD_MISSIONS)
 
 
 def signal_metadata(variable: Variable, missions: int, samples: int) -> dict[str, Any]:
@@ -54,7 +59,7 @@ def signal_metadata(variable: Variable, missions: int, samples: int) -> dict[str
     }
     return _array_metadata(
         (missions, samples),
-        chunk=(SHARD_MISSIONS, samples),
+        chunk=(shard_missions(missions), samples),
         data_type="float32",
         fill="NaN",
         codecs=[sharding],

@@ -292,7 +292,7 @@ def _series(
 def geographic(north: Array, east: Array, origin: Origin) -> tuple[Array, Array]:
     """Latitude and longitude [deg] of points [m] on the tangent plane at `origin`, to second order.
 
-    See `Origin.curvature`; the error is below 1 m within 50 km.
+    See `Origin.curvature`; the error is below 1 m within 28 km.
     """
     latitude = north - 0.5 * origin.curvature * east**2
     longitude = east * (1.0 + north * origin.curvature)

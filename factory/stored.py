@@ -147,7 +147,18 @@ class StoredRun:
         return int(self.small("attempt")[mission])
 
     def parameters(self, mission: int) -> Parameters:
-        """What the mission was made of."""
+        """What the mission was made of.
+
+        Raises:
+          StoreError: the factory that made the store knew other parameters.
+        """
+        changed = sorted(self.distributions.keys() ^ PARAMETERS.keys())
+        if changed:
+            raise StoreError(
+                f"store {self.path} was made by a factory with other parameters "
+                f"({', '.join(changed)}): verify and replay it with glider-twin "
+                f"{self.settings['versions']['glider-twin']} as it was then"
+            )
         values: dict[str, Value] = {}
         columns: dict[str, list[Value]] = {}
         for name, parameter in PARAMETERS.items():

@@ -22,6 +22,7 @@ import factory.pool
 from factory.generate import generate
 from factory.info import unfinished
 from factory.journal import Journal
+from factory.layout import SHARD_MISSIONS
 from factory.recipe import Recipe
 from factory.replay import replay_failure
 from factory.stored import StoredRun
@@ -50,7 +51,7 @@ def test_one_worker_two_workers_and_two_kills_give_the_same_bytes(
 ) -> None:
     settings = {"hours": 4.0, "changes": {"mission.duration_h": "uniform(0.03, 0.06)"}}
     made = recipe(**settings)
-    assert len(made.plan) > factory.assemble.SHARD_MISSIONS  # more than one shard
+    assert len(made.plan) > SHARD_MISSIONS  # more than one shard
     generate(made, tmp_path / "one.zarr", workers=1)
     generate(made, tmp_path / "two.zarr", workers=2)
     expected = contents(tmp_path / "one.zarr")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -160,6 +161,17 @@ def test_foreign_damaged_and_newer_stores_are_told(
     (store / "zarr.json").write_text(json.dumps(group))
     with pytest.raises(StoreError, match=message):
         StoredRun(store)
+
+
+def test_a_store_of_another_table_of_parameters_is_told(tmp_path: Path, paper_store: Path) -> None:
+    store = tmp_path / "copy.zarr"
+    shutil.copytree(paper_store, store)
+    text = (store / "zarr.json").read_text()
+    (store / "zarr.json").write_text(text.replace("vehicle.ballast_g", "vehicle.lead_g"))
+    run = StoredRun(store)
+    assert len(run) > 0  # its signals can still be read
+    with pytest.raises(StoreError, match=r"other parameters \(vehicle.ballast_g, vehicle.lead_g\)"):
+        run.parameters(0)
 
 
 def test_missing_stores_are_told(tmp_path: Path) -> None:
