@@ -115,17 +115,16 @@ class Simulation:
     def start(self) -> Start:
         """The scenario's start, or the mission's: at rest in the water at its depth and heading.
 
-        A mission that starts at the surface floats just immersed, as a neutral glider does: with
+        What starts at the surface floats just immersed, as a neutral glider does: with
         its CB at depth 0 half of the hull would stand out of the water and drop.
         """
         if self.scenario.start is not None:
             return self.scenario.start
-        plan = self.scenario.plan
+        plan, awash = self.scenario.plan, self.scenario.vehicle.hull_diameter / 2
         if isinstance(plan, Mission):
             heading = math.radians(plan.start_heading_deg)
-            awash = self.scenario.vehicle.hull_diameter / 2
             return Start(depth=max(plan.start_depth_m, awash), heading=heading)
-        return Start()
+        return Start(depth=awash)
 
     def reset(self) -> None:
         """Back to the start, with an empty log."""
