@@ -95,7 +95,7 @@ class Evaluate(JsonOption):
                 test=judged,
                 error_model=run.error_model(),
                 provenance=provenance(run),
-                command=shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+                command=shlex.join(["learn", *sys.argv[1:]]),
             ),
         )
 

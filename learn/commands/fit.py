@@ -81,7 +81,7 @@ class Fit(JsonOption):
         config = self._config()
         folder = self._folder()
         workers = self.workers or len(os.sched_getaffinity(0))
-        history = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+        history = shlex.join(["learn", *sys.argv[1:]])
         try:
             with _Watcher(console, config, folder, events=self.tensorboard) as watcher:
                 run = fit(

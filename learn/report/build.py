@@ -75,7 +75,7 @@ def build_page(folder: Path, contents: Contents) -> Path:
     _training(page, contents)
     if contents.provenance:
         page.section("Where this comes from")
-        page.table([{"what": k, "value": str(v)} for k, v in contents.provenance.items()])
+        page.facts(contents.provenance)
     if contents.command:
         page.say("Made with")
         page.code(contents.command)
@@ -83,8 +83,12 @@ def build_page(folder: Path, contents: Contents) -> Path:
 
 
 ERROR_CAPTION = (
-    "North and east error of the dead-reckoned track through the water, networks, measured "
-    "attitude, no fixes."
+    "North and east error of the networks' dead-reckoned track, measured attitude, no fixes: "
+    "through the water, and over ground with nothing known of the current."
+)
+STEADY_CAPTION = (
+    " Through the water a steady current changes nothing, so that the lines cover each other; over "
+    "ground its speed is their slope."
 )
 
 
@@ -165,7 +169,7 @@ def _paper_test(page: Page, judged: Judged) -> None:
     page.table(tables.velocity_rows(judged.figures))
     page.table(tables.track_rows(judged.figures, "water"), "Through the water.")
     _tracks(page, judged.shown[0])
-    page.figure("errors", figures.error_figure(judged.shown), ERROR_CAPTION)
+    page.figure("errors", figures.error_figure(judged.shown), ERROR_CAPTION + STEADY_CAPTION)
 
 
 def _tracks(page: Page, shown: Shown) -> None:

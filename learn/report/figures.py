@@ -134,31 +134,44 @@ def track_3d_figure(shown: Shown, methods: Sequence[str]) -> Figure:
 def error_figure(missions: Sequence[Shown]) -> Figure:
     """North and east error of the networks against time, one line per mission and its current.
 
-    Through the water, no fixes: the paper's figure for its three currents.
+    The paper's figure for its three currents, through the water (above) and over ground with
+    nothing known of the current (below); no fixes.
     """
     with style.styled():
-        figure = style.new_figure(style.PAGE_WIDTH, 2.7)
-        axes = figure.subplots(1, 2, sharex=True)
-        colours = [style.TRUTH, style.PALETTE["green"], style.ESTIMATE]
+        figure = style.new_figure(style.PAGE_WIDTH, 4.2)
+        axes = figure.subplots(2, 2, sharex=True)
         seconds, unit = style.time_unit(max((s.time for s in missions), key=len))
         for k, shown in enumerate(missions):
             track = shown.water_track(NETWORK)
             assert track is not None
-            error = track - shown.reference.water_track
-            for place, values in zip(axes, error.T, strict=True):
-                time, y = style.thin(shown.time / seconds, values)
-                colour = colours[k % len(colours)]
-                place.plot(time, y, color=colour, label=shown.current_label)
-        for place, name in zip(axes, ("north", "east"), strict=True):
-            place.set_title(f"{name} error")
+            for row, truth in zip(
+                axes, (shown.reference.water_track, shown.reference.ground_track), strict=True
+            ):
+                for place, values in zip(row, (track - truth).T, strict=True):
+                    time, error = style.thin(shown.time / seconds, values)
+                    look = CURRENT_LINES[k % len(CURRENT_LINES)]
+                    place.plot(time, error, label=shown.current_label, **look)
+        for place in axes.flat:
             place.axhline(0.0, color=style.GUIDE, lw=0.7, zorder=0)
             style.pad_limits(place, least=LEAST_ERROR_M)
+        for place, name in zip(axes[0], ("north", "east"), strict=True):
+            place.set_title(f"{name} error")
+        for place in axes[1]:
             style.label_time(place, unit)
-        axes[0].set_ylabel("error [m]")
+        axes[0, 0].set_ylabel("through the water [m]")
+        axes[1, 0].set_ylabel("over ground [m]")
         figure.legend(
-            *axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(missions)
+            *axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=len(missions)
         )
     return figure
+
+
+CURRENT_LINES: tuple[dict[str, Any], ...] = (
+    {"color": style.TRUTH, "lw": 3.2, "alpha": 0.45},
+    {"color": style.PALETTE["green"], "lw": 1.7},
+    {"color": style.ESTIMATE, "lw": 0.9, "ls": "--"},
+)
+"""Lines that cover each other stay visible: wide ones below, thin ones on top."""
 
 
 def distribution_figure(evaluation: Evaluation) -> Figure:

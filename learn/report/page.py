@@ -34,9 +34,14 @@ table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabul
 th, td { padding: .3rem .8rem .3rem 0; text-align: right; border-bottom: 1px solid var(--line);
   vertical-align: bottom; }
 th { font-weight: 600; color: var(--dim); }
-th:first-child, td:first-child { text-align: left; }
+th:first-child, td:first-child { text-align: left; white-space: nowrap; }
+table { margin: .3rem 0 1.4rem; }
 tr.first td { font-weight: 600; }
 tr.first td:first-child { color: var(--mark); }
+dl.facts { display: grid; grid-template-columns: max-content 1fr; gap: .25rem 1.2rem;
+  font-size: .9rem; }
+dl.facts dt { color: var(--dim); }
+dl.facts dd { margin: 0; overflow-wrap: anywhere; }
 figure { margin: 1.2rem 0; }
 figure img { max-width: 100%; height: auto; display: block; }
 figcaption { color: var(--dim); font-size: .9rem; max-width: 46rem; }
@@ -80,6 +85,13 @@ class Page:
         )
         self._body.append(f'<dl class="figures">{cells}</dl>')
 
+    def facts(self, facts: Mapping[str, object]) -> None:
+        """Names and values as text."""
+        entries = "".join(
+            f"<dt>{_text(name)}</dt><dd>{_text(str(value))}</dd>" for name, value in facts.items()
+        )
+        self._body.append(f'<dl class="facts">{entries}</dl>')
+
     def table(self, rows: Sequence[Mapping[str, object]], caption: str = "") -> None:
         """Rows with one column per key; the first row stands out."""
         columns = list(dict.fromkeys(key for row in rows for key in row))
@@ -88,7 +100,7 @@ class Page:
         for place, row in enumerate(rows):
             cells = "".join(f"<td>{_text(_cell(row.get(c)))}</td>" for c in columns)
             lines.append(f'<tr class="first">{cells}</tr>' if place == 0 else f"<tr>{cells}</tr>")
-        note = f"<p class=lead>{_text(caption)}</p>" if caption else ""
+        note = f'<p class="lead">{_text(caption)}</p>' if caption else ""
         self._body.append(f'{note}<div class="scroll"><table>{"".join(lines)}</table></div>')
 
     def figure(self, name: str, drawn: Figure, caption: str) -> None:

@@ -1,0 +1,63 @@
+"""`learn export`: ONNX step models for on-board use."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from learn.run import newest_run, open_run
+from twin.console import Console, JsonOption
+from twin.program import EXIT_OK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export(JsonOption):
+    """One ONNX model per network: one time step with explicit state, checked over a mission."""
+
+    run_folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None
+    """folder or name of the run [default: the newest in runs/]"""
+    store: Path | None = None
+    """store of the mission for the check [default: the run's own]"""
+    out: Path | None = None
+    """folder for the models [default: onnx/ in the run]"""
+
+    def run(self, console: Console) -> int:
+        """Export, check, say where."""
+        os.environ.setdefault("OMP_NUM_THREADS", "1")
+        from learn.dataset import load_missions
+        from learn.features import channels_of
+        from learn.onnx_export import TOLERANCE, export_step
+
+        run = newest_run() if self.run_folder is None else open_run(self.run_folder)
+        folder = self.out or run.path / "onnx"
+        networks = run.networks()
+        channels = [
+            c for ensemble in networks.values() for c in channels_of(ensemble.members[0].features)
+        ]
+        missions = load_missions(self.store or run.store, channels, split="all")
+        longest = max(missions, key=lambda mission: mission.samples)
+        checked = {
+            f"{target}-{k}": export_step(member, folder / f"{target}-{k}.onnx", longest)
+            for target, ensemble in networks.items()
+            for k, member in enumerate(ensemble.members)
+        }
+        console.answer(run=run.path, tolerance=TOLERANCE, models=checked)
+        console.table(
+            [
+                {
+                    "model": str(parity.path),
+                    "largest difference [m/s]": parity.largest,
+                    "time per step [us]": parity.step_us,
+                    "features": ", ".join(networks[name.partition("-")[0]].members[0].features),
+                }
+                for name, parity in checked.items()
+            ],
+            title=f"checked over the {longest.samples} samples of mission {longest.index}: at most "
+            f"{TOLERANCE:g} m/s from the trained network",
+            digits=3,
+        )
+        return EXIT_OK
