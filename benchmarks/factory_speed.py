@@ -1,0 +1,243 @@
+"""Speed, memory and store size of the factory beside its yardsticks.
+
+    python benchmarks/factory_speed.py [HOURS] [--json]
+
+HOURS is the length of the long run, 100 by default; the project's promise is made at 1000. Each
+row gives simulated over elapsed time, and the ratio to the bare MuJoCo step (the same model
+without water, guidance, log, sensors, compression and files) on as many CPUs in the same run:
+on a shared machine only the ratio means something.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import mujoco
+import numpy as np
+
+from factory.commands.generate import raw_bytes
+from factory.info import stored_bytes
+from factory.recipe import make_recipe
+from twin.fossen import FossenModel, FossenState
+from twin.mission import Mission, SawTooth
+from twin.model import compile_model
+from twin.native import plant
+from twin.scenario import Scenario
+from twin.schedule import Schedule
+from twin.simulate import Simulation
+from twin.table import format_table
+from twin.vehicle import load_vehicle
+
+CPUS = len(os.sched_getaffinity(0))
+SHORT_HOURS = 10.0
+WALL_LIMIT_S, RATE_LIMIT, MEMORY_LIMIT = 4.0, 25_000.0, 1e9
+"""What the project promises on 2 CPUs: 10 h cold, 1000 h sustained, and the memory meanwhile."""
+BARE_STEPS, PYTHON_STEPS = 200_000, 5_000
+FOSSEN_SECONDS, SCIPY_SECONDS = 600.0, 60.0
+
+
+def bare_step() -> float:
+    """Simulated per elapsed second of MuJoCo's step alone, on one CPU."""
+    model = compile_model(lean=True)
+    plant.uninstall()
+    try:
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, nstep=1000)
+        mujoco.mj_resetData(model, data)
+        begun = time.perf_counter()
+        mujoco.mj_step(model, data, nstep=BARE_STEPS)
+        return BARE_STEPS * model.opt.timestep / (time.perf_counter() - begun)
+    finally:
+        plant.install()
+
+
+def native_step() -> float:
+    """The same with our water, guidance and log."""
+    mission = Mission(
+        segments=(SawTooth(max_depth_m=100.0, heading_deg=30.0),),
+        duration_s=BARE_STEPS * 0.1,
+        at_end="hold",
+    )
+    simulation = Simulation(Scenario(plan=mission))
+    begun = time.perf_counter()
+    simulation.run()
+    return simulation.duration / (time.perf_counter() - begun)
+
+
+def python_callback() -> float:
+    """A Python loop around mj_step with the water in a Python callback, as one writes it first."""
+    vehicle = load_vehicle()
+    model = compile_model(vehicle, lean=True)
+    plant.uninstall()
+    hull = model.body("hull").id
+    k_d0, k_d = vehicle.drag
+    k_l0, k_alpha = vehicle.lift
+    k_m0, k_m, k_q = vehicle.pitch_moment
+
+    def water(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        rotation = data.xmat[hull].reshape(3, 3)
+        u, v, w = rotation.T @ data.qvel[:3] * [1.0, -1.0, -1.0]
+        p, q, r = data.qvel[3:6] * [1.0, -1.0, -1.0]
+        speed = u * u + v * v + w * w
+        alpha, beta = np.arctan2(w, u), np.arcsin(np.clip(v / np.sqrt(speed + 1e-12), -1, 1))
+        drag, lift = (k_d0 + k_d * alpha**2) * speed, (k_l0 + k_alpha * alpha) * speed
+        force = np.array([
+            -drag * np.cos(alpha) + lift * np.sin(alpha),
+            vehicle.side_force[0] * beta * speed,
+            -drag * np.sin(alpha) - lift * np.cos(alpha),
+        ])  # fmt: skip
+        moment = speed * np.array([
+            vehicle.roll_moment[0] * beta + vehicle.roll_moment[1] * p,
+            k_m0 + k_m * alpha + k_q * q,
+            vehicle.yaw_moment[0] * beta + vehicle.yaw_moment[1] * r,
+        ])  # fmt: skip
+        data.xfrc_applied[hull, :3] = rotation @ (force * [1.0, -1.0, -1.0])
+        data.xfrc_applied[hull, 2] += (vehicle.mass - 0.3) * vehicle.gravity
+        data.xfrc_applied[hull, 3:] = rotation @ (moment * [1.0, -1.0, -1.0])
+
+    mujoco.set_mjcb_passive(water)
+    try:
+        model.opt.timestep = 0.01  # without added mass in the mass matrix 0.1 s is unstable
+        data = mujoco.MjData(model)
+        rows = []
+        begun = time.perf_counter()
+        for step in range(PYTHON_STEPS):
+            mujoco.mj_step(model, data)
+            if step % 50 == 0:
+                rows.append(np.concatenate([data.qpos, data.qvel]))
+        return PYTHON_STEPS * model.opt.timestep / (time.perf_counter() - begun)
+    finally:
+        mujoco.set_mjcb_passive(None)
+        plant.install()
+
+
+def fossen(method: Any, seconds: float) -> float:
+    """The independent Fossen model on one dive, compiled beforehand."""
+    vehicle = load_vehicle()
+    model = FossenModel(vehicle)
+    pump = vehicle.pump_for_net_mass(0.3)
+    schedule = Schedule(times=[0.0], commands=[[0.02, 0.0, pump]])
+    start = FossenState(position_ned=(0.0, 0.0, 10.0))
+    model.simulate(start, schedule, 5.0, method=method)
+    begun = time.perf_counter()
+    model.simulate(start, schedule, seconds, method=method)
+    return seconds / (time.perf_counter() - begun)
+
+
+class Watched(threading.Thread):
+    """Largest memory of a process and its children together, shared pages counted once."""
+
+    def __init__(self, pid: int):
+        super().__init__(daemon=True)
+        self.pid, self.peak, self.running = pid, 0, True
+
+    def run(self) -> None:
+        """Look ten times a second."""
+        while self.running:
+            tasks = Path(f"/proc/{self.pid}/task")
+            pids = [str(self.pid)]
+            for children in tasks.glob("*/children"):
+                pids += _read(children).split()
+            self.peak = max(self.peak, sum(_proportional(pid) for pid in pids))
+            time.sleep(0.1)
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text()
+    except OSError:
+        return ""
+
+
+def _proportional(pid: str) -> int:
+    for line in _read(Path(f"/proc/{pid}/smaps_rollup")).splitlines():
+        if line.startswith("Pss:"):
+            return 1024 * int(line.split()[1])
+    return 0
+
+
+def generate(hours: float, preset: str, folder: Path) -> dict[str, float]:
+    """A cold `factory generate`: wall and CPU time [s], peak memory and store size [bytes]."""
+    store = folder / f"{preset}-{hours:g}.zarr"
+    command = [sys.executable, "-m", "factory", "generate", "--hours", str(hours)]
+    command += ["--preset", preset, "--out", str(store), "--overwrite"]
+    begun = time.perf_counter()
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    watched = Watched(process.pid)
+    watched.start()
+    _, status, usage = os.wait4(process.pid, 0)
+    wall = time.perf_counter() - begun
+    watched.running = False
+    if status:
+        raise SystemExit(f"{' '.join(command)} failed")
+    size = stored_bytes(store)
+    shutil.rmtree(store)
+    cpu = usage.ru_utime + usage.ru_stime
+    return {"wall_s": wall, "cpu_s": cpu, "memory": float(watched.peak), "bytes": float(size)}
+
+
+def main(hours: float, as_json: bool) -> int:
+    """Print the tables; 1 when a promise is broken."""
+    bare = bare_step()
+    rows: list[dict[str, object]] = []
+
+    def add(what: str, cpus: int, rate: float) -> None:
+        rows.append({"what": what, "CPUs": cpus, "times real time": round(rate),
+                     "of the bare step": rate / (bare * cpus)})  # fmt: skip
+
+    add("bare MuJoCo step", 1, bare)
+    add("with water, guidance and log", 1, native_step())
+    add("Python loop, Python callback", 1, python_callback())
+    add("Fossen model, own RK4", 1, fossen("rk4", FOSSEN_SECONDS))
+    add("Fossen model, scipy DOP853", 1, fossen("dop853", SCIPY_SECONDS))
+    runs: dict[str, dict[str, float]] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        generate(SHORT_HOURS, "paper", Path(folder))  # compiled code is in its cache afterwards
+        for preset, length in (("paper", SHORT_HOURS), ("paper", hours), ("field", hours)):
+            run = generate(length, preset, Path(folder))
+            name = f"factory, {preset}, {length:g} h, cold process"
+            runs[name] = run
+            add(name, CPUS, length * 3600.0 / run["wall_s"])
+    store_rows = []
+    for name, run in runs.items():
+        _, preset, text, _ = (part.strip() for part in name.split(","))
+        length = float(text.removesuffix(" h"))
+        raw = raw_bytes(make_recipe(preset=preset, hours=length))
+        store_rows.append({
+            "what": name, "wall [s]": run["wall_s"], "CPU [s/h]": run["cpu_s"] / length,
+            "peak memory [MB]": run["memory"] / 1e6, "MB per hour": run["bytes"] / 1e6 / length,
+            "of float32": run["bytes"] / raw,
+        })  # fmt: skip
+    first, long = list(runs.values())[:2]
+    promises = {
+        f"{SHORT_HOURS:g} h within {WALL_LIMIT_S:g} s": first["wall_s"] <= WALL_LIMIT_S,
+        f"{hours:g} h at {RATE_LIMIT:,.0f} times real time":
+            hours * 3600.0 / long["wall_s"] >= RATE_LIMIT,
+        "memory under 1 GB": long["memory"] <= MEMORY_LIMIT,
+    }  # fmt: skip
+    if as_json:
+        print(json.dumps({"speed": rows, "store": store_rows, "promises": promises}))
+    else:
+        print(format_table(rows))
+        print()
+        print(format_table(store_rows))
+        print()
+        for promise, kept in promises.items():
+            print(f"{promise}: {'kept' if kept else 'NOT kept'} (on {CPUS} CPUs)")
+    return 0 if all(promises.values()) else 1
+
+
+if __name__ == "__main__":
+    words = [word for word in sys.argv[1:] if word != "--json"]
+    sys.exit(main(float(words[0]) if words else 100.0, "--json" in sys.argv))
