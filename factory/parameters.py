@@ -47,7 +47,7 @@ FLOWN_BY_TEST_LEVEL = "(28, 32)"
 spirals of preset paper-test (40 and -30 deg), nor the pitch of its wings-level part (30 deg)."""
 
 _ONE_TENTH = "uniform(0.9, 1.1)"
-_SPREAD = "factor on the vehicle file's value; +-10 % is what refits of one hull scatter"
+_SPREAD = "factor on the vehicle file's value; +-10 % is our guess of how well it is known"
 
 
 def _coefficient(name: str, what: str) -> Parameter:

@@ -11,7 +11,8 @@ import netCDF4
 import numpy as np
 import pytest
 
-from factory.og1 import PHASES, export_og1, geographic, phases
+from factory.og1 import export_og1, geographic, phases
+from factory.og1_terms import PHASES
 from factory.parquet import export_parquet
 from factory.plot import store_page
 from factory.stored import StoredRun
