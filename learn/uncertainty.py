@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 SECONDS_PER_HOUR = 3600.0
 BIAS_TIME_S = 4.0 * SECONDS_PER_HOUR
 """[s] correlation time of errors that last a mission through."""
+SHORT_STEP = 1e-3
+"""Sample period over correlation time below which a series replaces a difference."""
 COMPASS_SD = math.radians(0.8)
 """[rad] heading accuracy of the paper's attitude sensor (its table on the 3DM-GX5-25)."""
 
@@ -177,8 +179,11 @@ def _integrated_variance(
     """
     if time == 0.0:
         return np.zeros(len(spread))
-    decay = np.exp(-period / time)
-    kept = time * (1.0 - decay)
+    ratio = period / time
+    decay = math.exp(-ratio)
+    kept = -time * math.expm1(-ratio)
+    # h - T (1 - a), by its series where the difference would be rounding only
+    rest = period - kept if ratio > SHORT_STEP else period * ratio * (0.5 - ratio / 6.0)
     out = np.zeros(len(spread))
     variance = covariance = 0.0
     for k in range(1, len(spread)):
@@ -186,7 +191,7 @@ def _integrated_variance(
             variance = covariance = 0.0
         else:
             power = spread[k - 1] ** 2
-            variance += 2.0 * covariance * kept + 2.0 * power * time * (period - kept)
+            variance += 2.0 * covariance * kept + 2.0 * power * time * rest
             covariance = decay * covariance + power * kept
         out[k] = variance
     return out

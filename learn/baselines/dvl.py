@@ -75,7 +75,8 @@ class Dvl(Baseline):
             for i, guess in enumerate((flight.surge, flight.sway))
         )
         through = horizontal_velocity(surge, sway, rate, attitude)
-        over = np.stack([_filled(log[:, i], bottom, log[:, i], period) for i in range(3)], axis=1)
+        nothing = np.full(len(mode), np.nan)
+        over = np.stack([_filled(log[:, i], bottom, nothing, period) for i in range(3)], axis=1)
         over = rotate_to_ned(over, attitude)[:, :2]
         usable = np.asarray(np.isfinite(over).all(axis=1))
         flown = horizontal_velocity(flight.surge, flight.sway, rate, attitude)
