@@ -139,7 +139,12 @@ def read_description(folder: Path) -> dict[str, Any]:
     """`run.json` of a folder, finished or not; errors as `open_run`."""
     path = folder / DESCRIPTION
     if not path.is_file():
-        raise InputError(f"{folder} is not a run (it has no {DESCRIPTION}); make one: `learn fit`")
+        if (folder / "zarr.json").is_file():
+            raise InputError(f"{folder} is a store, not a run; give the run first, then the store")
+        raise InputError(
+            f"{folder} is not a run (no {DESCRIPTION} there nor in {RUNS / folder}); make one: "
+            "`learn fit`"
+        )
     try:
         description: dict[str, Any] = json.loads(path.read_text())
         version = int(description["format"])

@@ -2,8 +2,9 @@
 
 Written as `twin.render.tracks` reads them: variables NAME_north and NAME_east [m] over ground,
 dims (mission, time). A track is re-initialised at GPS fixes with the previous dive's
-depth-averaged current, as a vehicle flies; where a mission has fixes, NAME_corrected is the same
-track after its end. Nothing known of a current, both are tracks through the water.
+depth-averaged current, as a vehicle flies; where missions have fixes, NAME_corrected is the same
+track after its end. Nothing known of a current, both are tracks through the water. A method that
+has no track in some mission is left out.
 """
 
 from __future__ import annotations
@@ -51,6 +52,17 @@ class TrackCollector:
             for suffix, track in ground_tracks(reference, estimate).items():
                 self._tracks.setdefault(name + suffix, {})[mission.index] = track
 
+    def _complete(self) -> dict[str, dict[int, Array]]:
+        """Tracks that every mission has: readers refuse one without samples.
+
+        Where nothing was corrected, the corrected track is the plain one.
+        """
+        filled = {
+            name: {**self._tracks.get(name.removesuffix(CORRECTED), {}), **tracks}
+            for name, tracks in self._tracks.items()
+        }
+        return {n: t for n, t in filled.items() if all(m in t for m in self._missions)}
+
     def write(self, path: Path) -> Path:
         """Write everything to `path`, in the format of its ending.
 
@@ -60,11 +72,10 @@ class TrackCollector:
         check_ending(path)
         missions = np.array(self._missions)
         arrays: dict[str, NDArray[Any]] = {}
-        for name, tracks in self._tracks.items():
+        for name, tracks in self._complete().items():
             both = np.full((len(missions), len(self._time), 2), np.nan, np.float32)
             for row, mission in enumerate(self._missions):
-                if mission in tracks:
-                    both[row, : len(tracks[mission])] = tracks[mission]
+                both[row, : len(tracks[mission])] = tracks[mission]
             arrays[f"{name}_north"], arrays[f"{name}_east"] = both[..., 0], both[..., 1]
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,207 @@
+"""Reports: pages that need nothing but themselves, tables and sentences that say what was found."""
+
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from navigation import PERIOD, add_fixes, trimmed_mission, write_store
+
+from learn.dataset import Mission
+from learn.evaluate import evaluate
+from learn.report.build import Contents, Judged, build_page
+from learn.report.card import model_card
+from learn.report.page import Page
+from learn.report.shown import Showcase
+from learn.report.tables import (
+    ablation_rows,
+    comparison_rows,
+    dive_rows,
+    summary_rows,
+    track_rows,
+    velocity_rows,
+    verdicts,
+)
+from learn.run import Run
+from learn.uncertainty import ErrorModel
+from twin.errors import InputError
+
+
+class Constant:
+    """Stands for an ensemble that always says the same."""
+
+    def __init__(self, value):
+        self.members = (SimpleNamespace(features=("sin_pitch",)),)
+        self.value = value
+
+    def predict(self, missions):
+        return [(np.full(m.samples, self.value), np.full(m.samples, 0.01)) for m in missions]
+
+
+@pytest.fixture(scope="module")
+def judged(tmp_path_factory):
+    missions = []
+    for heading, current in ((0.3, (0.05, 0.0)), (2.0, (0.0, -0.12))):
+        signals = trimmed_mission(3600, heading=heading, current=current)
+        add_fixes(signals, [0, 20, 1600, 1610, 3500])
+        missions.append(signals)
+    store = write_store(tmp_path_factory.mktemp("report") / "s.zarr", missions, [2, 2])
+    showcase = Showcase()
+    networks = {"surge": Constant(0.47), "sway": Constant(0.0)}
+    evaluation = evaluate(networks, store, watch=showcase.add)
+    return Judged(evaluation=evaluation, figures=evaluation.to_json(), shown=showcase.missions)
+
+
+@pytest.fixture(scope="module")
+def page(judged, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("page")
+    training = Mission(
+        index=0, split="train", period=PERIOD, signals=judged.shown[0].reference.mission.signals
+    )
+    metrics = [
+        {"network": f"{target}-0", "seconds": t, "validation_mse": 1e-3 / t, "train_mse": 1e-3 / t}
+        for target in ("surge", "sway")
+        for t in (1.0, 2.0, 3.0)
+    ]
+    contents = Contents(
+        title="a <run>",
+        lead="two missions",
+        test=judged,
+        paper_test=judged,
+        error_model=ErrorModel(),
+        metrics=metrics,
+        training=training,
+        ablation={"without imu": judged.figures},
+        provenance={"store": "data/missions.zarr"},
+        command="learn fit",
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("learn.report.page.DPI", 30)
+        return build_page(folder, contents)
+
+
+FIGURES = {
+    *("velocities", "distribution", "dives", "track", "track_3d", "errors", "uncertainty"),
+    *("training_data", "learning"),
+}
+
+
+def test_the_page_needs_nothing_but_itself(page):
+    text = page.read_text(encoding="utf-8")
+    assert not re.findall(r'(?:src|href)="(?!data:)', text)
+    assert "http://" not in text
+    assert "https://" not in text
+    assert text.count('src="data:image/png;base64,') == len(FIGURES)
+    assert "a &lt;run&gt;" in text
+
+
+def test_every_figure_is_a_png_beside_the_page(page):
+    found = {path.stem for path in page.parent.glob("*.png")}
+    assert found == FIGURES
+    for path in page.parent.glob("*.png"):
+        assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_every_figure_has_labelled_axes(judged):
+    from learn.report import figures
+
+    shown = judged.shown[0]
+    drawn = [
+        figures.velocity_figure(shown),
+        figures.track_figure(shown, ("network", "steady_flight")),
+        figures.error_figure(judged.shown),
+        figures.uncertainty_figure(shown, np.linspace(0.0, 10.0, len(shown.time))),
+    ]
+    for figure in drawn:
+        texts = [axes.get_xlabel() + axes.get_ylabel() for axes in figure.axes]
+        assert any("[" in text for text in texts)
+
+
+def test_without_dives_there_is_no_table_of_them(judged):
+    without = {name: {**f, "dives": {}} for name, f in judged.figures["baselines"].items()}
+    figures = {
+        **judged.figures,
+        "dives": {},
+        "floor": {**judged.figures["floor"], "dives": {}},
+        "baselines": without,
+    }
+    assert dive_rows(figures) == []
+
+
+def test_tables_leave_out_what_a_method_does_not_define(judged):
+    titles = [row["method"] for row in velocity_rows(judged.figures)]
+    assert "networks" in titles
+    assert "on-board track" not in titles
+    assert track_rows(judged.figures, "ground")[0]["method"] == "networks"
+    assert {r["method"] for r in dive_rows(judged.figures)} >= {"networks", "on-board track"}
+    assert summary_rows(judged.figures)[1]["surge MSE"] is None  # the floor has no error to show
+
+
+def test_verdicts_name_who_is_beaten_and_who_is_not(judged):
+    sentences = verdicts(judged.figures)
+    water = sentences[0]
+    mine = judged.figures["dr_water_percent_mean"]
+    for name, title in (("steady_flight", "steady flight model"), ("ekf", "EKF")):
+        theirs = judged.figures["baselines"][name]["dr_water_percent_mean"]
+        after = water[water.index(title) :]
+        assert (f"({theirs:.3g} %)" in after[:40]) == (theirs <= mine)
+    better = {
+        **judged.figures,
+        "dr_water_percent_mean": 0.0,
+    }
+    assert "not beat" not in verdicts(better)[0]
+    assert "better than" in verdicts(better)[0]
+
+
+def test_comparison_puts_runs_first_and_baselines_once(judged):
+    rows = comparison_rows({"a": judged.figures, "b": judged.figures})
+    names = [row["run or baseline"] for row in rows]
+    assert names[:2] == ["a", "b"]
+    assert len(names) == len(set(names))
+
+
+def test_ablation_rows_start_with_all_inputs(judged):
+    rows = ablation_rows(judged.figures, {"without imu": judged.figures})
+    assert [row["inputs"] for row in rows] == ["all", "without imu"]
+
+
+def test_the_model_card_has_its_head_and_says_what_it_is_not(judged, tmp_path):
+    settings = {
+        "store": "data/missions.zarr",
+        "features": ["sin_pitch"],
+        "members": 2,
+        "division": "samples",
+        "network": {"kind": "elman", "layers": 3, "hidden": 50},
+        "training": {"optimiser": "scg", "seed": 1},
+    }
+    run = Run(tmp_path / "mine", {"settings": settings, "store": {"preset": "paper"}})
+    card = model_card(run, judged.figures, "test")
+    assert card.startswith("---\n")
+    assert "leaks" in card
+    assert "know nothing of the current" in card
+    assert "| networks |" in card
+
+
+def test_showcase_keeps_the_longest(judged):
+    showcase = Showcase(most=1)
+    for shown in judged.shown:
+        showcase.add(shown.reference, shown.estimates)
+    assert len(showcase.missions) == 1
+
+
+def test_a_page_into_an_impossible_folder_is_bad_input(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot make folder"):
+        Page(tmp_path / "file" / "page", "t", "l")
+
+
+def test_pages_escape_what_they_are_given(tmp_path):
+    page = Page(tmp_path, "t", "l")
+    page.table([{"<b>": "<script>"}])
+    page.facts({"a": "<i>"})
+    page.figure("f", Figure(figsize=(1, 1)), '"quoted"')
+    text = page.write().read_text()
+    assert "<script>" not in text
+    assert "<i>" not in text
+    assert 'alt="&quot;quoted&quot;"' in text
