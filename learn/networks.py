@@ -92,13 +92,13 @@ class Elman(Network):
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__(config)
         sizes = [config.inputs] + [config.hidden] * (config.layers - 1)
-        self.hidden = nn.ModuleList(
-            ContextDelay(size, config.hidden, config.delays) for size in sizes
-        )
+        layers = [ContextDelay(size, config.hidden, config.delays) for size in sizes]
+        self.hidden = nn.ModuleList(layers)
         self.out = nn.Linear(config.hidden, 1)
         self.state_size = config.layers * config.delays * config.hidden
 
     def forward(self, x: Tensor, state: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """See `Network.forward`."""
         batch = x.shape[1]
         lanes = lanes_for(x, batch)
         h = pack_sequences(x, lanes)
@@ -127,10 +127,12 @@ class Elman(Network):
         return unpack_sequences(last, batch).transpose(0, 1).reshape(batch, -1)
 
     def step(self, x: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        """See `Network.step`."""
         width = self.config.delays * self.config.hidden
         ends = []
         h = x
         for layer, history in zip(self.hidden, state.split(width, 1), strict=True):
+            assert isinstance(layer, ContextDelay)
             h = layer.step(h, history)
             ends.append(torch.cat([history[:, self.config.hidden :], h], 1))
         return self.out(h), torch.cat(ends, 1)
@@ -148,6 +150,7 @@ class Gated(Network):
         self.state_size = self.parts * config.layers * config.hidden
 
     def forward(self, x: Tensor, state: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """See `Network.forward`."""
         batch = x.shape[1]
         if state is None:
             state = self.initial_state(batch)
@@ -178,6 +181,7 @@ class CausalConvolutions(Network):
         self.state_size = sum(self.widths)
 
     def forward(self, x: Tensor, state: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """See `Network.forward`."""
         batch = x.shape[1]
         if state is None:
             state = self.initial_state(batch)
@@ -208,6 +212,7 @@ class Memoryless(Network):
         self.body = nn.Sequential(*layers, nn.Linear(size, 1))
 
     def forward(self, x: Tensor, state: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """See `Network.forward`."""
         return self.body(x), self.initial_state(x.shape[1]) if state is None else state
 
 

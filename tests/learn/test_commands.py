@@ -56,8 +56,9 @@ def place(tmp_path_factory):
 
 
 @pytest.fixture(autouse=True)
-def coarse_figures(monkeypatch):
-    monkeypatch.setattr("learn.report.page.DPI", 30)
+def no_figures(monkeypatch):
+    """Drawing takes most of the time of these tests; `place` and test_report draw."""
+    monkeypatch.setattr("learn.report.page.Page._figure", lambda *_: "")
 
 
 @pytest.fixture

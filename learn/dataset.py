@@ -1,0 +1,276 @@
+"""Dataset: missions of a store as arrays, their split, and windows packed for training."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learn.features import feature_matrix
+from twin.errors import StoreError, unknown_name
+from twin.schema import MISSION, TIME
+from twin.store import open_store
+
+Floats = NDArray[np.float32]
+
+SPLITS = ("train", "validation", "test")
+"""Parts of a store. A mission belongs to exactly one."""
+
+TARGETS = {"surge": "true_surge", "sway": "true_sway"}
+"""What the networks learn: velocities through the water [m/s], body FRD."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Mission:
+    """Signals of one mission."""
+
+    index: int
+    """Row in the store."""
+    split: str
+    period: float
+    """[s] between samples."""
+    signals: Mapping[str, NDArray[np.float64]]
+    """By schema name, each (time,)."""
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return len(next(iter(self.signals.values())))
+
+    def features(self, names: Sequence[str]) -> Floats:
+        """Inputs (time, features) in their own units."""
+        return feature_matrix(self.signals, names, self.period, self.index)
+
+    def target(self, name: str) -> Floats:
+        """`surge` or `sway` [m/s], (time,).
+
+        Raises:
+          StoreError: the mission lacks it or it is not finite.
+        """
+        channel = TARGETS[name]
+        if channel not in self.signals:
+            raise StoreError(f"mission {self.index} has no channel {channel}")
+        values = self.signals[channel].astype(np.float32)
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise StoreError(
+                f"channel {channel} of mission {self.index} is not finite at {bad.size} samples, "
+                f"first at {bad[0] * self.period:.1f} s"
+            )
+        return values
+
+
+def load_missions(
+    store: str | Path,
+    channels: Iterable[str],
+    *,
+    split: str = "all",
+    limit: int | None = None,
+) -> list[Mission]:
+    """Missions of one part of a store with the named channels.
+
+    Args:
+      store: path of a zarr store of the schema.
+      channels: schema names to read.
+      split: train, validation, test or all.
+      limit: read at most so many missions.
+
+    Raises:
+      StoreError: no store, an empty one, no split in it, an unknown part, a missing channel, or
+        samples that are not equally spaced.
+    """
+    if split not in (*SPLITS, "all"):
+        raise StoreError(unknown_name("split", split, [*SPLITS, "all"]))
+    dataset = open_store(store)
+    count = dataset.sizes.get(MISSION, 0)
+    if count == 0 or dataset.sizes.get(TIME, 0) == 0:
+        raise StoreError(f"store {store} holds no missions; make some with `factory generate`")
+    names = tuple(dict.fromkeys(channels))
+    missing = [name for name in names if name not in dataset]
+    if missing:
+        raise StoreError(
+            f"store {store} has no channel {missing[0]}"
+            + (f" (nor {', '.join(missing[1:])})" if missing[1:] else "")
+            + "; mask the features that read it or generate the store anew"
+        )
+    parts = _split_of(dataset, store, needed=split != "all")
+    period = _period(dataset, store)
+    rows = np.flatnonzero(np.ones(count, bool) if split == "all" else parts == split)[:limit]
+    if rows.size == 0:
+        known = ", ".join(f"{part} {int((parts == part).sum())}" for part in SPLITS)
+        raise StoreError(f"store {store} has no missions in split {split!r} ({known})")
+    lengths = _lengths(dataset, store)
+    chosen = dataset[list(names)].isel({MISSION: rows}).load()
+    arrays = {name: chosen[name].transpose(MISSION, TIME).values for name in names}
+    return [
+        Mission(
+            index=int(row),
+            split=str(parts[row]),
+            period=period,
+            signals={
+                name: np.asarray(values[k, : lengths[row]], np.float64)
+                for name, values in arrays.items()
+            },
+        )
+        for k, row in enumerate(rows)
+    ]
+
+
+def _split_of(dataset: Any, store: str | Path, *, needed: bool) -> NDArray[np.str_]:
+    """Part of each mission; CF flags (numbers with `flag_meanings`) and words are understood."""
+    if "split" not in dataset:
+        if needed:
+            raise StoreError(
+                f"store {store} does not say which missions are for training (no variable "
+                "'split'); use --split all, or a store made by `factory generate`"
+            )
+        return np.full(dataset.sizes[MISSION], "all")
+    variable = dataset["split"]
+    values = variable.values
+    if values.dtype.kind in "iuf":
+        meanings = str(variable.attrs.get("flag_meanings", "")).split()
+        flags = np.atleast_1d(variable.attrs.get("flag_values", np.arange(len(meanings))))
+        table = dict(zip((int(flag) for flag in flags), meanings, strict=True))
+        words = [table.get(int(value), str(value)) for value in values]
+    else:
+        words = [v.decode() if isinstance(v, bytes) else str(v) for v in values]
+    unknown = sorted(set(words) - set(SPLITS))
+    if unknown:
+        raise StoreError(f"store {store}: {unknown_name('split', unknown[0], SPLITS)}")
+    return np.array(words)
+
+
+def _period(dataset: Any, store: str | Path) -> float:
+    time = dataset[TIME].values.astype(float)
+    if len(time) < 2:
+        raise StoreError(f"store {store} has {len(time)} sample per mission; networks need more")
+    steps = np.diff(time)
+    period = float(np.median(steps))
+    if not np.allclose(steps, period, rtol=1e-3):
+        raise StoreError(f"store {store} is not equally spaced in time; resample it first")
+    return period
+
+
+def _lengths(dataset: Any, store: str | Path) -> NDArray[np.int64]:
+    if "n_samples" not in dataset:
+        raise StoreError(f"store {store} has no variable 'n_samples'; generate it anew")
+    return np.minimum(dataset["n_samples"].values.astype(np.int64), dataset.sizes[TIME])
+
+
+@dataclasses.dataclass(frozen=True)
+class Sequences:
+    """Missions as a network of one target sees them: normalised inputs and target."""
+
+    inputs: list[Floats]
+    """(time, features) of each mission."""
+    targets: list[Floats]
+    """(time,) of each mission."""
+    weights: list[Floats]
+    """(time,) of each mission: 1 where the sample counts, else 0."""
+
+    @property
+    def lengths(self) -> NDArray[np.int64]:
+        """Samples of each mission."""
+        return np.array([len(t) for t in self.targets])
+
+    @property
+    def samples(self) -> int:
+        """Samples of all missions."""
+        return int(self.lengths.sum())
+
+
+def sample_split(lengths: Iterable[int], seed: int) -> list[list[Floats]]:
+    """The paper's division: each SAMPLE is training, validation or test with 70, 15, 15 %.
+
+    It leaks: samples half a second apart are nearly equal, so validation and test are no judges of
+    unseen motion. It is here to reproduce the paper's figures, never to choose a network.
+
+    Returns:
+      For train, validation, test: weights (time,) of each mission, 0 or 1.
+    """
+    rng = np.random.default_rng(seed)
+    draws = [rng.random(length) for length in lengths]
+    edges = (0.0, 0.7, 0.85, 1.0)
+    return [
+        [((d >= low) & (d < high)).astype(np.float32) for d in draws]
+        for low, high in itertools.pairwise(edges)
+    ]
+
+
+@dataclasses.dataclass(frozen=True)
+class Windows:
+    """Pieces of missions: rows of (mission, start, wash-in, length), see `cut_windows`."""
+
+    table: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+
+def cut_windows(
+    lengths: Iterable[int],
+    *,
+    length: int,
+    washin: int,
+    rng: np.random.Generator | None = None,
+) -> Windows:
+    """Cut missions into pieces whose counted samples tile every mission exactly once.
+
+    A piece counts `length` samples (the last of a mission fewer) and starts up to `washin` samples
+    earlier, so that a network has found its state when counting begins. The first piece starts at
+    the launch with no wash-in: the launch from rest counts. With `rng` the cuts are moved by a
+    random amount, so that epochs differ.
+    """
+    rows = []
+    for mission, total in enumerate(lengths):
+        first = length if rng is None else int(rng.integers(1, length + 1))
+        begin = 0
+        while begin < total:
+            end = min(first if begin == 0 else begin + length, total)
+            start = max(0, begin - washin)
+            rows.append((mission, start, begin - start, end - begin))
+            begin = end
+    return Windows(np.array(rows, np.int64).reshape(-1, 4))
+
+
+def pack_windows(sequences: Sequences, windows: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
+    """Windows side by side, padded at the end.
+
+    Returns:
+      inputs (time, batch, features), targets and weights (time, batch); wash-in and padding have
+      weight 0.
+    """
+    longest = int((windows[:, 2] + windows[:, 3]).max())
+    batch, features = len(windows), sequences.inputs[0].shape[1]
+    x = np.zeros((longest, batch, features), np.float32)
+    y = np.zeros((longest, batch), np.float32)
+    w = np.zeros((longest, batch), np.float32)
+    for column, (mission, start, skip, count) in enumerate(windows):
+        end = start + skip + count
+        x[: skip + count, column] = sequences.inputs[mission][start:end]
+        y[: skip + count, column] = sequences.targets[mission][start:end]
+        w[skip : skip + count, column] = sequences.weights[mission][start + skip : end]
+    return x, y, w
+
+
+def batches(
+    windows: Windows, size: int, rng: np.random.Generator | None = None
+) -> list[NDArray[np.int64]]:
+    """Windows in groups of about `size`, similar lengths together, groups in random order.
+
+    Sorting by length keeps the padding small; ties are broken at random.
+    """
+    table = windows.table
+    if rng is not None:
+        table = table[rng.permutation(len(table))]
+    spans = table[:, 2] + table[:, 3]
+    table = table[np.argsort(-spans, kind="stable")]
+    groups = [table[k : k + size] for k in range(0, len(table), size)]
+    if rng is not None:
+        groups = [groups[k] for k in rng.permutation(len(groups))]
+    return groups
