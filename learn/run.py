@@ -80,13 +80,15 @@ class Run:
 
         found = {}
         for target in TARGETS:
-            members = tuple(load_predictor(stem(self.path, target, k)) for k in range(self.members))
-            found[target] = Ensemble(members)
-            if found[target].target != target:
-                raise StoreError(
-                    f"{stem(self.path, target, 0)}.json holds a network for "
-                    f"{found[target].target}, not {target}"
-                )
+            members = []
+            for place in range(self.members):
+                path = stem(self.path, target, place)
+                members.append(load_predictor(path))
+                if members[-1].target != target:
+                    raise StoreError(
+                        f"{path}.json holds a network for {members[-1].target}, not {target}"
+                    )
+            found[target] = Ensemble(tuple(members))
         return found
 
     def metrics(self) -> list[dict[str, Any]]:

@@ -16,7 +16,7 @@ from learn.run import DEFAULT_STORE, newest_run, open_run
 from learn.training import TrainingConfig
 from twin.errors import InputError, StoreError
 
-QUICK = ("--epochs", "1", "--hidden", "6", "--layers", "1", "--workers", "1")
+QUICK = (*"--epochs 1 --hidden 6 --layers 1 --members 1 --workers 1".split(),)
 
 
 def call(capsys, *words):
@@ -161,8 +161,8 @@ def test_an_error_in_a_process_reaches_the_caller(here, tmp_path):
 def test_members_have_a_spread_and_the_papers_division_is_labelled_as_leaking(here, capsys):
     code, out, err = call(
         capsys,
-        *("fit", "--name", "two", "--members", "2", "--division", "samples", "--json"),
-        *("--overwrite", *QUICK),
+        *("fit", "--name", "two", "--division", "samples", "--json", "--overwrite"),
+        *(*QUICK, "--members", "2"),
     )
     assert code == 0, err
     found = json.loads(out)
