@@ -9,13 +9,19 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.dead_reckoning import Array, Signals
+from learn.dead_reckoning import Array, Signals, depth_rate
 from twin.vehicle import Vehicle
 
 Mask = NDArray[np.bool_]
 
 SURFACE_DEPTH = 1.0
-"""[m] above this a vehicle counts as surfaced: it drifts and makes no way through the water."""
+"""[m] above this a vehicle counts as afloat: it drifts and makes no way through the water."""
+SHALLOW_DEPTH = 3.0
+"""[m] above this it does when its depth rests too: pressure gauges are off by a metre or two."""
+RESTING_RATE = 0.02
+"""[m/s] of depth, averaged: a tenth of the slowest glide."""
+RESTING_WINDOW_S = 10.0
+"""[s] of that average."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -57,6 +63,13 @@ class Baseline(abc.ABC):
         Raises:
           StoreError: a channel is missing or not finite.
         """
+
+
+def afloat(depth: Array, period: float) -> Mask:
+    """Where a vehicle with this measured depth [m] lies at the surface, (time,)."""
+    rate = smooth(depth_rate(depth, period), RESTING_WINDOW_S, period)
+    resting = (depth < SHALLOW_DEPTH) & (np.abs(rate) < RESTING_RATE)
+    return resting | (depth < SURFACE_DEPTH)
 
 
 def smooth(values: Array, seconds: float, period: float) -> Array:

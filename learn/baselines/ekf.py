@@ -20,11 +20,11 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numba import njit
 
-from learn.baselines.base import Baseline, Estimate
+from learn.baselines.base import Baseline, Estimate, afloat
 from learn.baselines.steady_flight import net_mass
 from learn.dead_reckoning import Array, Attitude, Signals, finite_channel
 from twin.errors import InputError
-from twin.fossen.forces import STRIPS, Parameters, damping_wrench, parameters_of
+from twin.fossen.forces import Parameters, damping_wrench, parameters_of
 from twin.fossen.matrices import skew
 from twin.vehicle import Vehicle
 
@@ -98,10 +98,11 @@ class Ekf(Baseline):
         """The whole filter on one mission."""
         attitude = Attitude.of(signals)
         depth = finite_channel(signals, "measured_depth")
-        immersion = immersed_fraction(self.vehicle, depth, attitude.pitch)
+        # Afloat, the surface carries what the pump takes off: the hull comes out of the water. How
+        # far it does, a pressure gauge that is off by a metre cannot say.
         pump = finite_channel(signals, "measured_pump")
         net = net_mass(self.vehicle, pump, np.maximum(depth, 0.0))
-        net = np.minimum(net + (1.0 - immersion) * (self.vehicle.mass - net), self._strongest())
+        net = np.where(afloat(depth, period), 0.0, net)
         inputs = np.stack(
             [
                 -np.sin(attitude.pitch),
@@ -109,7 +110,6 @@ class Ekf(Baseline):
                 np.cos(attitude.pitch) * np.cos(attitude.roll),
                 *(finite_channel(signals, f"measured_{n}_rate") for n in ("roll", "pitch", "yaw")),
                 net,
-                immersion,
             ],
             axis=1,
         )
@@ -133,19 +133,6 @@ class Ekf(Baseline):
             )
         )
 
-    def _strongest(self) -> float:
-        """Largest net mass [kg]: a pressure gauge's offset must not lift the hull into the air."""
-        reach = max(abs(self.vehicle.actuator_min[2]), abs(self.vehicle.actuator_max[2]))
-        return abs(self.vehicle.net_mass_for_pump(float(reach)))
-
-
-def immersed_fraction(vehicle: Vehicle, depth: Array, pitch: Array) -> Array:
-    """Immersed part of the hull at `depth` [m] of the CB and `pitch` [rad], (time,); strip law."""
-    places = vehicle.hull_length * ((np.arange(STRIPS) + 0.5) / STRIPS - 0.5)
-    deep = depth[:, None] - np.sin(pitch)[:, None] * places
-    part = np.clip((deep + 0.5 * vehicle.hull_diameter) / vehicle.hull_diameter, 0.0, 1.0)
-    return (part**2 * (3.0 - 2.0 * part)).mean(axis=1)
-
 
 def _inertia(vehicle: Vehicle) -> Array:
     return vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]
@@ -164,7 +151,7 @@ def _coupling(vehicle: Vehicle) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def _rates(p: Parameters, inverse: Array, inertia: Array, coupling: Array, x: Array, given: Array):  # type: ignore[no-untyped-def]
-    """dx/dt (5,) for inputs (down axis 3, rates 3, net mass, immersion)."""
+    """dx/dt (5,) for inputs (down axis 3, rates 3, net mass)."""
     nu = np.empty(6)
     momentum = np.zeros(3)
     for i in range(3):
@@ -178,7 +165,7 @@ def _rates(p: Parameters, inverse: Array, inertia: Array, coupling: Array, x: Ar
     for j in range(3):
         one, two = (j + 1) % 3, (j + 2) % 3
         turning = momentum[one] * nu[3 + two] - momentum[two] * nu[3 + one]
-        total = given[7] * force[j] + weight * given[j] + turning
+        total = force[j] + weight * given[j] + turning
         for i in range(3):
             out[i] += inverse[i, j] * total
         out[3] += given[j] * x[j]

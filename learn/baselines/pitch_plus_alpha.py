@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from learn.baselines.base import SURFACE_DEPTH, Baseline, Estimate, hold, smooth
+from learn.baselines.base import Baseline, Estimate, afloat, hold, smooth
 from learn.dead_reckoning import Signals, depth_rate, finite_channel
 from twin.vehicle import Vehicle
 
@@ -50,7 +50,7 @@ class PitchPlusAlpha(Baseline):
         alpha = self.angle_of_attack
         speed = np.abs(rate) / np.sin(np.maximum(np.abs(slope), LEAST_PITCH) + alpha)
         speed = hold(np.minimum(speed, MAX_SPEED), gliding)
-        speed = np.where(depth < SURFACE_DEPTH, 0.0, speed)
+        speed = np.where(afloat(depth, period), 0.0, speed)
         return Estimate(surge=speed * math.cos(alpha), sway=np.zeros_like(speed))
 
 

@@ -19,7 +19,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from learn.baselines.base import SURFACE_DEPTH, Baseline, Estimate, Mask, bridge, smooth
+from learn.baselines.base import Baseline, Estimate, Mask, afloat, bridge, smooth
 from learn.dead_reckoning import Array, Attitude, Signals, depth_rate, finite_channel
 from twin.vehicle import CUBIC_CM, Vehicle
 
@@ -71,12 +71,12 @@ class SteadyFlight(Baseline):
         )
         # At inflections nothing is in balance: there the velocities are bridged.
         gliding = gliding & steady & (rate * down > 0) & (np.abs(down) > LEAST_SINE)
-        gliding = gliding & (depth >= SURFACE_DEPTH)
+        still = afloat(depth, period)
+        gliding = gliding & ~still
         speed = (speed * FLAT_SINE**2 + rate * down) / (FLAT_SINE**2 + down**2)
         speed = np.maximum(speed, 0.0)
         surge, sway = (bridge(speed * direction[i], gliding) for i in (0, 1))
-        afloat = depth < SURFACE_DEPTH
-        return Estimate(surge=np.where(afloat, 0.0, surge), sway=np.where(afloat, 0.0, sway))
+        return Estimate(surge=np.where(still, 0.0, surge), sway=np.where(still, 0.0, sway))
 
 
 def net_mass(vehicle: Vehicle, pump: Array, depth: Array) -> Array:
