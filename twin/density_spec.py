@@ -35,7 +35,7 @@ def read_density_csv(path: Path) -> DensityProfile:
     import csv
 
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.DictReader(file))
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read density file {path}: {error}") from error

@@ -8,8 +8,9 @@ import numpy as np
 from mujoco.batch import Batch
 
 from twin.errors import InputError, SimulationUnstable
+from twin.quiet import quiet_mujoco
 from twin.scenario import Scenario
-from twin.simulate import Simulation, collect, quiet_mujoco
+from twin.simulate import Simulation, collect
 from twin.trajectory import Trajectory
 
 

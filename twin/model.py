@@ -22,6 +22,10 @@ INTEGRATORS = {
 }
 SEAWATER_VISCOSITY = 1.4e-3
 """[Pa s] dynamic viscosity at about 10 degC; only the ellipsoid law uses it."""
+SHORTEST_STEP, LONGEST_STEP = 1e-4, 1.0
+"""[s]"""
+ELLIPSOID_TIMESTEP = 0.02
+"""[s] quadratic rotary drag of the ellipsoid law is stiff at inflections: 0.1 s diverges there"""
 _FREE_JOINT_ROWS = np.array([0, 1, 3, 6, 10, 15])
 
 
@@ -57,10 +61,15 @@ def compile_model(
     _write_inertia(spec, vehicle)
     if lean:
         _strip(spec)
+    if timestep is None and hydrodynamics == "ellipsoid":
+        timestep = min(spec.option.timestep, ELLIPSOID_TIMESTEP)
     if timestep is not None:
-        if not 0 < timestep <= 1:
-            raise InputError(f"timestep {timestep} s is outside (0, 1] s")
         spec.option.timestep = timestep
+    if not SHORTEST_STEP <= spec.option.timestep <= LONGEST_STEP:
+        raise InputError(
+            f"timestep {spec.option.timestep:g} s is outside {SHORTEST_STEP:g} to "
+            f"{LONGEST_STEP:g} s"
+        )
     if integrator is not None:
         if integrator not in INTEGRATORS:
             raise InputError(unknown_name("integrator", integrator, INTEGRATORS))

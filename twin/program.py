@@ -23,6 +23,7 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 from twin.console import Console, one_line
@@ -100,6 +101,7 @@ class Program:
     def main(self, arguments: Sequence[str] | None = None) -> int:
         """Run the command line (default: the process's own) and return the exit code."""
         words = list(sys.argv[1:] if arguments is None else arguments)
+        _open_missing_streams()
         # Bad options are reported before they are parsed, so --json is looked for in the raw words.
         console = Console(self.name, json="--json" in words)
         try:
@@ -113,6 +115,11 @@ class Program:
             return _fail(console, interrupt, text, EXIT_INTERRUPTED)
         except TwinError as error:
             return _fail(console, error, str(error), error.exit_code)
+        except SystemError as error:
+            # compiled code that Ctrl-C interrupts reports it as the cause of a SystemError
+            if isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
+                return _fail(console, error, "interrupted", EXIT_INTERRUPTED)
+            return _fail(console, error, f"SystemError: {error}", EXIT_FAILED)
         except OSError as error:
             return _fail(console, error, _describe_os_error(error), _os_error_code(error))
         except Exception as error:  # the last resort: a user gets one line, never a traceback
@@ -186,3 +193,11 @@ def _os_error_code(error: OSError) -> int:
         PermissionError,
     )
     return EXIT_BAD_INPUT if isinstance(error, named_wrongly) else EXIT_FAILED
+
+
+def _open_missing_streams() -> None:
+    """A closed standard stream (`twin ... >&-`) swallows what is written to it."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            stream = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - lives as long as we
+            setattr(sys, name, stream)

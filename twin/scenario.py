@@ -7,6 +7,7 @@ import hashlib
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 from twin.current.base import Current, current_from_dict
@@ -67,7 +68,26 @@ class Scenario:
     centred: bool = True
     """Water at the time-centred velocity: second order in the step (docs/physics.md)."""
     sample_period: float = SAMPLE_PERIOD
-    """[s]"""
+    """[s], a whole number of physics steps"""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.vehicle, str):
+            object.__setattr__(self, "vehicle", load_vehicle(self.vehicle))
+        for name, kinds in (
+            ("vehicle", Vehicle),
+            ("plan", (Mission, Schedule, NoneType)),
+            ("start", (Start, NoneType)),
+            ("current", (Current, NoneType)),
+            ("density", (DensityProfile, NoneType)),
+            ("origin", Origin),
+        ):
+            value = getattr(self, name)
+            if not isinstance(value, kinds):
+                raise InputError(
+                    f"scenario: {name} is {value!r}; give a {name.capitalize()} object"
+                )
+        if not (math.isfinite(self.sample_period) and self.sample_period > 0):
+            raise InputError(f"sample period {self.sample_period} s must be positive and finite")
 
     @property
     def open_ended(self) -> bool:

@@ -23,6 +23,7 @@ from twin.frames import (
 )
 from twin.model import compile_model
 from twin.native import block as b
+from twin.quiet import quiet_mujoco
 from twin.trim import Trim, check_trim_request, solve_steady_state
 from twin.vehicle import Vehicle
 
@@ -110,10 +111,17 @@ def trim(
         )
     actuators = np.array([shift, rotation, vehicle.pump_for_net_mass(net_mass)])
     glider = LockedGlider(vehicle, hydrodynamics, actuators)
-    settled = _fly_until_settled(glider, math.copysign(1.0, net_mass))
+    with quiet_mujoco():
+        settled = _fly_until_settled(glider, math.copysign(1.0, net_mass))
     request = (
         f"shift {shift:g} m, rotation {math.degrees(rotation):g} deg, net mass {net_mass:g} kg"
     )
+    if glider.data.userdata[b.U_FAILED]:
+        raise NoSteadyState(
+            f"no steady state at {request}: the simulation went unstable at "
+            f"{glider.data.userdata[b.U_FAIL_TIME]:.1f} s; check the vehicle's parameters, "
+            "integrator and timestep"
+        )
     if settled is None:
         last = glider.motion()
         raise NoSteadyState(

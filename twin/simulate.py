@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import concurrent.futures
-import contextlib
-import ctypes
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -20,6 +18,7 @@ from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector, quate
 from twin.mission import Mission
 from twin.model import compile_model, parameter_block
 from twin.native import block as b
+from twin.quiet import quiet_mujoco
 from twin.scenario import Scenario, Start
 from twin.schedule import Schedule
 from twin.trajectory import Trajectory, from_log
@@ -28,22 +27,13 @@ Array = NDArray[np.float64]
 
 STEPS_PER_CALL = 20_000
 """Steps between looks at a run from Python: long enough to cost nothing, short enough to stop."""
+MOST_SAMPLES = 4_000_000
+"""Samples of one run: about 1.3 GB of log, 23 days at 2 Hz"""
+IMPLICIT_STEP = 0.02
+"""[s] longest step at which implicit and implicitfast carry the stiff servos"""
+_EXPLICIT = (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4)
 END_CHECK_PERIOD = 30.0
 """[s] between looks whether a mission without a duration has been flown"""
-
-
-_QUIET = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(lambda message: None)
-
-
-@contextlib.contextmanager
-def quiet_mujoco() -> Iterator[None]:
-    """Keep MuJoCo from printing and logging warnings: an unstable run is reported as an error."""
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(_QUIET)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(before)
 
 
 class Simulation:
@@ -57,8 +47,6 @@ class Simulation:
     def __init__(self, scenario: Scenario, *, lean: bool = True):
         self.scenario = scenario
         vehicle = scenario.vehicle
-        if scenario.sample_period <= 0:
-            raise InputError(f"sample period {scenario.sample_period} s must be positive")
         self.model = compile_model(
             vehicle,
             hydrodynamics=scenario.hydrodynamics,
@@ -67,11 +55,46 @@ class Simulation:
             lean=lean,
         )
         self.duration = scenario.run_time()
+        self._check_integration()
         self.rows = np.zeros((self._samples(), b.ROW))
         self._kept: list[Any] = []
         self._write_block()
         self.data = mujoco.MjData(self.model)
         self.reset()
+
+    def _check_integration(self) -> None:
+        """Refuse what cannot be flown: unsuitable integrators, uneven samples, too much memory."""
+        step, period = self.model.opt.timestep, self.scenario.sample_period
+        integrator = self.model.opt.integrator
+        if integrator in _EXPLICIT:
+            raise InputError(
+                "the battery's lead screws are too stiff for integrator euler or rk4 at any useful "
+                "step; use discrete (or implicitfast up to a step of "
+                f"{IMPLICIT_STEP:g} s)"
+            )
+        if integrator != mujoco.mjtIntegrator.mjINT_DISCRETE and step > IMPLICIT_STEP:
+            raise InputError(
+                f"timestep {step:g} s is too long for the stiff servos under this integrator; use "
+                f"at most {IMPLICIT_STEP:g} s, or integrator discrete"
+            )
+        steps = period / step
+        if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
+            nearest = max(1, round(steps)) * step
+            raise InputError(
+                f"sample period {period:g} s is not a whole number of steps of {step:g} s; the "
+                f"nearest is {nearest:g} s"
+            )
+        if self._samples() < 2:
+            raise InputError(
+                f"a run of {self.duration:g} s holds fewer than two samples at a sample period of "
+                f"{period:g} s; shorten the period"
+            )
+        if self._samples() > MOST_SAMPLES:
+            raise InputError(
+                f"a run of {self.duration:g} s at a sample period of {period:g} s makes "
+                f"{self._samples():,} samples, more than {MOST_SAMPLES:,}; shorten the mission or "
+                "lengthen the period"
+            )
 
     def _samples(self) -> int:
         return math.floor(self.duration / self.scenario.sample_period + 1e-9) + 1
@@ -202,6 +225,19 @@ class Simulation:
         return collect(self, self.data.userdata, mission)
 
 
+def _ending(simulation: Simulation, userdata: Array, failed: bool) -> str:
+    """How a run ended: unstable, aborted, flown, or at its duration or time limit."""
+    if failed:
+        return "unstable"
+    if not isinstance(simulation.scenario.plan, Mission):
+        return "duration"
+    if userdata[b.U_GUIDANCE + guidance.ABORTED]:
+        return "aborted"
+    if userdata[b.U_GUIDANCE + guidance.DONE]:
+        return "flown"
+    return "time limit" if simulation.scenario.open_ended else "duration"
+
+
 _MUST_BE_FINITE = np.r_[: b.R_PITCH_SETPOINT, b.R_ACCELERATION : b.ROW]
 """Log columns that are never NaN in a sound run; setpoints are NaN where a segment has none."""
 
@@ -217,7 +253,13 @@ def collect(simulation: Simulation, userdata: Array, mission: int) -> Trajectory
     vehicle = simulation.scenario.vehicle
     centred = parameter_block(simulation.model)[b.P_CENTRED]
     half_step = 0.5 * centred * simulation.model.opt.timestep
-    trajectory = from_log(rows, vehicle, half_step=half_step, complete=not failed)
+    trajectory = from_log(
+        rows,
+        vehicle,
+        half_step=half_step,
+        complete=not failed,
+        provenance={"ended": _ending(simulation, userdata, failed)},
+    )
     if failed:
         time = float(userdata[b.U_FAIL_TIME])
         raise SimulationUnstable(

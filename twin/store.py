@@ -120,7 +120,9 @@ def prepare_target(path: Path, *, overwrite: bool) -> None:
     """Make sure that a new store can be written at `path`; removes an old store on `overwrite`."""
     if path.exists():
         if not is_store(path):
-            raise StoreError(f"{path} exists and is not a store; choose another --out")
+            raise StoreError(
+                f"{path} exists and is not a whole store; remove it by hand or choose another --out"
+            )
         if not overwrite:
             raise StoreError(f"store {path} already exists; use --overwrite or another --out")
         shutil.rmtree(path)

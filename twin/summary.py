@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from twin.trajectory import Trajectory
 
 
-def summarise(trajectory: Trajectory) -> dict[str, float | int]:
+def summarise(trajectory: Trajectory) -> dict[str, Any]:
     """Figures of a trajectory: SI units and degrees, as the names say."""
     t = trajectory
     position, v_rel = t.position, t.v_rel
@@ -15,6 +17,8 @@ def summarise(trajectory: Trajectory) -> dict[str, float | int]:
     horizontal = np.hypot(*np.diff(position[:, :2], axis=0).T).sum()
     alpha = np.rad2deg(np.arctan2(v_rel[:, 2], v_rel[:, 0]))
     return {
+        "ended": str(t.provenance.get("ended", "unknown")),
+        "last_segment": int(t["commanded_segment"][-1]),
         "samples": len(t.time),
         "duration_s": float(t.time[-1]),
         "distance_through_water_m": float(t.distance_through_water()[-1]),

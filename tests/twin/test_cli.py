@@ -160,3 +160,46 @@ def test_module_runs_as_a_program():
     words = [sys.executable, "-m", "twin", "trim", "--net-mass", "0.3", "--shift", "0.02", "--json"]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     assert json.loads(done.stdout)["pitch_deg"] == pytest.approx(-32.973, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--sample-period", "nan"), "sample period nan"),
+        (("--sample-period", "0.33"), "the nearest is 0.3 s"),
+        (("--sample-period", "5000"), "fewer than two samples"),
+        (("--duration", "1e15"), "samples, more than"),
+        (("--timestep", "1e-9"), "timestep 1e-09 s is outside"),
+        (("--integrator", "implicitfast"), "too long for the stiff servos"),
+        (("--plot", "picture.txt"), "must be a file ending in .png"),
+        (("--plot", "."), "must be a file ending in .png"),
+    ],
+)
+def test_absurd_settings_are_refused_before_anything_is_flown(capsys, words, message):
+    code, _, err = call(capsys, "simulate", *words)
+    assert code == 2
+    assert message in err
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_a_mission_that_was_not_flown_says_so(capsys, tmp_path):
+    mission = tmp_path / "m.toml"
+    mission.write_text(
+        '[[segments]]\nkind = "saw-tooth"\nmax_depth_m = 60\nheading_deg = 10\nyos = 1\n'
+    )
+    water = tmp_path / "cast.csv"
+    water.write_bytes(b"\xef\xbb\xbfdepth,density\n0,1025\n10,1035\n100,1040\n")
+    code, out, err = call(capsys, "simulate", str(mission), "--density", str(water), "--json")
+    assert code == 0
+    assert json.loads(out)["ended"] == "time limit"
+    assert "not flown to its end" in err
+    code, out, err = call(capsys, "simulate", str(mission), "--json")
+    assert json.loads(out)["ended"] == "flown"
+    assert err == ""
+
+
+def test_a_closed_output_is_no_error():
+    words = f"{sys.executable} -m twin version >&-"
+    done = subprocess.run(words, shell=True, capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert done.stderr == ""

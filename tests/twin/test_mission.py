@@ -36,7 +36,7 @@ def vehicle() -> Vehicle:
         (SawTooth, {"max_depth_m": 100, "pitch_deg": -35}, "pitch_deg = -35 "),
         (SawTooth, {"max_depth_m": 100, "climb_pitch_deg": 89}, "climb_pitch_deg = 89 "),
         (SawTooth, {"max_depth_m": -5}, "max_depth_m = -5 .* above 0 m"),
-        (SawTooth, {"max_depth_m": 50, "min_depth_m": -1}, "min_depth_m = -1 .* at least 0 m"),
+        (SawTooth, {"max_depth_m": 50, "min_depth_m": -1}, "min_depth_m = -1 .* at least 1 m"),
         (SawTooth, {"max_depth_m": 50, "min_depth_m": 50}, "less than max_depth_m = 50 m"),
         (SawTooth, {"max_depth_m": 50, "yos": 0}, "yos = 0 .* above 0"),
         (SawTooth, {"max_depth_m": 50, "yos": 1.3}, "yos = 1.3 .* multiple of 0.5"),
@@ -80,7 +80,7 @@ def test_impossible_field_names_itself_and_what_is_allowed(kind, values, message
         ),
         (
             {"segments": [Surface(), SawTooth(max_depth_m=100, yos=1)], "max_depth_m": 100},
-            r"segments\[1\] saw-tooth: max_depth_m = 100 .* less than the mission's",
+            r"segments\[1\] saw-tooth: max_depth_m = 100 .* 3 m less than the mission's",
         ),
     ],
 )

@@ -26,6 +26,8 @@ class Check(JsonOption):
 
         if self.manoeuvres < 1:
             raise InputError(f"--manoeuvres must be at least 1, not {self.manoeuvres}")
+        if self.seed < 0:
+            raise InputError(f"--seed must be 0 or more, not {self.seed}")
         vehicle = load_vehicle(self.vehicle)
         rows, broken = [], []
         published = check.check_published()

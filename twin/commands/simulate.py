@@ -34,8 +34,8 @@ class Simulate(JsonOption):
     """identified coefficients, or MuJoCo's ellipsoid law on the geometry"""
     timestep: float | None = None
     """physics step [s]; default: the vehicle file's"""
-    integrator: Literal["discrete", "implicitfast", "implicit", "euler", "rk4"] | None = None
-    """MuJoCo integrator; default: the vehicle file's"""
+    integrator: Literal["discrete", "implicitfast", "implicit"] | None = None
+    """MuJoCo integrator; default: the vehicle file's. The implicit ones need a step of 0.02 s"""
     sample_period: float = 0.5
     """seconds between stored samples"""
     out: Path | None = None
@@ -52,6 +52,7 @@ class Simulate(JsonOption):
         from twin.store import prepare_target
 
         scenario = self._scenario()
+        check_plot_path(self.plot)
         if self.out is not None:
             prepare_target(self.out, overwrite=self.overwrite)
         try:
@@ -71,6 +72,14 @@ class Simulate(JsonOption):
 
     def _warn(self, console: Console, scenario: Scenario, trajectory: Trajectory) -> None:
         """Say when the glider left the gridded current's file."""
+        ended = trajectory.provenance.get("ended")
+        if ended in ("aborted", "time limit"):
+            reason = {
+                "aborted": "it went deeper than max_depth_m and climbed to the surface",
+                "time limit": "its segments were not flown within a generous estimate of their time "
+                "(too light or too heavy for this water, or a depth it cannot reach?)",
+            }[ended]
+            console.warn(f"the mission was not flown to its end: {reason}")
         if scenario.current is None:
             return
         from twin.current.sampler import beyond_grid
@@ -141,6 +150,7 @@ class Simulate(JsonOption):
         console.pairs(
             {
                 "duration": f"{figures['duration_s']:.0f} s",
+                "ended": figures["ended"],
                 "distance through the water": f"{figures['distance_through_water_m']:.0f} m",
                 "horizontal distance over ground": f"{figures['horizontal_distance_m']:.0f} m",
                 "end position (north, east)": (
@@ -168,3 +178,20 @@ class Simulate(JsonOption):
         for label, path in (("store", self.out), ("plot", self.plot)):
             if path is not None:
                 console.say(f"{label}: {path}")
+
+
+PLOT_FORMATS = (".png", ".pdf", ".svg")
+
+
+def check_plot_path(path: Path | None) -> None:
+    """Refuse a plot that could not be written before anything is flown; raises InputError."""
+    from twin.errors import InputError
+
+    if path is None:
+        return
+    if path.suffix.lower() not in PLOT_FORMATS or path.is_dir():
+        raise InputError(f"--plot {str(path)!r} must be a file ending in {', '.join(PLOT_FORMATS)}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot write plot {path}: {error.strerror or error}") from error

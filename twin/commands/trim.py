@@ -17,7 +17,7 @@ class Trim(JsonOption):
     shift: float
     """battery position forward of neutral [m]"""
     rotation: float = 0.0
-    """battery rotation [deg], positive to port"""
+    """battery rotation [deg]; positive puts the mass to port and turns to starboard"""
     model: Literal["mujoco", "fossen"] = "mujoco"
     """equations to solve: the MuJoCo twin or the independent Fossen model"""
     vehicle: str = "glider"

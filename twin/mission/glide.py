@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.errors import MissionError
+from twin.errors import MissionError, VehicleError
 from twin.vehicle import Vehicle
 
 _GRID = np.linspace(0.0, 1.0, 401)[1:]
@@ -53,6 +53,11 @@ def steady_glide(vehicle: Vehicle, pitch: float, net_mass: float) -> SteadyGlide
     sense = math.copysign(1.0, net_mass)
     k_d0, k_d = vehicle.drag
     k_l0, k_alpha = vehicle.lift
+    if not (k_d0 > 0.0 and k_d >= 0.0 and k_alpha > 0.0):
+        raise VehicleError(
+            f"vehicle {vehicle.name!r} cannot glide: drag {k_d0:g}, {k_d:g} and lift slope "
+            f"{k_alpha:g} must be positive for a closed-loop mission"
+        )
     zero_lift = -k_l0 / k_alpha
     angles = zero_lift + (sense * vehicle.linear_angle - zero_lift) * _GRID
 

@@ -22,6 +22,8 @@ from twin.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 AT_END = ("surface", "hold")
+OVERSHOOT_MARGIN_M = 3.0
+"""[m] a dive overshoots its lower depth by up to 2.7 m; nearer limits would abort sound missions"""
 TIME_MARGIN = 1.5
 """A mission may take this much longer than its steady glides: inflections, turns, down-currents."""
 
@@ -89,9 +91,12 @@ class Mission:
             if (
                 isinstance(segment, Profile)
                 and self.max_depth_m is not None
-                and segment.max_depth_m >= self.max_depth_m
+                and segment.max_depth_m > self.max_depth_m - OVERSHOOT_MARGIN_M
             ):
-                rule = f"less than the mission's max_depth_m = {self.max_depth_m:g} m"
+                rule = (
+                    f"{OVERSHOOT_MARGIN_M:g} m less than the mission's max_depth_m = "
+                    f"{self.max_depth_m:g} m, for the overshoot of an inflection"
+                )
                 check.fail(label, "max_depth_m", segment.max_depth_m, rule)
 
     def _label(self, index: int) -> str:

@@ -14,6 +14,8 @@ from twin.mission import fields as check
 
 DEFAULT_MIN_DEPTH_M = 5.0
 """Deep enough that the overshoot of an inflection (2 m for the Sea-Wing) stays submerged."""
+SHALLOWEST_M = 1.0
+"""A climb to less than this would end afloat: the hull breaks the surface before its CB arrives."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +55,7 @@ class Profile(Segment):
 
     def __post_init__(self) -> None:
         kind = self.kind
-        check.within(kind, "min_depth_m", self.min_depth_m, "m", 0.0)
+        check.within(kind, "min_depth_m", self.min_depth_m, "m", SHALLOWEST_M)
         check.within(kind, "max_depth_m", self.max_depth_m, "m", 0.0, open_low=True)
         if self.min_depth_m >= self.max_depth_m:
             rule = f"less than max_depth_m = {self.max_depth_m:g} m"

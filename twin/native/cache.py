@@ -10,11 +10,12 @@ import contextlib
 import hashlib
 import os
 import shutil
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import numba
+
+from twin.private import private_folder
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 _SOURCES = ("native/*.py", "fossen/*.py", "current/*.py", "guidance.py", "density.py")
@@ -33,18 +34,23 @@ def cache_folder() -> Path:
     """A writable folder for this version of the sources; older versions beside it are removed."""
     user = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
     name = f"jit-{source_hash()}"
-    for base in (_PACKAGE / "__pycache__", user / "glider-twin", Path(tempfile.gettempdir())):
+    for base in (_PACKAGE / "__pycache__", user / "glider-twin", private_folder()):
         folder = base / name
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         except OSError:
             continue
-        if os.access(folder, os.W_OK):
+        if os.access(folder, os.W_OK) and _is_mine(folder):
             for old in base.glob("jit-*"):
                 if old.name != name:
                     shutil.rmtree(old, ignore_errors=True)
             return folder
     raise OSError("no writable folder for compiled code: set XDG_CACHE_HOME to one")
+
+
+def _is_mine(folder: Path) -> bool:
+    """Compiled code is run: only a folder that no other user can have filled will do."""
+    return not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
 
 
 @contextlib.contextmanager
