@@ -41,7 +41,7 @@ class Fit(JsonOption):
     delays: int | None = None
     """elman: past outputs that a hidden layer is fed back [default: 5]"""
     features: tuple[str, ...] = ()
-    """inputs: names of features or groups [default: attitude imu depth_rate controls]"""
+    """inputs, features or groups [default: attitude imu depth_rate glide_speed controls]"""
     without: tuple[str, ...] = ()
     """features or groups to leave out, such as imu for a vehicle that logs no raw IMU"""
     optimiser: Literal["adam", "scg"] | None = None
@@ -52,7 +52,7 @@ class Fit(JsonOption):
     """passes over the training missions instead of a time (scg: iterations); repeatable"""
     seed: int = 0
     """of initial weights and order; every network gets one of its own from it"""
-    members: int = 1
+    members: int = 2
     """networks per velocity; with more than one their spread is an uncertainty"""
     division: Literal["missions", "samples"] = "missions"
     """missions: the store's split; samples: the paper's random 70/15/15, which leaks"""

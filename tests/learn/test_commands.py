@@ -1,6 +1,7 @@
 """The commands from end to end, on stores small enough to train on in a second."""
 
 import json
+import re
 import shutil
 
 import numpy as np
@@ -10,13 +11,15 @@ from navigation import add_fixes, trimmed_mission, write_store
 from factory.commands.generate import DEFAULT_OUT
 from learn.__main__ import PROGRAM
 from learn.baselines import BASELINES
+from learn.features import DEFAULT_GROUPS
 from learn.fit import FitConfig, fit
 from learn.networks import NetworkConfig
 from learn.run import DEFAULT_STORE, newest_run, open_run
 from learn.training import TrainingConfig
 from twin.errors import InputError, StoreError
 
-QUICK = (*"--epochs 1 --hidden 6 --layers 1 --members 1 --workers 1".split(),)
+SMALL = {"epochs": 1, "hidden": 6, "layers": 1, "members": 1, "workers": 1}
+QUICK = tuple(word for name, value in SMALL.items() for word in (f"--{name}", str(value)))
 
 
 def call(capsys, *words):
@@ -223,6 +226,21 @@ def test_compare_and_export(here, capsys, tmp_path):
     code, out, err = call(capsys, "compare", "first", "--store", DEFAULT_STORE, "--split", "all")
     assert code == 0, err
     assert "steady flight" in out
+
+
+def test_the_help_of_fit_names_the_defaults_that_apply(here, capsys):
+    code, out, _ = call(capsys, "fit", "--help")
+    assert code == 0
+    words = " ".join(re.sub(r"[│\n]", " ", out).split())
+    assert f"[default: {' '.join(DEFAULT_GROUPS)}]" in words
+    network, training = NetworkConfig(), TrainingConfig()
+    for value, label in (
+        (network.kind, "kind of network"),
+        (network.hidden, "units per hidden layer"),
+        (network.layers, "hidden layers"),
+        (f"{training.seconds:g}", "two are trained side by side"),
+    ):
+        assert re.search(rf"{label} \[default: {value}[,\]]", words), label
 
 
 @pytest.mark.parametrize(
