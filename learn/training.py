@@ -34,7 +34,7 @@ class TrainingConfig:
 
     optimiser: Literal["adam", "scg"] = "adam"
     """adam with a cosine schedule, or scg (scaled conjugate gradients, the paper's)."""
-    seconds: float = 240.0
+    seconds: float = 180.0
     """[s] budget of one network; 0 leaves it to `epochs`."""
     epochs: int = 0
     """Budget in passes over the training missions (scg: iterations); 0 leaves it to `seconds`."""

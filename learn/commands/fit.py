@@ -47,7 +47,7 @@ class Fit(JsonOption):
     optimiser: Literal["adam", "scg"] | None = None
     """adam with a schedule, or scg, the paper's scaled conjugate gradients [default: adam]"""
     seconds: float | None = None
-    """time in training of each network; two are trained side by side [default: 240]"""
+    """time in training of each network; two are trained side by side [default: 180]"""
     epochs: int | None = None
     """passes over the training missions instead of a time (scg: iterations); repeatable"""
     seed: int = 0

@@ -76,7 +76,7 @@ class Simulate(JsonOption):
         if ended in ("aborted", "time limit"):
             reason = {
                 "aborted": "it went deeper than max_depth_m and climbed to the surface",
-                "time limit": "its segments were not flown within a generous estimate of their time "
+                "time limit": "its segments took more than a generous estimate of their time "
                 "(too light or too heavy for this water, or a depth it cannot reach?)",
             }[ended]
             console.warn(f"the mission was not flown to its end: {reason}")
