@@ -169,8 +169,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
 """Names of the features of each group."""
 
 DEFAULT_GROUPS = ("attitude", "imu", "depth_rate", "glide_speed", "controls")
-"""Groups of the default inputs. With `glide_speed`, the kinematic speed of the depth rate, ten hours
-of missions train a surge network a hundred times better than without."""
+"""Groups of the default inputs. With `glide_speed`, the kinematic speed of the depth rate, ten
+hours of missions train a surge network a hundred times better than without."""
 
 
 def select_features(

@@ -1,6 +1,7 @@
 """Training: it learns, resumes to the same bits, and says what is wrong."""
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -46,7 +47,7 @@ def test_training_explains_most_of_the_motion_of_unseen_missions(surge, config):
 def test_scg_never_raises_the_training_error(surge):
     errors = []
     trainer(surge, SCG, report=lambda r: errors.append(r.train_mse)).run()
-    assert all(b <= a for a, b in zip(errors, errors[1:], strict=False))
+    assert all(b <= a for a, b in itertools.pairwise(errors))
     assert errors[-1] < 0.5 * errors[0]
 
 
@@ -131,8 +132,8 @@ def test_the_schedule_rises_then_falls_to_zero():
     assert max(rates) == pytest.approx(1e-2)
     assert int(np.argmax(rates)) == 10
     assert rates[-1] == pytest.approx(0.0, abs=1e-12)
-    assert all(b > a for a, b in zip(rates[:10], rates[1:11], strict=True))
-    assert all(b < a for a, b in zip(rates[10:-1], rates[11:], strict=True))
+    assert all(b > a for a, b in itertools.pairwise(rates))
+    assert all(b < a for a, b in itertools.pairwise(rates))
 
 
 def test_a_time_budget_is_kept(surge):
@@ -206,7 +207,7 @@ def test_saved_networks_come_back_equal(predictors, tmp_path):
 
 
 def test_damaged_networks_are_explained(predictors, tmp_path):
-    with pytest.raises(StoreError, match="no network at .*train one with `learn fit`"):
+    with pytest.raises(StoreError, match=r"no network at .*train one with `learn fit`"):
         load_predictor(tmp_path / "none")
     predictors[0].save(tmp_path / "surge")
     text = (tmp_path / "surge.json").read_text()
