@@ -29,15 +29,14 @@ CHASE_DISTANCE = 4.1
 CHASE_BEARING = math.radians(142.0)
 """From the bow, to starboard: mostly from behind"""
 CHASE_ELEVATION = math.radians(16.0)
+CHASE_HEIGHT = CHASE_DISTANCE * math.sin(CHASE_ELEVATION)
+"""[m] of the chase camera above the glider"""
 CHASE_LAG = 1.2
 """[s of video] with which the chase camera follows a turn"""
 INSET_BEARING, INSET_ELEVATION = math.radians(58.0), math.radians(24.0)
 INSET_HALF = math.radians(13.0)
 INSET_DISTANCE = 4.4
 """[m]"""
-HUD_SHARE, TOP_SHARE, LABEL_SHARE, PANEL_SHARE = 0.175, 0.10, 0.075, 0.245
-"""Parts of the picture's height and width that framing keeps free for the HUD: the strip below,
-the title above, depth labels on the left, close-up and legend on the right"""
 SIDE_SHARE = 0.04
 """Free part on each side without a HUD"""
 
@@ -126,13 +125,6 @@ class Frame:
         return 1.0 - self.bottom - self.top
 
 
-def hud_frame(aspect: float) -> Frame:
-    """The frame beside the HUD's strip, labels and panel."""
-    return Frame(
-        aspect=aspect, bottom=HUD_SHARE, top=TOP_SHARE, left=LABEL_SHARE, right=PANEL_SHARE
-    )
-
-
 def fit(points: Array, forward: Array, up: Array, *, half_height: float, frame: Frame) -> View:
     """The perspective view along `forward` that just holds all points (n, 3) in the frame."""
     tangent = math.tan(half_height) * frame.filled
@@ -202,17 +194,17 @@ def map_view(layout: Layout, frame: Frame) -> View:
     )
 
 
-def chase_view(heading: float, aspect: float, hud: bool) -> View:
+def chase_view(heading: float, frame: Frame) -> View:
     """Behind the glider, which is at the origin; `heading` [rad] already follows with a lag."""
     forward, up = direction(-(heading + CHASE_BEARING), CHASE_ELEVATION)
-    bottom = 0.11 if hud else 0.0
     return View(
-        position=-CHASE_DISTANCE * forward + np.array([0.0, 0.0, 0.1]),
+        position=-CHASE_DISTANCE * forward,
         forward=forward,
         up=up,
-        half_height=math.tan(WIDE) * (1.0 - bottom),
-        aspect=aspect,
-        bottom=bottom,
+        half_height=math.tan(WIDE) * frame.filled,
+        aspect=frame.aspect,
+        bottom=frame.bottom,
+        top=frame.top,
         near=0.05,
         far=2000.0,
     )

@@ -45,7 +45,7 @@ class Encoder:
         self.path = path
         self._shape = (height, width, 3)
         self._draft = path.with_name(f".{path.stem}.part{suffix}")
-        self._log: IO[bytes] = tempfile.TemporaryFile()
+        self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in __exit__
         self._process = subprocess.Popen(
             [*_command(width, height, fps), *_output(suffix, fps), str(self._draft)],
             stdin=subprocess.PIPE,

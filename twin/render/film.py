@@ -10,7 +10,6 @@ import dataclasses
 import multiprocessing
 import multiprocessing.connection
 import os
-import sys
 from collections.abc import Callable, Iterator
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
@@ -196,7 +195,8 @@ def _paint(
     indices: range,
 ) -> None:
     """The worker's process: paint, announce, and wait when SLOTS frames are unread."""
-    memory = SharedMemory(name=name, track=False) if _CAN_UNTRACK else SharedMemory(name=name)
+    # A spawned process shares its parent's resource tracker, so that nothing is tracked twice.
+    memory = SharedMemory(name=name)
     frames: Pixels = np.ndarray((SLOTS, shot.height, shot.width, 3), np.uint8, memory.buf)
     try:
         with _painter(subject, shot, times) as painter:
@@ -219,7 +219,3 @@ def _paint(
         del frames
         memory.close()
         pipe.close()
-
-
-_CAN_UNTRACK = sys.version_info >= (3, 13)
-"""Before 3.13 a spawned process shares its parent's resource tracker, so nothing is tracked twice."""

@@ -21,7 +21,9 @@ NICE = (1.0, 2.0, 5.0)
 """Mantissas of tick steps"""
 EXAGGERATIONS = (1.0, 2.0, 3.0, 4.0, 5.0, 8.0, 10.0, 15.0, 20.0, 30.0, 50.0)
 HEIGHT_RATIO = {"orbit": 0.30, "side": 0.46, "map": 0.30}
-"""Height over length of the water block that the automatic exaggeration aims at, by camera."""
+"""Height over length of the water block that the automatic exaggeration aims at, by camera, in a
+picture of WIDESCREEN; in a taller one the block is taller too."""
+WIDESCREEN = 16 / 9
 WIDTH_RATIO = {"orbit": 0.28, "side": 0.28, "map": 0.55, "chase": 0.28}
 """Least width over length of the block, so that a straight track has a body of water around it."""
 MARGIN = 0.07
@@ -106,6 +108,7 @@ def plan(
     floor: float | None,
     exaggeration: float | None,
     camera: str,
+    aspect: float,
 ) -> Layout:
     """The layout that holds all `paths`, each (n, 3) NED [m].
 
@@ -115,6 +118,7 @@ def plan(
       exaggeration: vertical over horizontal scale, None for automatic.
       camera: as in `Shot`. The map's block is aligned with north, the others' with the track;
         the chase camera has one display unit per metre and no exaggeration.
+      aspect: width over height of the picture.
     """
     points = np.concatenate(paths)
     azimuth = 0.0 if camera == "map" else principal_azimuth(points[:, :2])
@@ -135,7 +139,8 @@ def plan(
         view = max(high[0] - low[0], high[1] - low[1]) * VIEW_MARGIN
         scale = min(1.0, hull_length / (VEHICLE_SHARE * view))
         if exaggeration is None:
-            wanted = HEIGHT_RATIO[camera] * float(max(high[:2] - low[:2])) / depth
+            ratio = HEIGHT_RATIO[camera] * min(max(WIDESCREEN / aspect, 0.5), 2.0)
+            wanted = ratio * float(max(high[:2] - low[:2])) / depth
             exaggeration = min(EXAGGERATIONS, key=lambda e: abs(math.log(e / max(wanted, 1e-9))))
     return Layout(azimuth=azimuth, low=low, high=high, scale=scale, exaggeration=exaggeration)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
@@ -11,13 +10,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.render import camera, palette
+from twin.render import camera, palette, sea
 from twin.render.camera import View
+from twin.render.canvas import Canvas, border
 from twin.render.context import new_context, release
-from twin.render.hud import Hud, ladder
+from twin.render.hud import Hud
+from twin.render.props import DRIFT, LEVEL, VEHICLE, WATER
 from twin.render.replay import Poses, poses
 from twin.render.shot import Shot
-from twin.render.stage import SNOW_BOX, VEHICLE, Stage, backdrop_colour, build
+from twin.render.stage import Stage, build
 from twin.render.tracks import NamedTrack
 from twin.trajectory import Trajectory
 from twin.vehicle import Vehicle
@@ -25,16 +26,11 @@ from twin.vehicle import Vehicle
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
-LADDER_STEP = 1.0
-"""[m] between the current arrows beside the glider, chase camera"""
-LADDER_REACH = 2.6
-"""[m] above and below the glider that the arrows reach"""
-LADDER_OFFSET = (0.2, -3.0)
-"""[m] ahead and to starboard of the glider at which the arrows start"""
 TAIL = 0.47
 """Where the ribbon ends behind the glider's middle, chase camera, over the hull's length"""
-INSET = (0.768, 0.035, 0.217, 0.27)
-"""Left, top, width and height of the close-up over the picture's"""
+SHORTEST_ARROW = 0.02
+"""[m]"""
+INSET_EDGE = (150, 200, 220)
 MOST_GEOMS = 4000
 
 
@@ -64,7 +60,9 @@ class Painter:
         self.poses: Poses = poses(trajectory, times)
         self.stage: Stage = build(trajectory, vehicle, shot, tracks)
         model = self.stage.model
-        self._inset = self._inset_box()
+        self._canvas = Canvas(width=shot.width, height=shot.height)
+        close_up = shot.inset and not self.stage.chase
+        self._inset = self._canvas.inset if close_up else None
         self._context = new_context(shot.width, shot.height)
         self._closed = False
         self._data = mujoco.MjData(model)
@@ -88,15 +86,11 @@ class Painter:
         self._rgba = model.geom_rgba.copy()
         self._hull = model.joint(f"{VEHICLE}hull").qposadr[0]
         self._battery = [model.joint(f"{VEHICLE}{n}").qposadr[0] for n in ("shift", "rotation")]
-        self._mocap = {
-            name: int(model.body(name).mocapid[0]) for name in ("water", "level", "drift")
-        }
+        self._mocap = {name: int(model.body(name).mocapid[0]) for name in (WATER, LEVEL, DRIFT)}
         heading = np.deg2rad(self.poses.heading)
         self._bearing = camera.follow(heading, shot.fps)
         notes = self._notes(title) if shot.hud else []
-        self._hud = (
-            Hud(self.stage, self.poses, shot.width, shot.height, notes) if shot.hud else None
-        )
+        self._hud = Hud(self.stage, self.poses, self._canvas, notes) if shot.hud else None
 
     @property
     def frames(self) -> int:
@@ -117,7 +111,7 @@ class Painter:
         mujoco.mjr_readPixels(self._buffer, None, self._whole, self._graphics)
         frame = np.ascontiguousarray(self._buffer[::-1])
         if self._inset is not None:
-            _border(frame, *self._inset)
+            border(frame, self._inset, INSET_EDGE)
         if self._hud is not None:
             self._hud.draw(frame, index, view)
         return frame
@@ -151,10 +145,9 @@ class Painter:
         data.qpos[self._hull : self._hull + 3] = here - shift
         data.qpos[self._hull + 3 : self._hull + 7] = self.poses.quaternion[index]
         data.qpos[self._battery] = self.poses.battery[index]
-        data.mocap_pos[self._mocap["water"]] = -shift
-        data.mocap_pos[self._mocap["level"]] = [0.0, 0.0, -shift[2]]
-        drifted = self._drift(index)
-        data.mocap_pos[self._mocap["drift"]] = drifted
+        data.mocap_pos[self._mocap[WATER]] = -shift
+        data.mocap_pos[self._mocap[LEVEL]] = [0.0, 0.0, -shift[2]]
+        data.mocap_pos[self._mocap[DRIFT]] = self._drift(index)
         self._reveal(index, here)
         if stage.chase or self._inset is not None:
             self._daylight(float(self.poses.position[index, 2]))
@@ -164,7 +157,7 @@ class Painter:
 
     def _drift(self, index: int) -> Array:
         """Where the cell of particles is: they move with the water, so against the glider."""
-        if self.stage.snow is None:
+        if not self.stage.snow:
             return np.zeros(3)
         time = self.poses.time[: index + 1]
         current = np.nan_to_num(self.poses.current[: index + 1])
@@ -173,7 +166,7 @@ class Painter:
             steps = np.diff(time)[:, None] * (current[1:] + current[:-1]) / 2
             moved[:2] = steps.sum(axis=0) * [1.0, -1.0]
         relative = moved - self.stage.layout.display(self.poses.position[index])
-        return (relative + SNOW_BOX / 2) % SNOW_BOX - SNOW_BOX / 2
+        return relative % sea.SNOW_BOX
 
     def _reveal(self, index: int, here: Array) -> None:
         """Show the ribbons up to now; the true one ends at the glider's tail."""
@@ -204,18 +197,16 @@ class Painter:
         mujoco.mjr_uploadMesh(model, self._graphics, mesh)
 
     def _daylight(self, depth: float) -> None:
-        """Colour the backdrop for the depth."""
-        model, count = self.stage.model, len(self.stage.backdrop)
-        for i, geom in enumerate(self.stage.backdrop):
-            elevation = math.pi * ((i + 0.5) / count - 0.5)
-            model.geom_rgba[geom, :3] = backdrop_colour(elevation, depth, daylight=True)
+        """Colour the backdrop for a glider at `depth` [m]."""
+        depth -= camera.CHASE_HEIGHT if self.stage.chase else 0.0
+        self.stage.model.geom_rgba[self.stage.bands, :3] = sea.backdrop_colours(depth)
 
     def _view(self, index: int) -> View:
         shot, layout = self.shot, self.stage.layout
-        aspect = shot.width / shot.height
+        bare = camera.Frame(aspect=shot.width / shot.height)
+        frame = self._canvas.frame if shot.hud else bare
         if shot.camera == "chase":
-            return camera.chase_view(float(self._bearing[index]), aspect, shot.hud)
-        frame = camera.hud_frame(aspect) if shot.hud else camera.Frame(aspect=aspect)
+            return camera.chase_view(float(self._bearing[index]), frame)
         if shot.camera == "side":
             return camera.side_view(layout, frame)
         if shot.camera == "map":
@@ -240,7 +231,7 @@ class Painter:
             stage.model, self._data, option, self._perturb, self._camera,
             mujoco.mjtCatBit.mjCAT_ALL, scene,
         )  # fmt: skip
-        if extra and stage.chase and stage.arrow_scale > 0:
+        if extra and stage.chase:
             self._ladder(index)
         half_width, low, high = view.frustum()
         for eye in scene.camera:
@@ -253,12 +244,9 @@ class Painter:
 
     def _ladder(self, index: int) -> None:
         """Arrows of the current profile beside the glider, at round depths."""
-        stage, scene = self.stage, self._scene
-        depths, profile = stage.profile
-        for depth, point in ladder(stage, self.poses, index):
-            north, east = (float(np.interp(depth, depths, column)) for column in profile.T)
-            vector = stage.arrow_scale * np.array([north, -east, 0.0])
-            if np.linalg.norm(vector) < 1e-3 or scene.ngeom >= scene.maxgeom:
+        scene = self._scene
+        for _, point, vector in self.stage.ladder(self.poses, index):
+            if np.linalg.norm(vector) < SHORTEST_ARROW or scene.ngeom >= scene.maxgeom:
                 continue
             geom = scene.geoms[scene.ngeom]
             mujoco.mjv_initGeom(
@@ -270,19 +258,6 @@ class Painter:
             scene.ngeom += 1
 
     # -- layout of the picture -----------------------------------------------------------------
-
-    def _inset_box(self) -> tuple[int, int, int, int] | None:
-        """Left, top, width, height [pixel] of the close-up."""
-        shot = self.shot
-        if not shot.inset or shot.camera == "chase":
-            return None
-        left, top, wide, high = INSET
-        return (
-            round(left * shot.width),
-            round(top * shot.height),
-            round(wide * shot.width),
-            round(high * shot.height),
-        )
 
     def _notes(self, title: str) -> list[str]:
         shot, layout = self.shot, self.stage.layout
@@ -296,13 +271,3 @@ class Painter:
             if layout.scale < 1.0:
                 facts.append(f"glider × {1 / layout.scale:.0f}")
         return [title or "glider twin", "   ".join(facts)] if facts else [title or "glider twin"]
-
-
-def _border(frame: Pixels, left: int, top: int, wide: int, high: int) -> None:
-    """A thin light frame around the close-up, in place."""
-    thick = max(1, round(frame.shape[0] / 480))
-    colour = np.array([150, 200, 220], np.uint8)
-    frame[top : top + thick, left : left + wide] = colour
-    frame[top + high - thick : top + high, left : left + wide] = colour
-    frame[top : top + high, left : left + thick] = colour
-    frame[top : top + high, left + wide - thick : left + wide] = colour

@@ -14,7 +14,7 @@ from twin.plot.style import PALETTE
 
 Array = NDArray[np.float64]
 
-TRACK_MAP, TRACK_FROM, TRACK_TO = "plasma", 0.22, 0.97
+TRACK_MAP, TRACK_FROM, TRACK_TO = "plasma", 0.30, 0.97
 WATER = np.array(
     [
         [0.00, 0.62, 0.90, 0.93],
@@ -26,9 +26,11 @@ WATER = np.array(
 )
 """Relative depth of the shown water and its colour"""
 LIGHT_DEPTH = 120.0
-"""[m] over which daylight fades for the chase camera: clear ocean water, 1 % light near 100-150 m"""
+"""[m] over which daylight fades by e: our choice, so that a dive to 500 m still shows something"""
 SURFACE_LIGHT = np.array([0.16, 0.62, 0.74])
 DEEP_LIGHT = np.array([0.016, 0.085, 0.19])
+HORIZON, ZENITH = np.array([0.74, 0.88, 0.95]), np.array([0.30, 0.56, 0.84])
+"""The sky, for a chase camera above the water"""
 BACKDROP_TOP, BACKDROP_BOTTOM = np.array([0.055, 0.115, 0.19]), np.array([0.012, 0.028, 0.055])
 SAND = np.array([0.56, 0.51, 0.40])
 FUTURE = np.array([0.80, 0.86, 0.92])

@@ -66,12 +66,8 @@ def poses(trajectory: Trajectory, times: Array) -> Poses:
             [optional(trajectory, "shift", 0.0), np.deg2rad(optional(trajectory, "rotation", 0.0))],
             axis=-1,
         )
-    velocity = [trajectory.signals.get(f"true_{n}") for n in ("surge", "sway", "heave")]
-    speed = (
-        np.full(len(recorded), np.nan)
-        if any(v is None for v in velocity)
-        else np.asarray(np.sqrt(np.sum([np.square(v) for v in velocity], axis=0)))
-    )
+    velocity = [optional(trajectory, name, np.nan) for name in ("surge", "sway", "heave")]
+    speed = np.sqrt(np.sum(np.square(velocity), axis=0))
     current = np.stack(
         [optional(trajectory, f"current_{n}", np.nan) for n in ("north", "east")], axis=-1
     )

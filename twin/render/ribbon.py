@@ -43,9 +43,9 @@ class Ribbon:
         relative = np.clip((time - first) / (last - first), 0.0, 1.0)
         return (0.5 + relative * (TEXELS - 1)) / TEXELS
 
-    def starts(self) -> Array:
+    def starts(self) -> NDArray[np.int64]:
         """Index of each chunk's first node, shape (chunks,)."""
-        return np.arange(0, len(self.nodes) - 1, CHUNK)
+        return np.arange(0, len(self.nodes) - 1, CHUNK, dtype=np.int64)
 
     def chunk(self, index: int) -> Shape:
         """The tube of one chunk."""

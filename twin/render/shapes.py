@@ -94,7 +94,7 @@ def merge(shapes: list[Shape]) -> Shape:
 
 
 def relief(x: Array, y: Array, height: Array, transform: Array) -> Shape:
-    """A sheet over a grid: x (n,), y (m,), height (n, m); `transform` (3, 3) turns it into place."""
+    """A sheet over a grid: x (n,), y (m,), height (n, m), turned by `transform` (3, 3)."""
     n, m = height.shape
     grid = np.stack([*np.meshgrid(x, y, indexing="ij"), height], axis=-1)
     slope_x = np.gradient(height, x, axis=0)
@@ -188,3 +188,14 @@ def cone(start: Array, end: Array, first: float, last: float, sides: int) -> Sha
         faces=faces,
         normals=np.concatenate([normals, normals]),
     )
+
+
+def grains(centres: Array, sizes: Array) -> Shape:
+    """Octahedra at `centres` (n, 3) with radii `sizes` (n,)."""
+    corners = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
+    faces = np.array(
+        [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]
+    )
+    vertices = (centres[:, None] + sizes[:, None, None] * corners).reshape(-1, 3)
+    index = (faces[None] + 6 * np.arange(len(centres))[:, None, None]).reshape(-1, 3)
+    return Shape(vertices=vertices, faces=index, normals=np.tile(corners, (len(centres), 1)))

@@ -1,0 +1,121 @@
+"""Arrows: the current along the depth profile, on a mast in the block or beside the glider."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.plot.current import mean_profile
+from twin.render import palette, shapes
+from twin.render.layout import Layout, nice_step
+from twin.render.props import Props
+
+Array = NDArray[np.float64]
+
+ARROWS = 11
+"""Arrows of a mast, about"""
+LENGTH_SHARE = 0.11
+"""Length of the strongest current's arrow over the block's length"""
+THICKNESS_SHARE = 0.0028
+"""Radius of an arrow's shaft over the block's length"""
+LADDER_LENGTH = 1.0
+"""[m] of the strongest current's arrow beside the glider"""
+LADDER_STEP, LADDER_REACH = 1.0, 2.6
+"""[m] between the arrows beside the glider, and how far above and below it they reach"""
+LADDER_OFFSET = (0.2, -3.0)
+"""[m] ahead and to starboard of the glider at which these arrows start"""
+STILL = 1e-4
+"""[m/s] below which water counts as still"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Profile:
+    """Mean current against depth, over the shown part of a mission."""
+
+    depth: Array
+    """[m], increasing, shape (n,)"""
+    velocity: Array
+    """North, east [m/s], shape (n, 2)"""
+
+    @property
+    def strongest(self) -> float:
+        """Largest speed [m/s]; 0 for still water."""
+        speed = float(np.hypot(*self.velocity.T).max(initial=0.0))
+        return speed if speed >= STILL else 0.0
+
+    def at(self, depth: float) -> Array:
+        """North, east [m/s] at a depth [m], shape (2,)."""
+        return np.array([np.interp(depth, self.depth, column) for column in self.velocity.T])
+
+
+def profile(depth: Array, velocity: Array) -> Profile:
+    """The profile of samples: depth [m] (n,), velocity north and east [m/s] (n, 2)."""
+    centres, means = mean_profile(np.clip(depth, 0.0, None), *velocity.T)
+    return Profile(depth=centres, velocity=np.stack(means, axis=-1))
+
+
+def add_mast(props: Props, layout: Layout, current: Profile, path: Array) -> None:
+    """A mast with an arrow at round depths, where it is least in the way of `path` (n, 3) NED."""
+    if current.strongest == 0.0:
+        return
+    length = float(layout.size[:2].max() * layout.scale)
+    radius = THICKNESS_SHARE * length
+    per_speed = LENGTH_SHARE * length / current.strongest
+    foot = _free_place(layout, path)
+    top, low = (layout.display(np.array([*foot, d])) for d in (0.0, float(layout.high[2])))
+    mast = shapes.cone(low, top, 0.7 * radius, 0.7 * radius, 8)
+    props.add("mast", mast, np.array([0.85, 0.92, 0.96]), material="lit")
+    deepest = float(current.depth[-1])
+    step = nice_step(max(deepest, 1.0) / ARROWS)
+    parts = []
+    for depth in np.arange(step / 2, deepest + step / 2, step):
+        north, east = current.at(float(depth))
+        vector = per_speed * np.array([north, -east, 0.0])
+        long = float(np.linalg.norm(vector))
+        if long > 2 * radius:
+            start = layout.display(np.array([*foot, depth]))
+            parts.append(shapes.arrow(start, start + vector, min(radius, long / 12)))
+    if parts:
+        props.add("current_arrows", shapes.merge(parts), palette.CURRENT, material="lit")
+
+
+def ladder(
+    current: Profile, depth: float, heading: float, floor: float
+) -> list[tuple[float, Array, Array]]:
+    """Arrows beside the glider at round depths, chase camera.
+
+    Args:
+      depth: [m] of the glider.
+      heading: [rad]
+      floor: [m]
+
+    Returns:
+      for each arrow its depth [m], start and vector in display units from the glider, both (3,).
+    """
+    ahead, aside = LADDER_OFFSET
+    c, s = math.cos(heading), math.sin(heading)
+    x, y = ahead * c - aside * s, -(ahead * s + aside * c)
+    per_speed = LADDER_LENGTH / current.strongest if current.strongest else 0.0
+    first = math.ceil((depth - LADDER_REACH) / LADDER_STEP)
+    last = math.floor((depth + LADDER_REACH) / LADDER_STEP)
+    found = []
+    for level in LADDER_STEP * np.arange(first, last + 1, dtype=float):
+        if 0.0 <= level <= floor:
+            north, east = current.at(float(level))
+            vector = per_speed * np.array([north, -east, 0.0])
+            found.append((float(level), np.array([x, y, depth - level]), vector))
+    return found
+
+
+def _free_place(layout: Layout, path: Array) -> Array:
+    """North, east [m] of the place near the block's corners that the track leaves most free."""
+    x, y = layout.size[:2]
+    xs = (layout.low[0] + 0.16 * x, layout.high[0] - 0.16 * x)
+    ys = (layout.low[1] + 0.22 * y, layout.high[1] - 0.22 * y)
+    corners = np.array([(a, b, 0.0) for a in xs for b in ys])
+    inside = layout.to_block(path[:: max(1, len(path) // 500)])
+    gap = np.linalg.norm(inside[None, :, :2] - corners[:, None, :2], axis=-1).min(axis=1)
+    return np.asarray(layout.to_ned(corners[int(np.argmax(gap))])[:2])

@@ -1,0 +1,132 @@
+"""Canvas: sizes of what is drawn over a picture, and small things to draw."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.render import text
+from twin.render.camera import Frame
+
+Pixels = NDArray[np.uint8]
+
+BASE_WIDTH, BASE_HEIGHT = 1280, 720
+"""[pixel] of the picture in which sizes are given; they grow with the picture"""
+STRIP = 85
+"""Height of the strip of readouts [pixel of the base picture]"""
+FREE = {"bottom": STRIP + 42, "top": 72, "left": 0.075, "right": 0.245}
+"""What framing keeps free for the display: pixels of the base picture below for the strip and the
+distances, and above for the title; parts of the width for depths, and for close-up and legend"""
+INSET_WIDTH, INSET_ASPECT = 0.217, 1.43
+"""Width of the close-up over the picture's, and its width over its height"""
+CURVE_SHARE = 0.22
+"""Width of the depth curve over the picture's"""
+TITLE, VALUE, NAME, LABEL, LEGEND = 17, 25, 12, 14, 13
+"""Font sizes [pixel of a BASE_WIDTH x BASE_HEIGHT picture]"""
+SMALLEST_FONT = 7
+"""[pixel] below which letters are blots"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Canvas:
+    """A picture's size, and lengths that suit it."""
+
+    width: int
+    """[pixel]"""
+    height: int
+    """[pixel]"""
+
+    @property
+    def unit(self) -> float:
+        """Pixels of this picture per pixel of the base picture."""
+        return min(self.width / BASE_WIDTH, self.height / BASE_HEIGHT)
+
+    @property
+    def strip_top(self) -> int:
+        """First row of the strip."""
+        return self.height - self.px(STRIP)
+
+    @property
+    def inset(self) -> tuple[int, int, int, int]:
+        """Left, top, width, height of the glider's close-up, upper right."""
+        wide = round(INSET_WIDTH * self.width)
+        high = min(round(wide / INSET_ASPECT), self.height // 2)
+        return self.width - self.px(20) - wide, self.px(25), wide, high
+
+    @property
+    def frame(self) -> Frame:
+        """What framing keeps free for all this."""
+        return Frame(
+            aspect=self.width / self.height,
+            bottom=min(FREE["bottom"] * self.unit / self.height, 0.4),
+            top=min(FREE["top"] * self.unit / self.height, 0.3),
+            left=FREE["left"],
+            right=FREE["right"],
+        )
+
+    @property
+    def curve(self) -> tuple[int, int, int, int]:
+        """Left, top, right, bottom of the depth curve."""
+        right = self.width - self.px(20)
+        left = right - round(CURVE_SHARE * self.width)
+        return left, self.strip_top + self.px(20), right, self.height - self.px(14)
+
+    def px(self, size: float) -> int:
+        """A length of the base picture in this picture's pixels, at least 1."""
+        return max(1, round(size * self.unit))
+
+    def font_size(self, size: float) -> int:
+        """A font size of the base picture in this picture's pixels."""
+        return max(SMALLEST_FONT, round(size * self.unit))
+
+
+def dot(frame: Pixels, x: float, y: float, radius: float, colour: text.Colour) -> None:
+    """A smooth disc, in place; what lies outside the frame is cut off."""
+    height, width = frame.shape[:2]
+    x0, x1 = max(int(x - radius - 1), 0), min(int(x + radius + 2), width)
+    y0, y1 = max(int(y - radius - 1), 0), min(int(y + radius + 2), height)
+    if x0 >= x1 or y0 >= y1:
+        return
+    ys, xs = np.ogrid[y0:y1, x0:x1]
+    cover = np.clip(radius + 0.5 - np.hypot(xs - x, ys - y), 0.0, 1.0)[..., None]
+    part = frame[y0:y1, x0:x1]
+    frame[y0:y1, x0:x1] = (part * (1 - cover) + np.array(colour) * cover).astype(np.uint8)
+
+
+def border(frame: Pixels, box: tuple[int, int, int, int], colour: text.Colour) -> None:
+    """A thin frame just inside a box (left, top, width, height), in place."""
+    left, top, wide, high = box
+    thick = max(1, round(frame.shape[0] / 480))
+    frame[top : top + thick, left : left + wide] = colour
+    frame[top + high - thick : top + high, left : left + wide] = colour
+    frame[top : top + high, left : left + thick] = colour
+    frame[top : top + high, left + wide - thick : left + wide] = colour
+
+
+Tile = tuple[text.Wide, text.Wide, int, int]
+"""What a painted box adds to a frame and keeps of it (see `text.blend`), its left and its top"""
+
+
+def tiles(ground: Pixels) -> list[Tile]:
+    """The painted boxes of an RGBA picture; empty rows, and empty columns in them, are left out."""
+    alpha = ground[..., 3:].astype(np.uint16)
+    add, keep = ground[..., :3] * alpha, np.repeat(255 - alpha, 3, axis=-1)
+    found = []
+    for top, bottom in _runs(np.asarray(alpha.any(axis=(1, 2)))):
+        for left, right in _runs(np.asarray(alpha[top:bottom].any(axis=(0, 2))), gap=16):
+            box = (slice(top, bottom), slice(left, right))
+            found.append((add[box].copy(), keep[box].copy(), left, top))
+    return found
+
+
+def _runs(filled: NDArray[np.bool_], gap: int = 1) -> list[tuple[int, int]]:
+    """Runs of true values as (first, after last); gaps up to `gap` do not end a run."""
+    places = np.flatnonzero(filled)
+    if len(places) == 0:
+        return []
+    breaks = np.flatnonzero(np.diff(places) > gap)
+    firsts = [int(places[0]), *(int(places[b + 1]) for b in breaks)]
+    lasts = [*(int(places[b]) for b in breaks), int(places[-1])]
+    return [(a, b + 1) for a, b in zip(firsts, lasts, strict=True)]

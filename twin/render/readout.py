@@ -1,0 +1,73 @@
+"""Readout: the figures of the strip, as text."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from twin.render.replay import Poses
+
+UNKNOWN = "–"
+MINUS = "−"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Readout:
+    """One figure of the strip."""
+
+    name: str
+    value: str
+    widest: str
+    """A value at least as long as all others: it keeps the columns where they are"""
+
+
+def readouts(poses: Poses, index: int) -> list[Readout]:
+    """Time, depth, pitch, heading, speed, net buoyancy and battery at one frame."""
+    shift, rotation = poses.battery[index]
+    heading = round(float(poses.heading[index])) % 360
+    speed = float(poses.speed[index])
+    return [
+        Readout(name="TIME", value=clock(float(poses.time[index])), widest="00:00:00"),
+        Readout(name="DEPTH", value=f"{plain(poses.position[index, 2], 1)} m", widest="0000.0 m"),
+        Readout(name="PITCH", value=f"{signed(poses.pitch[index], 1)}°", widest="+00.0°"),
+        Readout(name="HEADING", value=f"{heading:03d}°", widest="000°"),
+        Readout(
+            name="SPEED",
+            value=f"{speed:.2f} m/s" if np.isfinite(speed) else UNKNOWN,
+            widest="0.00 m/s",
+        ),
+        Readout(
+            name="NET BUOYANCY", value=buoyancy(float(poses.net_mass[index])), widest="▼ 0.00 kg"
+        ),
+        Readout(
+            name="BATTERY",
+            value=f"{signed(1000 * shift, 0)} mm  {signed(np.rad2deg(rotation), 0)}°",
+            widest="+00 mm  +00°",
+        ),
+    ]
+
+
+def clock(seconds: float) -> str:
+    """Hours, minutes and seconds, such as 1:02:03."""
+    whole = round(seconds)
+    return f"{whole // 3600:d}:{whole // 60 % 60:02d}:{whole % 60:02d}"
+
+
+def plain(value: float, digits: int) -> str:
+    """A number with a typographic minus, and none on a rounded zero."""
+    rounded = round(float(value), digits) + 0.0
+    return f"{rounded if rounded else 0.0:.{digits}f}".replace("-", MINUS)
+
+
+def signed(value: float, digits: int) -> str:
+    """As `plain`, with a plus on positive numbers."""
+    text = plain(value, digits)
+    return f"+{text}" if round(float(value), digits) > 0 else text
+
+
+def buoyancy(mass: float) -> str:
+    """Net buoyancy mass [kg] with the way it pulls: a heavy glider (positive) down."""
+    if not np.isfinite(mass):
+        return UNKNOWN
+    return f"{'▼' if mass >= 0 else '▲'} {abs(mass):.2f} kg"
