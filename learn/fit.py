@@ -7,8 +7,8 @@ import functools
 import json
 import math
 import multiprocessing
-import queue
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,15 +28,13 @@ from learn.run import (
 )
 from learn.training import Report, Trainer, TrainingConfig
 from twin.console import to_json
-from twin.errors import InputError, StoreError, TwinError
+from twin.errors import InputError, TwinError
 from twin.store import open_store
 
 if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
 
 CHECKPOINT = ".checkpoint"
-POLL_S = 0.2
-"""[s] between looks at the queue, so that a dead process is noticed."""
 STORE_ATTRIBUTES = ("preset", "seed", "hours", "sensors", "vehicle_sha256", "history")
 """What a run keeps of its store's description."""
 
@@ -214,6 +212,15 @@ def _figures(job: Job, report: Report | None) -> dict[str, Any]:
     }
 
 
+@dataclasses.dataclass(frozen=True)
+class _Worker:
+    """A process that trains one network, and the end of the pipe on which it tells of it."""
+
+    job: Job
+    process: BaseProcess
+    messages: Connection
+
+
 def _train_aside(
     jobs: Sequence[Job],
     folder: Path,
@@ -222,60 +229,65 @@ def _train_aside(
     finished: Callable[[Job, Report | None], None],
 ) -> None:
     """Train in processes; an interrupt or an error ends them, their checkpoints stay."""
-    context = multiprocessing.get_context("spawn")
-    messages: Any = context.Queue()
     waiting = list(jobs)
-    running: dict[str, tuple[Job, BaseProcess]] = {}
+    running: dict[Connection, _Worker] = {}
     try:
         while waiting or running:
             while waiting and len(running) < workers:
-                job = waiting.pop(0)
-                started = context.Process(
-                    target=_work, args=(job, folder, messages), daemon=True, name=job.name
-                )
-                started.start()
-                running[job.name] = (job, started)
-            try:
-                name, kind, content = messages.get(timeout=POLL_S)
-            except queue.Empty:
-                _check_alive(running)
-                continue
-            job, process = running[name]
-            if kind == "report":
-                seen(job, content)
-            elif kind == "done":
-                process.join()
-                del running[name]
-                finished(job, content)
-            else:
-                raise content
+                worker = _start(waiting.pop(0), folder)
+                running[worker.messages] = worker
+            for end in wait(list(running)):
+                worker = running[end]  # type: ignore[index]
+                try:
+                    kind, content = worker.messages.recv()
+                except EOFError:
+                    kind, content = "error", _death(worker)
+                if kind == "report":
+                    seen(worker.job, content)
+                elif kind == "done":
+                    worker.process.join()
+                    del running[worker.messages]
+                    finished(worker.job, content)
+                else:
+                    raise content
     finally:
-        for _, process in running.values():
-            process.terminate()
-            process.join()
+        for worker in running.values():
+            worker.process.terminate()
+            worker.process.join()
+            worker.messages.close()
 
 
-def _work(job: Job, folder: Path, messages: Any) -> None:
-    """One process: reports and the result go through the queue."""
+def _start(job: Job, folder: Path) -> _Worker:
+    context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_work, args=(job, folder, sender), daemon=True, name=job.name)
+    process.start()
+    sender.close()  # so that the process's death shows as the end of the messages
+    return _Worker(job, process, receiver)
+
+
+def _work(job: Job, folder: Path, messages: Connection) -> None:
+    """One process: reports and the result go through the pipe."""
     import signal
+    import sys
 
-    # An interrupt is for the parent, which ends this process.
+    # An interrupt is for the parent, which ends this process; it then leaves in good order.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
     try:
-        last = train(job, folder, lambda report: messages.put((job.name, "report", report)))
+        last = train(job, folder, lambda report: messages.send(("report", report)))
     except TwinError as error:
-        messages.put((job.name, "error", type(error)(*error.args)))
+        messages.send(("error", type(error)(*error.args)))
     except Exception as error:  # carried to the parent, which alone may speak to the user
         text = f"training of {job.name} failed: {type(error).__name__}: {error}"
-        messages.put((job.name, "error", StoreError(text)))
+        messages.send(("error", TwinError(text)))
     else:
-        messages.put((job.name, "done", last))
+        messages.send(("done", last))
 
 
-def _check_alive(running: Mapping[str, tuple[Job, BaseProcess]]) -> None:
-    for name, (_, process) in running.items():
-        if process.exitcode:
-            raise StoreError(
-                f"the process that trains {name} ended with code {process.exitcode} (out of "
-                "memory?); go on with `learn fit --resume`"
-            )
+def _death(worker: _Worker) -> TwinError:
+    worker.process.join()
+    return TwinError(
+        f"the process that trains {worker.job.name} ended with code {worker.process.exitcode} "
+        "(out of memory?); go on with `learn fit --resume`"
+    )

@@ -105,7 +105,7 @@ def provenance(run: Run) -> dict[str, object]:
         "store": settings["store"],
         **{f"store: {name}": value for name, value in run.description["store"].items()},
         "inputs": ", ".join(settings["features"]),
-        "network": ", ".join(f"{k} {v}" for k, v in settings["network"].items()),
+        "network": ", ".join(f"{k} {v}" for k, v in settings["network"].items() if k != "inputs"),
         "training": ", ".join(f"{k} {v}" for k, v in settings["training"].items()),
         "networks per velocity": settings["members"],
         "division": settings["division"],

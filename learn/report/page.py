@@ -48,7 +48,8 @@ figcaption { color: var(--dim); font-size: .9rem; max-width: 46rem; }
 .pair { display: flex; flex-wrap: wrap; gap: 1.5rem; }
 .pair figure { flex: 1 1 24rem; margin: .5rem 0; }
 code, pre { font: .85rem/1.5 ui-monospace, "DejaVu Sans Mono", monospace; }
-pre { background: #f6f7f9; padding: .8rem 1rem; border-radius: 6px; overflow-x: auto; }
+pre { background: #f6f7f9; padding: .8rem 1rem; border-radius: 6px; white-space: pre-wrap;
+  overflow-wrap: anywhere; }
 @media print { h2 { break-after: avoid; } figure, table { break-inside: avoid; } }
 """
 
