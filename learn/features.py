@@ -138,9 +138,9 @@ _TABLE: tuple[Feature, ...] = (
     _plain("roll_rate", "imu", "measured_roll_rate", "rad s-1"),
     _plain("pitch_rate", "imu", "measured_pitch_rate", "rad s-1"),
     _plain("yaw_rate", "imu", "measured_yaw_rate", "rad s-1"),
-    _plain("specific_force_x", "imu", "measured_specific_force_x", "m s-2"),
-    _plain("specific_force_y", "imu", "measured_specific_force_y", "m s-2"),
-    _plain("specific_force_z", "imu", "measured_specific_force_z", "m s-2"),
+    _plain("specific_force_x", "accelerometer", "measured_specific_force_x", "m s-2"),
+    _plain("specific_force_y", "accelerometer", "measured_specific_force_y", "m s-2"),
+    _plain("specific_force_z", "accelerometer", "measured_specific_force_z", "m s-2"),
     _rate("depth_rate", "depth_rate", "measured_depth", "m s-1"),
     _rate("depth_rate_slow", "depth_rate_slow", "measured_depth", "m s-1", slow=True),
     Feature("glide_speed", "glide_speed", _GLIDE, "m s-1", _compute_glide_speed),
@@ -180,7 +180,7 @@ def select_features(
 
     Args:
       chosen: features and groups to use.
-      without: features and groups to leave out, e.g. `imu` for a vehicle that logs no raw IMU.
+      without: features and groups to leave out, e.g. `imu` for a vehicle that logs no angular rates.
 
     Raises:
       InputError: an unknown name, or nothing is left.

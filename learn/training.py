@@ -1,4 +1,4 @@
-"""Training: one network of one velocity, by Adam or by scaled conjugate gradients.
+"""Training: one network of one velocity, by SOAP, Adam or scaled conjugate gradients.
 
 What is minimised is the mean squared error of the free-running network over all samples of the
 training missions, the launch from rest included. Missions are cut into windows that start some
@@ -24,6 +24,7 @@ from learn.dataset import Sequences, batches, cut_windows, pack_windows
 from learn.networks import Network, NetworkConfig, build_network
 from learn.predictor import free_run
 from learn.scg import ScaledConjugateGradient, ScgConfig
+from learn.soap import Soap
 from twin.errors import InputError, StoreError, unknown_name
 
 
@@ -32,24 +33,24 @@ class TrainingConfig:
     """How a network is trained. A budget is seconds or epochs; the schedule fits whichever ends
     first. With `seconds` 0 the result does not depend on the machine's speed."""
 
-    optimiser: Literal["adam", "scg"] = "adam"
-    """adam with a cosine schedule, or scg (scaled conjugate gradients, the paper's)."""
+    optimiser: Literal["soap", "adam", "scg"] = "soap"
+    """soap or adam with a cosine schedule, or scg (scaled conjugate gradients, the paper's)."""
     seconds: float = 180.0
     """[s] budget of one network; 0 leaves it to `epochs`."""
     epochs: int = 0
     """Budget in passes over the training missions (scg: iterations); 0 leaves it to `seconds`."""
-    rate: float = 4e-3
-    """adam: highest step size, reached after the warm-up."""
+    rate: float = 3e-3
+    """soap, adam: highest step size, reached after the warm-up."""
     warmup: float = 0.05
-    """adam: share of the budget in which the step size rises from zero."""
-    batch: int = 32
-    """adam: windows per step; a multiple of 16 wastes no lanes of the vector kernels."""
-    window: int = 256
-    """adam: counted samples of a window."""
-    washin: int = 64
+    """soap, adam: share of the budget in which the step size rises from zero."""
+    batch: int = 16
+    """soap, adam: windows per step; a multiple of 16 wastes no lanes of the vector kernels."""
+    window: int = 128
+    """soap, adam: counted samples of a window."""
+    washin: int = 48
     """Samples before a window that let the network find its state."""
     clip: float = 1.0
-    """adam: longest gradient, in units of the normalised loss."""
+    """soap, adam: longest gradient, in units of the normalised loss."""
     full_window: int = 1024
     """scg: counted samples of a window; the batch is always all windows."""
     patience: int = 0
@@ -66,7 +67,7 @@ class TrainingConfig:
 
     def __post_init__(self) -> None:
         for name, allowed in (
-            ("optimiser", ("adam", "scg")),
+            ("optimiser", ("soap", "adam", "scg")),
             ("device", ("auto", "cpu", "cuda")),
         ):
             if getattr(self, name) not in allowed:
@@ -91,7 +92,7 @@ class Report:
     """How far a training is; the last one is also its result."""
 
     step: int
-    """Updates (adam) or iterations (scg)."""
+    """Updates, or iterations of scg."""
     epoch: float
     """Passes over the training missions."""
     seconds: float
@@ -99,7 +100,7 @@ class Report:
     share: float
     """Share of the budget, 0 to 1."""
     rate: float
-    """Step size (adam) or scale lambda (scg)."""
+    """Step size, or the scale lambda of scg."""
     train_mse: float
     """[(m/s)^2] over the windows since the last report."""
     validation_mse: float
@@ -139,7 +140,7 @@ class Clock:
 
 
 def step_size(config: TrainingConfig, share: float) -> float:
-    """Adam's step size after `share` of the budget: linear warm-up, then half a cosine to zero."""
+    """Step size after `share` of the budget: linear warm-up, then half a cosine to zero."""
     if share < config.warmup:
         return config.rate * max(share / config.warmup, 1e-3)
     rest = (share - config.warmup) / (1.0 - config.warmup)
@@ -200,20 +201,21 @@ class Trainer:
           InputError: the loss is no longer finite.
         """
         saved = self._load()
-        if self.config.optimiser == "adam":
-            self._adam(saved)
-        else:
+        if self.config.optimiser == "scg":
             self._scg(saved)
+        else:
+            self._stochastic(saved)
         self.network.load_state_dict(self.best_state)
         if self.checkpoint is not None:
             self.checkpoint.unlink(missing_ok=True)
         return Trained(self.network, tuple(self.history), self.stopped)
 
-    # --- Adam -----------------------------------------------------------------------------------
+    # --- SOAP and Adam -----------------------------------------------------------------------------------
 
-    def _adam(self, saved: dict[str, Any] | None) -> None:
+    def _stochastic(self, saved: dict[str, Any] | None) -> None:
         config, network = self.config, self.network
-        optimiser = torch.optim.Adam(network.parameters(), lr=config.rate)
+        kind = Soap if config.optimiser == "soap" else torch.optim.Adam
+        optimiser: torch.optim.Optimizer = kind(network.parameters(), lr=config.rate)
         epoch = position = step = 0
         passed = 0.0
         clock = Clock(config)
@@ -235,7 +237,7 @@ class Trainer:
                 rate = step_size(config, share)
                 for group in optimiser.param_groups:
                     group["lr"] = rate
-                self._adam_step(optimiser, groups[position])
+                self._update(optimiser, groups[position])
                 position, step = position + 1, step + 1
                 passed = epoch + position / len(groups)
                 share = clock.share(passed)
@@ -255,7 +257,7 @@ class Trainer:
                     return
             epoch, position = epoch + 1, 0
 
-    def _adam_step(self, optimiser: torch.optim.Optimizer, windows: Any) -> None:
+    def _update(self, optimiser: torch.optim.Optimizer, windows: Any) -> None:
         optimiser.zero_grad()
         error, weight = self._squared_error(windows)
         loss = error / max(weight, 1.0)

@@ -16,9 +16,10 @@ from learn.training import Trainer, TrainingConfig, mean_squared_error, pick_dev
 from twin.errors import InputError, StoreError
 
 SMALL = NetworkConfig(hidden=10, layers=2)
-ADAM = TrainingConfig(
-    seconds=0, epochs=40, rate=1e-2, batch=16, window=64, washin=16, validations=6
+SOAP = TrainingConfig(
+    seconds=0, epochs=40, rate=5e-3, batch=16, window=64, washin=16, validations=6
 )
+ADAM = dataclasses.replace(SOAP, optimiser="adam", epochs=40)
 SCG = TrainingConfig(optimiser="scg", seconds=0, epochs=80, full_window=256, washin=32)
 
 
@@ -32,7 +33,7 @@ def trainer(data, config, network=SMALL, **options):
     return Trainer(network, config, data.train, data.validation, target_scale=scale, **options)
 
 
-@pytest.mark.parametrize("config", [ADAM, SCG], ids=["adam", "scg"])
+@pytest.mark.parametrize("config", [SOAP, ADAM, SCG], ids=["soap", "adam", "scg"])
 def test_training_explains_most_of_the_motion_of_unseen_missions(surge, config):
     reports = []
     trained = trainer(surge, config, report=reports.append).run()
@@ -75,7 +76,7 @@ class Killed(Exception):
     pass
 
 
-@pytest.mark.parametrize("config", [ADAM, SCG], ids=["adam", "scg"])
+@pytest.mark.parametrize("config", [SOAP, ADAM, SCG], ids=["soap", "adam", "scg"])
 def test_a_killed_training_resumes_to_the_same_bits(surge, config, tmp_path):
     config = dataclasses.replace(config, epochs=4, validations=8)
     straight = trainer(surge, config).run()
