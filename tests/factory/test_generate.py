@@ -312,7 +312,7 @@ def test_a_bug_in_a_worker_keeps_its_traceback(
 
 def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(tmp_path: Path) -> None:
     store = tmp_path / "missions.zarr"
-    command = [sys.executable, "-m", "factory", "generate", "--hours", "40", "--workers", "2"]
+    command = [sys.executable, "-m", "factory", "generate", "--hours", "400", "--workers", "2"]
     process = subprocess.Popen(
         [*command, "--out", str(store)], stderr=subprocess.PIPE, start_new_session=True
     )
