@@ -180,7 +180,7 @@ def select_features(
 
     Args:
       chosen: features and groups to use.
-      without: features and groups to leave out, e.g. `imu` for a vehicle that logs no angular rates.
+      without: features and groups to leave out, e.g. `imu` for a vehicle without gyroscopes.
 
     Raises:
       InputError: an unknown name, or nothing is left.

@@ -210,7 +210,7 @@ class Trainer:
             self.checkpoint.unlink(missing_ok=True)
         return Trained(self.network, tuple(self.history), self.stopped)
 
-    # --- SOAP and Adam -----------------------------------------------------------------------------------
+    # --- SOAP and Adam --------------------------------------------------------------------------
 
     def _stochastic(self, saved: dict[str, Any] | None) -> None:
         config, network = self.config, self.network

@@ -44,7 +44,7 @@ class Fit(JsonOption):
     """inputs, features or groups [default: attitude imu depth_rate glide_speed controls]"""
     without: tuple[str, ...] = ()
     """features or groups to leave out, such as imu for a vehicle that logs no raw IMU"""
-    optimiser: Literal["adam", "scg"] | None = None
+    optimiser: Literal["soap", "adam", "scg"] | None = None
     """adam with a schedule, or scg, the paper's scaled conjugate gradients [default: adam]"""
     seconds: float | None = None
     """time in training of each network; two are trained side by side [default: 180]"""
