@@ -45,7 +45,7 @@ class Fit(JsonOption):
     without: tuple[str, ...] = ()
     """features or groups to leave out, such as imu for a vehicle that logs no raw IMU"""
     optimiser: Literal["soap", "adam", "scg"] | None = None
-    """soap or adam with a schedule, or scg, the paper's scaled conjugate gradients [default: soap]"""
+    """soap or adam with a schedule, or scg, the paper's conjugate gradients [default: soap]"""
     seconds: float | None = None
     """time in training of each network; two are trained side by side [default: 180]"""
     epochs: int | None = None
