@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from twin.plot.current import mean_profile
 from twin.render import palette, shapes
 from twin.render.layout import Layout, nice_step
-from twin.render.props import Props
+from twin.render.props import WORLD, Props
+from twin.render.shapes import Shape
 
 Array = NDArray[np.float64]
 
@@ -25,6 +26,10 @@ LADDER_LENGTH = 1.0
 """[m] of the strongest current's arrow beside the glider"""
 LADDER_STEP, LADDER_REACH = 1.0, 2.6
 """[m] between the arrows beside the glider, and how far above and below it they reach"""
+LADDER_SLOTS = math.floor(2 * LADDER_REACH / LADDER_STEP) + 1
+"""Arrows beside the glider at any one time, at most"""
+LADDER_RADIUS = 0.03
+"""[m] of their shafts"""
 LADDER_OFFSET = (0.2, -3.0)
 """[m] ahead and to starboard of the glider at which these arrows start"""
 STILL = 1e-4
@@ -110,11 +115,28 @@ def ladder(
     return found
 
 
+def add_ladder(props: Props) -> list[str]:
+    """Arrows that are reshaped for each frame; the names of their geoms."""
+    return [
+        props.add(f"ladder_{i}", ladder_arrow(np.zeros(3), np.array([1.0, 0.0, 0.0])),
+                  palette.CURRENT, material="lit", body=WORLD)
+        for i in range(LADDER_SLOTS)
+    ]  # fmt: skip
+
+
+def ladder_arrow(start: Array, vector: Array) -> Shape:
+    """One arrow beside the glider, in display units; too short a vector makes a dot."""
+    length = max(float(np.linalg.norm(vector)), 1e-3)
+    vector = vector if np.any(vector) else np.array([length, 0.0, 0.0])
+    return shapes.arrow(start, start + vector, min(LADDER_RADIUS, length / 8))
+
+
 def _free_place(layout: Layout, path: Array) -> Array:
     """North, east [m] of the place near the block's corners that the track leaves most free."""
     x, y = layout.size[:2]
-    xs = (layout.low[0] + 0.16 * x, layout.high[0] - 0.16 * x)
-    ys = (layout.low[1] + 0.22 * y, layout.high[1] - 0.22 * y)
+    room = 1.2 * LENGTH_SHARE * float(max(x, y))
+    xs, ys = ((low + min(room, 0.3 * size), low + size - min(room, 0.3 * size))
+              for low, size in ((layout.low[0], x), (layout.low[1], y)))  # fmt: skip
     corners = np.array([(a, b, 0.0) for a in xs for b in ys])
     inside = layout.to_block(path[:: max(1, len(path) // 500)])
     gap = np.linalg.norm(inside[None, :, :2] - corners[:, None, :2], axis=-1).min(axis=1)

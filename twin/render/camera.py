@@ -7,6 +7,7 @@ picture shows their points.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -64,7 +65,7 @@ class View:
     near: float = 0.05
     far: float = 2000.0
 
-    @property
+    @functools.cached_property
     def right(self) -> Array:
         """Unit vector to the right of the picture, shape (3,)."""
         return np.cross(self.forward, self.up)

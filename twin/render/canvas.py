@@ -105,6 +105,15 @@ def border(frame: Pixels, box: tuple[int, int, int, int], colour: text.Colour) -
     frame[top : top + high, left + wide - thick : left + wide] = colour
 
 
+def box(
+    frame: Pixels, place: tuple[int, int, int, int], colour: text.Colour, rim: text.Colour
+) -> None:
+    """A filled box (left, top, width, height) with a rim of one pixel, in place."""
+    left, top, wide, high = place
+    frame[top - 1 : top + high + 1, left - 1 : left + wide + 1] = rim
+    frame[top : top + high, left : left + wide] = colour
+
+
 Tile = tuple[text.Wide, text.Wide, int, int]
 """What a painted box adds to a frame and keeps of it (see `text.blend`), its left and its top"""
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from twin.render import labels, palette, text
 from twin.render.camera import View
-from twin.render.canvas import NAME, SMALLEST_FONT, VALUE, Canvas, dot, tiles
+from twin.render.canvas import NAME, SMALLEST_FONT, VALUE, Canvas, box, dot, tiles
 from twin.render.panel import draw_panel
 from twin.render.readout import readouts
 from twin.render.replay import Poses
@@ -26,18 +26,17 @@ class Hud:
     def __init__(self, stage: Stage, poses: Poses, canvas: Canvas, notes: Sequence[str]):
         """`notes` are lines for the upper left corner, the first of them bold."""
         self._stage, self._poses, self._canvas = stage, poses, canvas
+        self._seen: tuple[View | None, list[labels.Mark]] = (None, [])
         self._columns, self._value_size = self._arrange()
         self._panel = tiles(draw_panel(canvas, stage, notes, self._columns, readouts(poses, 0)))
 
     def draw(self, frame: Pixels, index: int, view: View) -> None:
         """Draw over frame `index` (height, width, 3), in place."""
-        canvas, stage = self._canvas, self._stage
-        if stage.chase:
-            labels.draw_ladder(frame, canvas, stage.ladder(self._poses, index), view)
-        elif view.parallel:
-            labels.draw_map(frame, canvas, stage.layout, view)
-        else:
-            labels.draw_block(frame, canvas, stage.layout, view)
+        canvas = self._canvas
+        labels.draw_marks(frame, canvas, self._marks(index, view))
+        if view.parallel:
+            _, bar = labels.scale_bar(canvas, self._stage.layout, view)
+            box(frame, bar, palette.WHITE, palette.INK)
         labels.draw_compass(frame, canvas, view)
         for add, keep, left, top in self._panel:
             text.blend(frame, add, keep, left, top)
@@ -45,6 +44,16 @@ class Hud:
         for readout, x in zip(readouts(self._poses, index), self._columns, strict=True):
             text.write(frame, readout.value, x, y, self._value_size, palette.WHITE, bold=True)
         self._draw_cursor(frame, index)
+
+    def _marks(self, index: int, view: View) -> list[labels.Mark]:
+        """Labels of the scene; worked out anew only when the camera has moved."""
+        stage = self._stage
+        if stage.chase:
+            return labels.ladder_marks(self._canvas, stage.ladder(self._poses, index), view)
+        if view is not self._seen[0]:
+            draw = labels.map_marks if view.parallel else labels.block_marks
+            self._seen = (view, draw(self._canvas, stage.layout, view))
+        return self._seen[1]
 
     def _draw_cursor(self, frame: Pixels, index: int) -> None:
         """Where on the depth curve the glider is."""

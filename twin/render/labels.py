@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
@@ -22,102 +26,103 @@ OVERSAMPLING = 4
 """The compass is drawn larger and shrunk, for smooth edges."""
 
 
-def draw_block(frame: Pixels, canvas: Canvas, layout: Layout, view: View) -> None:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Mark:
+    """A text at a place in the picture."""
+
+    text: str
+    x: float
+    """[pixel] from the left; NaN behind the camera"""
+    y: float
+    """[pixel] from the top"""
+    anchor: str
+    """As `text.write` takes it"""
+
+
+def block_marks(canvas: Canvas, layout: Layout, view: View) -> list[Mark]:
     """Depths along the block's left edge, distances along its lower front edge."""
     corners = layout.corners()
-    seen = view.project(corners)
-    left = int(np.argmin(seen[:4, 0]))
+    left = int(np.argmin(view.project(corners[:4])[:, 0]))
     top, foot = corners[left], corners[left + 4]
-    gap = canvas.px(8)
-    for depth in sea.depth_ticks(layout):
-        x, y, _ = view.project((top + depth / layout.high[2] * (foot - top))[None])[0]
-        _write(frame, canvas, f"{depth:g} m", x * canvas.width - gap, y * canvas.height, "rm")
+    depths = sea.depth_ticks(layout)
+    points = top + (depths / layout.high[2])[:, None] * (foot - top)
+    gap = (-canvas.px(8), 0)
+    found = _marks(canvas, view, points, [f"{depth:g} m" for depth in depths], "rm", gap)
     sides = [float(layout.low[1]), float(layout.high[1])]
-    ends = np.array(
-        [[[x, y, layout.high[2]] for x in (layout.low[0], layout.high[0])] for y in sides]
-    )
-    far = view.project(layout.display_block(ends.reshape(-1, 3)))[:, 2].reshape(2, 2).sum(axis=1)
+    ends = [[x, y, layout.high[2]] for y in sides for x in (layout.low[0], layout.high[0])]
+    far = view.project(layout.display_block(np.array(ends)))[:, 2].reshape(2, 2).sum(axis=1)
     front = sides[int(np.argmin(far))]
     distances = ticks(0.0, float(layout.size[0]), about=5)
-    unit = _unit(float(distances[-1]))
-    for distance in distances:
-        point = np.array([[layout.low[0] + distance, front, layout.high[2]]])
-        x, y, _ = view.project(layout.display_block(point))[0]
-        name = _number(distance, unit) + (f" {unit}" if distance == distances[-1] else "")
-        _write(frame, canvas, name, x * canvas.width, y * canvas.height + canvas.px(4), "mt")
-
-
-def draw_map(frame: Pixels, canvas: Canvas, layout: Layout, view: View) -> None:
-    """North and east of the start along the chart's grid, and a scale bar."""
-    step = sea.grid_step(layout)
-    for axis, letter in enumerate("NE"):
-        values = sea.grid_values(layout, axis, step)
-        unit = _unit(float(np.abs(values).max(initial=0.0)))
-        for value in values:
-            point = np.array([layout.low[0], layout.low[1], 0.0])
-            point[axis] = value
-            x, y, _ = view.project(layout.display_block(point)[None])[0]
-            name = _number(value, unit) + (f" {unit} {letter}" if value == values[-1] else "")
-            if axis == 0:
-                _write(
-                    frame, canvas, name, x * canvas.width - canvas.px(7), y * canvas.height, "rm"
-                )
-            else:
-                below = y * canvas.height + canvas.px(4)
-                _write(frame, canvas, name, x * canvas.width, below, "mt")
-    metres_per_pixel = 2 * view.frustum()[0] / canvas.width / layout.scale
-    length = nice_step(0.14 * canvas.width * metres_per_pixel)
-    wide = round(length / metres_per_pixel)
-    left, top, thick = canvas.px(26), canvas.strip_top - canvas.px(24), canvas.px(4)
-    for colour, grow in ((palette.INK, 1), (palette.WHITE, 0)):
-        frame[top - grow : top + thick + grow, left - grow : left + wide + grow] = colour
-    unit = _unit(length)
-    _write(
-        frame, canvas, f"{_number(length, unit)} {unit}", left + wide / 2, top - canvas.px(3), "mb"
+    points = np.column_stack(
+        [layout.low[0] + distances, np.full((len(distances), 2), [front, layout.high[2]])]
+    )
+    names = _names(distances)
+    return found + _marks(
+        canvas, view, layout.display_block(points), names, "mt", (0, canvas.px(4))
     )
 
 
-def draw_ladder(
-    frame: Pixels, canvas: Canvas, ladder: list[tuple[float, Array, Array]], view: View
-) -> None:
+def map_marks(canvas: Canvas, layout: Layout, view: View) -> list[Mark]:
+    """North and east of the start along the chart's grid, and the length of the scale bar."""
+    step, found = sea.grid_step(layout), []
+    for axis, letter in enumerate("NE"):
+        values = sea.grid_values(layout, axis, step)
+        points = np.tile([layout.low[0], layout.low[1], 0.0], (len(values), 1))
+        points[:, axis] = values
+        anchor, gap = ("rm", (-canvas.px(7), 0)) if axis == 0 else ("mt", (0, canvas.px(4)))
+        names = _names(values, after=f" {letter}")
+        found += _marks(canvas, view, layout.display_block(points), names, anchor, gap)
+    length, (left, top, wide, _) = scale_bar(canvas, layout, view)
+    name = _names(np.array([length]))[0]
+    middle = left + wide / 2
+    return [*found, Mark(text=name, x=middle, y=top - canvas.px(3), anchor="mb")]
+
+
+def scale_bar(
+    canvas: Canvas, layout: Layout, view: View
+) -> tuple[float, tuple[int, int, int, int]]:
+    """A round length [m] and its bar in the map: left, top, width, height [pixel]."""
+    metres_per_pixel = 2 * view.frustum()[0] / canvas.width / layout.scale
+    length = nice_step(0.14 * canvas.width * metres_per_pixel)
+    top = canvas.strip_top - canvas.px(24)
+    return length, (canvas.px(26), top, round(length / metres_per_pixel), canvas.px(4))
+
+
+def ladder_marks(
+    canvas: Canvas, ladder: list[tuple[float, Array, Array]], view: View
+) -> list[Mark]:
     """Depths beside the arrows of the chase camera."""
-    for depth, start, _ in ladder:
-        x, y, along = view.project(start[None])[0]
-        if along > 0 and 0 < x < 1 and 0 < y * canvas.height < canvas.strip_top:
-            left = x * canvas.width - canvas.px(10)
-            _write(frame, canvas, f"{depth:g} m", left, y * canvas.height, "rm")
+    if not ladder:
+        return []
+    points = np.stack([start for _, start, _ in ladder])
+    names = [f"{depth:g} m" for depth, _, _ in ladder]
+    marks = _marks(canvas, view, points, names, "rm", (-canvas.px(10), 0))
+    return [mark for mark in marks if 0 < mark.y < canvas.strip_top]
+
+
+def draw_marks(frame: Pixels, canvas: Canvas, marks: list[Mark]) -> None:
+    """Write marks into a frame."""
+    size = canvas.font_size(LABEL)
+    for mark in marks:
+        text.write(
+            frame, mark.text, mark.x, mark.y, size, palette.WHITE, anchor=mark.anchor,
+            halo=palette.INK,
+        )  # fmt: skip
 
 
 def draw_compass(frame: Pixels, canvas: Canvas, view: View) -> None:
     """An arrow to north, upper left under the title; up is the way the camera looks."""
     north = np.array([1.0, 0.0, 0.0])
     ahead = view.up if view.parallel else view.forward
-    direction = np.array([north @ view.right, -(north @ ahead)])
-    x, y = direction / np.linalg.norm(direction)
-    size = canvas.px(COMPASS)
-    left, top = canvas.px(22), canvas.px(COMPASS_TOP)
-    tile = np.ascontiguousarray(frame[top : top + size, left : left + size])
-    if tile.shape != (size, size, 3):
-        return  # a picture smaller than its compass
-    large = Image.fromarray(tile).resize((OVERSAMPLING * size, OVERSAMPLING * size))
-    draw = ImageDraw.Draw(large)
-    middle, reach = OVERSAMPLING * size / 2, 0.39 * OVERSAMPLING * size
-    rim = (0.03 * OVERSAMPLING * size, 0.97 * OVERSAMPLING * size)
-    draw.ellipse(
-        (rim[0], rim[0], rim[1], rim[1]), outline=(190, 214, 228), width=max(2, size // 12)
-    )
-    tip, across = reach * np.array([x, y]), 0.3 * reach * np.array([-y, x])
-    for point, colour in ((tip, (255, 110, 70)), (-tip, (225, 235, 240))):
-        corners = [tuple(middle + corner) for corner in (point, across, -across)]
-        draw.polygon(corners, fill=colour)
-    small = large.resize((size, size), Image.Resampling.BOX)
-    frame[top : top + size, left : left + size] = np.asarray(small)
-    centre = np.array([left + size / 2, top + size / 2]) + 0.64 * size * np.array([x, y])
+    angle = math.atan2(float(north @ view.right), float(north @ ahead))
+    size, left, top = canvas.px(COMPASS), canvas.px(22), canvas.px(COMPASS_TOP)
+    add, keep = _compass(size, round(math.degrees(angle)))
+    text.blend(frame, add, keep, left, top)
     text.write(
         frame,
         "N",
-        float(centre[0]),
-        float(centre[1]),
+        left + size / 2 + 0.64 * size * math.sin(angle),
+        top + size / 2 - 0.64 * size * math.cos(angle),
         canvas.font_size(13),
         palette.WHITE,
         bold=True,
@@ -126,15 +131,40 @@ def draw_compass(frame: Pixels, canvas: Canvas, view: View) -> None:
     )
 
 
-def _write(frame: Pixels, canvas: Canvas, name: str, x: float, y: float, anchor: str) -> None:
-    size = canvas.font_size(LABEL)
-    text.write(frame, name, x, y, size, palette.WHITE, anchor=anchor, halo=palette.INK)
+@functools.lru_cache(maxsize=360)
+def _compass(size: int, angle: int) -> tuple[text.Wide, text.Wide]:
+    """What the compass adds and keeps, north at `angle` [degree] clockwise from up."""
+    large = Image.new("RGBA", (OVERSAMPLING * size, OVERSAMPLING * size), (190, 214, 228, 0))
+    draw = ImageDraw.Draw(large)
+    middle, reach = OVERSAMPLING * size / 2, 0.39 * OVERSAMPLING * size
+    rim = (0.03 * OVERSAMPLING * size, 0.97 * OVERSAMPLING * size)
+    draw.ellipse(
+        (rim[0], rim[0], rim[1], rim[1]), outline=(190, 214, 228), width=max(2, size // 12)
+    )
+    turn = math.radians(angle)
+    tip = reach * np.array([math.sin(turn), -math.cos(turn)])
+    across = 0.3 * np.array([-tip[1], tip[0]])
+    for point, colour in ((tip, (255, 110, 70)), (-tip, (225, 235, 240))):
+        draw.polygon([tuple(middle + corner) for corner in (point, across, -across)], fill=colour)
+    small = np.asarray(large.resize((size, size), Image.Resampling.BOX)).astype(np.uint16)
+    alpha = small[..., 3:]
+    return small[..., :3] * alpha, np.repeat(255 - alpha, 3, axis=-1)
 
 
-def _unit(largest: float) -> str:
-    return "km" if largest >= 2 * KILO else "m"
+def _marks(
+    canvas: Canvas, view: View, points: Array, names: list[str], anchor: str, gap: tuple[int, int]
+) -> list[Mark]:
+    """Marks at points (n, 3) in display units, moved by `gap` [pixel]."""
+    places = view.project(points)[:, :2] * [canvas.width, canvas.height] + gap
+    return [
+        Mark(text=name, x=float(x), y=float(y), anchor=anchor)
+        for name, (x, y) in zip(names, places, strict=True)
+    ]
 
 
-def _number(metres: float, unit: str) -> str:
-    value = metres / KILO if unit == "km" else metres
-    return f"{value if value else 0.0:g}".replace("-", MINUS)
+def _names(metres: Array, after: str = "") -> list[str]:
+    """Distances as text; the last one says the unit, and what comes `after` it."""
+    kilo = bool(np.abs(metres).max(initial=0.0) >= 2 * KILO)
+    values = metres / KILO if kilo else metres
+    names = [f"{value if value else 0.0:g}".replace("-", MINUS) for value in values]
+    return [*names[:-1], *(f"{name} {'km' if kilo else 'm'}{after}" for name in names[-1:])]

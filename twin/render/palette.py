@@ -10,8 +10,6 @@ import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.plot.style import PALETTE
-
 Array = NDArray[np.float64]
 
 TRACK_MAP, TRACK_FROM, TRACK_TO = "plasma", 0.30, 0.97
@@ -38,10 +36,17 @@ FUTURE = np.array([0.80, 0.86, 0.92])
 CURRENT = np.array([0.93, 0.98, 1.0])
 GLASS = np.array([0.55, 0.88, 1.0])
 OTHER_TRACKS = tuple(
-    np.array([int(PALETTE[name][i : i + 2], 16) / 255 for i in (1, 3, 5)])
-    for name in ("green", "vermillion", "sky", "purple", "yellow")
+    np.array(colour)
+    for colour in (
+        (1.00, 1.00, 1.00),
+        (0.15, 0.90, 0.50),
+        (1.00, 0.58, 0.78),
+        (0.50, 0.92, 1.00),
+        (0.85, 0.72, 0.55),
+    )
 )
-"""Colours of dead-reckoned tracks, in order; they come round again after the last."""
+"""Colours of dead-reckoned tracks, in order; they come round again after the last. Light ones: the
+water is blue and dark, and the true track takes the warm hues."""
 WHITE, DIM, INK = (255, 255, 255), (158, 188, 208), (6, 16, 28)
 """Text, its labels and the ground of the heads-up strip, 0 to 255"""
 CAUTION = (255, 196, 60)
@@ -62,7 +67,7 @@ def water_colour(relative_depth: Array | float) -> Array:
     return np.stack([np.interp(depth, WATER[:, 0], WATER[:, i]) for i in (1, 2, 3)], axis=-1)
 
 
-def ambient_colour(depth: float) -> Array:
-    """Colour of open water seen level at `depth` [m]. Shape (3,)."""
-    light = np.exp(-max(depth, 0.0) / LIGHT_DEPTH)
+def ambient_colour(depth: Array) -> Array:
+    """Colour of open water seen level at depths [m], shape (n, 1). Shape (n, 3)."""
+    light = np.exp(-np.clip(depth, 0.0, None) / LIGHT_DEPTH)
     return np.asarray(DEEP_LIGHT + (SURFACE_LIGHT - DEEP_LIGHT) * light)

@@ -29,11 +29,16 @@ AMBIENT, HEADLIGHT, SUN = 0.36, 0.40, 0.58
 MATERIALS = {
     "flat": (1.0 - AMBIENT - HEADLIGHT / 2, 0.0),
     "lit": (0.3, 0.2),
+    "glow": (0.55, 0.1),
     "matte": (0.0, 0.0),
 }
 """Emission and specular; `flat` shows its colour as it is, under the light of the mean angle"""
 SAMPLES = 4
 """Samples per pixel against jagged edges"""
+
+
+SLICES, STACKS = 24, 6
+"""Facets of round geoms around and along; more cost time on a CPU and show nothing"""
 
 
 class Props:
@@ -47,6 +52,7 @@ class Props:
         visual.global_.offwidth, visual.global_.offheight = width, height
         visual.quality.offsamples = SAMPLES
         visual.quality.shadowsize = 0
+        visual.quality.numslices, visual.quality.numstacks = SLICES, STACKS
         visual.headlight.ambient = [AMBIENT] * 3
         visual.headlight.diffuse = [HEADLIGHT] * 3
         visual.headlight.specular = [0.0] * 3

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 BANDS, WALL_BANDS = 96, 96
 """Steps of the colour gradients of backdrop and walls: fine enough that the eye sees none"""
+REACH = 70.0
+"""[m] that one sees through the water, straight up or down: sets the backdrop's gradient"""
 OPEN_RADIUS = 700.0
 """[m] of the chase camera's backdrop"""
 RELIEF = 26
@@ -44,15 +46,17 @@ def backdrop_radius(layout: Layout) -> float:
 
 def add_backdrop(props: Props, name: str, group: int, radius: float, *, light: bool) -> list[str]:
     """A sphere around everything, in bands whose colours make a gradient; their names."""
+    edges = _elevations()
+    colours = backdrop_colour((edges[1:] + edges[:-1]) / 2, 0.0 if light else None)
     return [
         props.add(
             f"{name}_{i}",
             shapes.band(radius, float(low), float(high)),
-            backdrop_colour((low + high) / 2, 0.0, light=light),
+            colours[i],
             group=group,
             body=WORLD,
         )
-        for i, (low, high) in enumerate(itertools.pairwise(_elevations()))
+        for i, (low, high) in enumerate(itertools.pairwise(edges))
     ]
 
 
@@ -65,27 +69,28 @@ def backdrop_colours(depth: float) -> Array:
 
     Shape (BANDS, 3).
     """
-    middles = (_elevations()[1:] + _elevations()[:-1]) / 2
-    colours = [backdrop_colour(float(e), depth, light=True) for e in middles]
+    edges = _elevations()
+    middles = (edges[1:] + edges[:-1]) / 2
+    colours = backdrop_colour(middles, depth)
     if depth < 0.0:
         rise = np.sin(np.clip(middles, 0.0, None))[:, None] ** 0.6
         sky = palette.HORIZON + rise * (palette.ZENITH - palette.HORIZON)
         return np.where(middles[:, None] > 0.0, sky, colours)
-    return np.stack(colours)
+    return colours
 
 
-def backdrop_colour(elevation: float, depth: float, *, light: bool) -> Array:
-    """Colour at an elevation [rad]: open water seen from `depth` [m] (`light`), or dark."""
-    rise = math.sin(elevation)
+def backdrop_colour(elevation: Array, depth: float | None) -> Array:
+    """Colour at elevations [rad] (n,): open water seen from `depth` [m], or dark. Shape (n, 3)."""
+    rise = np.sin(elevation)[:, None]
     # The sun lights what faces up, which is the backdrop's lower half; it must not look lit.
-    dim = 1.0 / (1.0 + SUN * max(-rise, 0.0))
-    if not light:
-        blend = 0.5 + 0.5 * math.tanh(2.2 * rise)
+    dim = 1.0 / (1.0 + SUN * np.clip(-rise, 0.0, None))
+    if depth is None:
+        blend = 0.5 + 0.5 * np.tanh(2.2 * rise)
         top, bottom = palette.BACKDROP_TOP, palette.BACKDROP_BOTTOM
-        return dim * (bottom + blend * (top - bottom))
+        return np.asarray(dim * (bottom + blend * (top - bottom)))
     # Looking up is looking at shallower, brighter water; looking down the reverse.
-    seen = depth - 70.0 * rise
-    return dim * palette.ambient_colour(seen) * (1.0 + 0.25 * max(rise, 0.0))
+    seen = palette.ambient_colour(depth - REACH * rise)
+    return np.asarray(dim * seen * (1.0 + 0.25 * np.clip(rise, 0.0, None)))
 
 
 def add_block(props: Props, layout: Layout, path: Array) -> None:

@@ -47,6 +47,14 @@ class Path:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Reshaped:
+    """A geom whose mesh is given new vertices for each frame."""
+
+    geom: int
+    mesh: int
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Line:
     """A track on the stage: its ribbon and the geoms that show it."""
 
@@ -56,9 +64,7 @@ class Line:
     """RGB; None for the true track"""
     chunks: list[int]
     """Geom ids, one per chunk"""
-    head: int
-    """Geom id"""
-    head_mesh: int
+    head: Reshaped
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -75,6 +81,9 @@ class Stage:
     bands: list[int]
     """Geom ids of the backdrop whose colour follows the glider's depth, from below to above"""
     snow: bool
+    """Particles are there"""
+    arrows: list[Reshaped]
+    """The current beside the glider, chase camera"""
     hull_length: float
     """[m]"""
 
@@ -124,7 +133,10 @@ def build(
         sea.add_chart(props, layout)
     else:
         sea.add_block(props, layout, true.points)
-    if not chase:
+    ladder: list[str] = []
+    if chase:
+        ladder = arrows.add_ladder(props)
+    else:
         arrows.add_mast(props, layout, current, true.points)
     snow = chase and (shot.speed_up or last - first) <= SNOW_FASTEST
     if snow:
@@ -144,6 +156,7 @@ def build(
         current=current,
         bands=[model.geom(name).id for name in bands],
         snow=snow,
+        arrows=[_reshaped(model, name) for name in ladder],
         hull_length=vehicle.hull_length,
     )
 
@@ -186,7 +199,7 @@ def _add_paths(
         ribbon = Ribbon(time=path.time[keep], nodes=nodes[keep], radius=radius, span=span)
         ribbons.append(ribbon)
         colour = np.ones(3) if path.colour is None else path.colour
-        material = "track" if path.colour is None else "lit"
+        material = "track" if path.colour is None else "glow"
         for i in range(len(ribbon.starts())):
             props.add(f"line_{index}_{i}", ribbon.chunk(i), colour, material=material)
         head = ribbon.head(float(ribbon.time[-1]), ribbon.nodes[-1])
@@ -199,15 +212,18 @@ def _add_paths(
 
 
 def _line(model: mujoco.MjModel, index: int, path: Path, ribbon: Ribbon) -> Line:
-    head = model.geom(f"head_{index}").id
-    # The head is reshaped for each frame, so it needs its body's frame; MuJoCo gave it its own.
-    model.geom_pos[head] = 0.0
-    model.geom_quat[head] = [1.0, 0.0, 0.0, 0.0]
     return Line(
         name=path.name,
         ribbon=ribbon,
         colour=path.colour,
         chunks=[model.geom(f"line_{index}_{i}").id for i in range(len(ribbon.starts()))],
-        head=head,
-        head_mesh=model.mesh(f"head_{index}").id,
+        head=_reshaped(model, f"head_{index}"),
     )
+
+
+def _reshaped(model: mujoco.MjModel, name: str) -> Reshaped:
+    """The geom of this name, in its body's frame: MuJoCo gave it a frame of its own."""
+    geom = model.geom(name).id
+    model.geom_pos[geom] = 0.0
+    model.geom_quat[geom] = [1.0, 0.0, 0.0, 0.0]
+    return Reshaped(geom=geom, mesh=model.mesh(name).id)

@@ -7,6 +7,7 @@ machine has installed.
 from __future__ import annotations
 
 import functools
+import math
 from pathlib import Path
 
 import matplotlib
@@ -23,6 +24,8 @@ CACHE = 4096
 """Words kept; a long video has as many different numbers"""
 HALO_SHARE = 14
 """Font size over the width of its halo"""
+OVERHANG = 2
+"""[pixel] by which a letter may reach over its width"""
 
 
 @functools.lru_cache(maxsize=64)
@@ -34,7 +37,7 @@ def font(size: int, bold: bool = False) -> ImageFont.FreeTypeFont:
 
 def width(text: str, size: int, bold: bool = False) -> int:
     """[pixel]"""
-    return max(1, int(np.ceil(font(size, bold).getlength(text))))
+    return max(1, math.ceil(sum(_advance(letter, size, bold) for letter in text)))
 
 
 @functools.lru_cache(maxsize=CACHE)
@@ -46,20 +49,47 @@ def word(
     Its box is the font's line height, so that words of one size align by their top; a halo, a rim
     that keeps text readable on any ground, makes it larger on each side alike.
     """
-    face = font(size, bold)
-    ascent, descent = face.getmetrics()
     rim = max(1, round(size / HALO_SHARE)) if halo is not None else 0
-    box = (width(text, size, bold) + 2 * rim, ascent + descent + 2 * rim)
-    letters = Image.new("L", box, 0)
-    ImageDraw.Draw(letters).text((rim, rim), text, fill=255, font=face)
-    cover = np.asarray(letters)[..., None].astype(np.uint16)
+    cover = _compose(text, size, bold, rim, 0)
     if halo is None:
         return cover * np.array(colour, np.uint16), np.repeat(255 - cover, 3, axis=-1)
-    outline = Image.new("L", box, 0)
-    ImageDraw.Draw(outline).text((rim, rim), text, fill=255, font=face, stroke_width=rim)
-    ground = np.maximum(np.asarray(outline)[..., None].astype(np.uint16), cover)
+    ground = np.maximum(_compose(text, size, bold, rim, rim), cover)
     add = cover * np.array(colour, np.uint16) + (ground - cover) * np.array(halo, np.uint16)
     return add, np.repeat(255 - ground, 3, axis=-1)
+
+
+def _compose(text: str, size: int, bold: bool, margin: int, stroke: int) -> Wide:
+    """Coverage of a word, (height, width, 1), from letters that were drawn before.
+
+    The readouts change with every frame, and drawing ten letters anew costs more than the rest of
+    the display.
+    """
+    letters = [_letter(letter, size, bold, margin, stroke) for letter in text]
+    height = letters[0].shape[0] if letters else 1
+    cover = np.zeros((height, width(text, size, bold) + 2 * (margin + OVERHANG)), np.uint16)
+    pen = 0.0
+    for letter, drawn in zip(text, letters, strict=True):
+        left = round(pen)
+        part = cover[:, left : left + drawn.shape[1]]
+        np.maximum(part, drawn[:, : part.shape[1]], out=part)
+        pen += _advance(letter, size, bold)
+    return cover[:, OVERHANG : cover.shape[1] - OVERHANG, None]
+
+
+@functools.lru_cache(maxsize=CACHE)
+def _letter(letter: str, size: int, bold: bool, margin: int, stroke: int) -> Wide:
+    face = font(size, bold)
+    ascent, descent = face.getmetrics()
+    wide = math.ceil(_advance(letter, size, bold)) + 2 * (margin + OVERHANG)
+    image = Image.new("L", (wide, ascent + descent + 2 * margin), 0)
+    place = (margin + OVERHANG, margin)
+    ImageDraw.Draw(image).text(place, letter, fill=255, font=face, stroke_width=stroke)
+    return np.asarray(image).astype(np.uint16)
+
+
+@functools.lru_cache(maxsize=CACHE)
+def _advance(letter: str, size: int, bold: bool) -> float:
+    return float(font(size, bold).getlength(letter))
 
 
 def write(
@@ -81,7 +111,7 @@ def write(
       anchor: l, m or r for the horizontal, t, m or b for the vertical.
       halo: colour of the rim, or None.
     """
-    if not (np.isfinite(x) and np.isfinite(y)):
+    if not (math.isfinite(x) and math.isfinite(y)):
         return  # behind the camera
     add, keep = word(text, size, colour, bold, halo)
     h, w = add.shape[:2]

@@ -1,0 +1,96 @@
+"""Frames per second of `twin render` against MuJoCo's own Renderer on the same scene.
+
+Both draw the same model from the same camera at the same size; ours adds the close-up, the labels
+and the strip of readouts. The two take turns frame by frame, so that a busy machine slows both.
+"""
+
+from __future__ import annotations
+
+import os
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from twin.render.context import available_backend
+
+BACKEND = available_backend()
+if BACKEND is None:
+    raise SystemExit("render: this machine has no OpenGL without a screen; see `twin render`")
+os.environ["MUJOCO_GL"] = BACKEND  # MuJoCo's Renderer reads it when mujoco is imported
+
+import mujoco  # noqa: E402
+
+from twin.current.profile import Profile  # noqa: E402
+from twin.mission import load_mission  # noqa: E402
+from twin.render.graphics import aim  # noqa: E402
+from twin.render.painter import Painter  # noqa: E402
+from twin.render.shot import CAMERAS, Shot  # noqa: E402
+from twin.scenario import Scenario  # noqa: E402
+from twin.simulate import simulate  # noqa: E402
+from twin.vehicle import load_vehicle  # noqa: E402
+
+FRAMES = 40
+WARM_UP = 3
+FLOOR = 0.8
+"""Least share of the bare Renderer's frame rate, overlays included"""
+CURRENT = Profile(depth=(0.0, 60.0, 150.0), north=(0.25, 0.12, 0.0), east=(0.10, 0.14, 0.05))
+
+
+def bare_renderer(painter: Painter) -> tuple[mujoco.Renderer, Callable[[int], None]]:
+    """MuJoCo's Renderer on the painter's scene, and a function that draws what it shows now."""
+    model, graphics = painter.stage.model, painter.graphics
+    renderer = mujoco.Renderer(
+        model, painter.shot.height, painter.shot.width, max_geom=graphics.scene.maxgeom
+    )
+    renderer.scene.flags[:] = graphics.scene.flags
+    camera = mujoco.MjvCamera()
+
+    def draw(index: int) -> None:
+        renderer.update_scene(graphics.data, camera, painter.option)
+        aim(renderer.scene, painter.view(index))
+        renderer.render()
+
+    return renderer, draw
+
+
+def measure(camera: str) -> tuple[float, float, float]:
+    """Frames per second of ours and of the bare Renderer, and the median ratio of the two."""
+    scenario = Scenario(vehicle=load_vehicle(), plan=load_mission("default"), current=CURRENT)
+    trajectory = simulate(scenario)
+    shot = Shot(camera=camera, speed_up=30.0)
+    times = shot.frame_times(trajectory.time)
+    ours, bare = [], []
+    with Painter(trajectory, scenario.vehicle, shot, times, title="benchmark") as painter:
+        painter.paint(0)
+        renderer, draw = bare_renderer(painter)
+        with renderer:
+            for i in range(FRAMES + WARM_UP):
+                index = i * (painter.frames - 1) // (FRAMES + WARM_UP)
+                start = time.perf_counter()
+                painter.paint(index)
+                middle = time.perf_counter()
+                draw(index)
+                end = time.perf_counter()
+                if i >= WARM_UP:
+                    ours.append(middle - start)
+                    bare.append(end - middle)
+    ratio = statistics.median(b / o for o, b in zip(ours, bare, strict=True))
+    return 1 / statistics.median(ours), 1 / statistics.median(bare), ratio
+
+
+def main() -> int:
+    """Measure every camera; the exit code tells whether all reach the floor."""
+    print(f"{Path(__file__).stem}: 1280x720, {BACKEND}, {len(os.sched_getaffinity(0))} cores")
+    print(f"{'camera':8} {'twin [1/s]':>11} {'Renderer [1/s]':>15} {'ratio':>6}  floor {FLOOR}")
+    good = True
+    for camera in CAMERAS:
+        ours, bare, ratio = measure(camera)
+        good = good and ratio >= FLOOR
+        verdict = "" if ratio >= FLOOR else "below the floor"
+        print(f"{camera:8} {ours:11.1f} {bare:15.1f} {ratio:6.2f}  {verdict}")
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
