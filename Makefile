@@ -3,7 +3,7 @@
 
 PYTHON ?= python3
 BIN := .venv/bin
-BENCHMARKS := benchmarks/cli_startup.py benchmarks/physics_step.py benchmarks/current_sampling.py benchmarks/sensor_cost.py benchmarks/suite_step.py
+BENCHMARKS := benchmarks/cli_startup.py benchmarks/physics_step.py benchmarks/current_sampling.py benchmarks/sensor_cost.py benchmarks/suite_step.py benchmarks/factory_speed.py benchmarks/layer_speed.py benchmarks/render_speed.py
 
 .NOTPARALLEL:
 .PHONY: setup demo test lint check bench gallery lock clean
