@@ -312,9 +312,13 @@ def test_a_bug_in_a_worker_keeps_its_traceback(
 
 def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(tmp_path: Path) -> None:
     store = tmp_path / "missions.zarr"
-    command = [sys.executable, "-m", "factory", "generate", "--hours", "400", "--workers", "2"]
+    command = [sys.executable, "-m", "factory", "generate", "--hours", "100", "--workers", "2"]
     process = subprocess.Popen(
-        [*command, "--out", str(store)], stderr=subprocess.PIPE, start_new_session=True
+        [*command, "--out", str(store)],
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        # a test run started in the background of a shell inherits an ignored SIGINT
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     deadline = time.monotonic() + 60.0
     while time.monotonic() < deadline and Journal(store).count_missions() < 2:
