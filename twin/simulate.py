@@ -58,6 +58,9 @@ class Simulation:
         self._check_integration()
         self.rows = np.zeros((self._samples(), b.ROW))
         self._kept: list[Any] = []
+        self.current_program: Array | None = None
+        if scenario.current is not None:  # once: a gridded one reads its file
+            self.current_program = scenario.current.compile(self.duration, scenario.origin)
         self._write_block()
         self.data = mujoco.MjData(self.model)
         self.reset()
@@ -123,8 +126,8 @@ class Simulation:
             block[b.P_CONTROL] = b.CONTROL_SCHEDULE
             block[b.P_CONTROL_PERIOD] = self.model.opt.timestep
             block[b.P_TABLE], block[b.P_TABLE_ROWS] = self._keep(table), len(table)
-        if scenario.current is not None:
-            program = scenario.current.compile(self.duration, scenario.origin)
+        if self.current_program is not None:
+            program = self.current_program
             block[b.P_CURRENT], block[b.P_CURRENT_SIZE] = self._keep(program), len(program)
         if scenario.density is not None:
             program = scenario.density.compile()
@@ -159,12 +162,11 @@ class Simulation:
             self.rows[:] = 0.0
 
     def _current_at_start(self) -> Array:
-        current, start = self.scenario.current, self.start()
-        if current is None:
+        program, start = self.current_program, self.start()
+        if program is None:
             return np.zeros(3)
         from twin.current.sampler import sample
 
-        program = current.compile(self.duration, self.scenario.origin)
         return np.array(
             sample(program, 0.0, start.north, start.east, start.depth, 0.0, 0.0, 0.0)[:3]
         )
