@@ -23,7 +23,7 @@ from twin.trajectory import Trajectory
 if TYPE_CHECKING:
     import xarray as xr
 
-STATE = "state"
+STATE, STATES, N_SAMPLES = "state", "simulation_state", "n_samples"
 STATE_COLUMNS = (
     *("x", "y", "z", "qw", "qx", "qy", "qz", "battery_shift", "battery_rotation"),
     *("vx", "vy", "vz", "wx", "wy", "wz", "battery_shift_rate", "battery_rotation_rate"),
@@ -63,7 +63,7 @@ def mission_dataset(
         ),
     }
     variables: dict[str, Any] = {
-        "n_samples": (
+        N_SAMPLES: (
             MISSION,
             np.array([len(t.time) for t in trajectories], np.int32),
             {"units": "1", "long_name": "samples of the mission; later ones are padding"},
@@ -80,7 +80,7 @@ def mission_dataset(
     states = np.full((len(trajectories), longest, len(STATE_COLUMNS)), np.nan)
     for i, trajectory in enumerate(trajectories):
         states[i, : len(trajectory.time)] = trajectory.states
-    variables["simulation_state"] = (
+    variables[STATES] = (
         (MISSION, TIME, STATE),
         states,
         {
@@ -179,19 +179,51 @@ def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
     """One mission of a store.
 
     Raises:
-      StoreError: as `open_store`, or there is no such mission (the range is named).
+      StoreError: as `open_store`, there is no such mission (the range is named), or the store is
+        damaged: an array is gone, cannot be decoded or has gaps where samples must be.
     """
     dataset = open_store(path)
     count = dataset.sizes.get(MISSION, 0)
     if not 0 <= mission < count:
         raise StoreError(f"store {path} has missions 0 to {count - 1}, not {mission}")
+    # The consolidated metadata name arrays whose folders may be gone; they would read as NaN.
+    for name in map(str, dataset.variables):
+        if not (Path(path) / name / "zarr.json").is_file():
+            raise StoreError(f"store {path} is damaged: its array {name} is gone; make it anew")
     one = dataset.isel({MISSION: mission})
-    samples = int(one["n_samples"])
-    one = one.isel({TIME: slice(0, samples)}).load()
-    signals = {name: one[name].values.astype(float) for name in VARIABLES if name in one}
+    samples = _samples(one, path, mission)
+    one = one.isel({TIME: slice(0, samples)})
+    signals = {name: _values(one, name, path).astype(float) for name in VARIABLES if name in one}
+    states = _values(one, STATES, path) if STATES in one else np.zeros((0, len(STATE_COLUMNS)))
+    if not np.isfinite(states).all():
+        raise StoreError(f"store {path} is damaged: {STATES} of mission {mission} has gaps")
     return Trajectory(
-        time=one[TIME].values.astype(float),
+        time=_values(one, TIME, path).astype(float),
         signals=signals,
-        states=one["simulation_state"].values if "simulation_state" in one else np.zeros((0, 23)),
+        states=states,
         provenance=dict(dataset.attrs),
     )
+
+
+def _samples(one: xr.Dataset, path: str | Path, mission: int) -> int:
+    """The number of samples of a mission, which must fit the store's arrays."""
+    if N_SAMPLES not in one:
+        raise StoreError(f"store {path} is damaged: it has no array {N_SAMPLES}")
+    samples = int(np.nan_to_num(_values(one, N_SAMPLES, path), nan=0.0))
+    if not 0 < samples <= one.sizes[TIME]:
+        raise StoreError(
+            f"store {path} is damaged: mission {mission} has {samples} of at most "
+            f"{one.sizes[TIME]} samples"
+        )
+    return samples
+
+
+def _values(one: xr.Dataset, name: str, path: str | Path) -> np.ndarray:
+    """Read an array; whatever a decoder raises means a damaged store."""
+    try:
+        return np.asarray(one[name].values)
+    except Exception as error:
+        raise StoreError(
+            f"store {path} is damaged: its array {name} cannot be read "
+            f"({' '.join(str(error).split()) or type(error).__name__})"
+        ) from error
