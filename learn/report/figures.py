@@ -17,6 +17,7 @@ from learn.evaluate import FLOOR, NETWORK, Evaluation
 from learn.report.names import KNOWLEDGE_TITLES, colour_of, title_of
 from learn.report.shown import Shown
 from twin.plot import style
+from twin.plot.space import LEGEND, space_axes
 
 TRAINING_PANELS = (
     ("true_surge", "surge [m/s]"),
@@ -110,24 +111,14 @@ def track_3d_figure(shown: Shown, methods: Sequence[str]) -> Figure:
     """The same track in space, depth down; the vertical scale is its own."""
     with style.styled():
         figure = style.new_figure(style.COLUMN_WIDTH * 1.25, 3.9)
-        figure.set_layout_engine("none")  # it does not know how far the labels of 3-D axes reach
-        axes: Any = figure.add_axes((0.0, 0.02, 0.94, 0.88), projection="3d")
         lines = _water_lines(shown, methods)
         metres, unit = style.length_unit(*(line[:, k] for line in lines.values() for k in (0, 1)))
         depth = shown.reference.mission.signals["measured_depth"]
+        axes = space_axes(figure, floor=float(np.max(depth)) * 1.1 + 1.0, unit=unit, top=0.90)
         for name, line in lines.items():
             north, east, down = style.thin(line[:, 0], line[:, 1], depth, most=2500)
             axes.plot(east / metres, north / metres, down, **_line_style(name))
-        axes.set_zlim(float(np.max(depth)) * 1.1 + 1.0, 0.0)
-        axes.set_xlabel(f"east [{unit}]")
-        axes.set_ylabel(f"north [{unit}]")
-        axes.set_zlabel("depth [m]")
-        for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-            axis.set_pane_color((0.97, 0.98, 0.99, 1.0))
-            axis.set_major_locator(MaxNLocator(4))
-        axes.view_init(elev=24, azim=-58)
-        axes.set_box_aspect((1.25, 1.25, 0.9), zoom=0.92)
-        figure.legend(loc="upper left", bbox_to_anchor=(0.02, 0.99), ncols=2, columnspacing=1.0)
+        figure.legend(**LEGEND, ncols=2)
     return figure
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +15,9 @@ from twin.errors import InputError, unknown_name
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from twin.render.tracks import NamedTrack
+    from twin.trajectory import Trajectory
+
 FORMATS = (".png", ".pdf", ".svg")
 """Endings that matplotlib writes here."""
 ALL = "all"
@@ -24,49 +28,87 @@ class Plot:
     """Figures of one mission: tracks, sections, velocities, actuators, sensors, currents."""
 
     store: Annotated[Path, tyro.conf.Positional]
-    """Store (zarr) that holds the mission."""
+    """store (zarr) that holds the mission"""
 
     mission: int = 0
-    """Index of the mission in the store."""
+    """index of the mission in the store"""
 
     figure: str = "overview"
-    """overview, track, track_3d, section, velocity, actuator, sensor, current, or all."""
+    """overview, track, track_3d, section, velocity, actuator, sensor, current, or all"""
 
-    out: Path = Path("plot.png")
-    """File (.png, .pdf or .svg); with --figure all a folder, made if need be."""
+    out: Path | None = None
+    """file (.png, .pdf or .svg) [default: FIGURE.png]; with --figure all a folder, made if need
+    be [default: plots]"""
 
     tracks: Path | None = None
-    """File of dead-reckoned tracks (.nc, .zarr, .npz or .csv) to draw beside the true one."""
+    """file of dead-reckoned tracks (.nc, .zarr, .npz or .csv) to draw beside the true one"""
+
+    only: str | None = None
+    """names of the tracks to draw, separated by commas; default: all of the file"""
 
     def run(self, console: Console) -> int:
         """Draw and save; says which files were written."""
         from twin.plot import FIGURES
-        from twin.render.tracks import read_tracks
+        from twin.render.tracks import choose_tracks, read_tracks
         from twin.store import read_trajectory
 
         if self.figure not in (*FIGURES, ALL):
             raise InputError(unknown_name("figure", self.figure, (*FIGURES, ALL)))
-        if self.figure != ALL and self.out.suffix.lower() not in FORMATS:
-            raise InputError(f"--out {self.out}: the ending must be one of {', '.join(FORMATS)}")
+        out = self._out()
         trajectory = read_trajectory(self.store, self.mission)
-        tracks = read_tracks(self.tracks, self.mission) if self.tracks is not None else []
-        measured = any(name.startswith("measured_") for name in trajectory.signals)
-        names = [self.figure]
-        if self.figure == ALL:
-            names = [name for name in FIGURES if measured or name != "sensor"]
-            self.out.mkdir(parents=True, exist_ok=True)
-        for name in names:
-            path = self.out / f"{name}.png" if self.figure == ALL else self.out
-            draw = FIGURES[name]
-            drawn: Figure = (
-                draw(trajectory, tracks) if name in _WITH_TRACKS else draw(trajectory)  # type: ignore[operator]
-            )
-            path.parent.mkdir(parents=True, exist_ok=True)
-            drawn.savefig(path)
-            console.say(str(path))
-        if self.figure == ALL and not measured:
-            console.note("no sensor figure: the mission has no measured signals")
+        tracks = []
+        if self.tracks is not None:
+            tracks = choose_tracks(read_tracks(self.tracks, self.mission), self.only)
+        if self.figure != ALL:
+            self._save(self._draw(self.figure, trajectory, tracks), out, console)
+            return 0
+        missing = []
+        for name in FIGURES:
+            try:
+                figure = self._draw(name, trajectory, tracks)
+            except InputError as error:
+                missing.append(f"no {name} figure: {error}")
+                continue
+            self._save(figure, out / f"{name}.png", console)
+        if len(missing) == len(FIGURES):
+            raise InputError(missing[0])
+        for reason in missing:
+            console.note(reason)
         return 0
+
+    def _out(self) -> Path:
+        """The file, or the folder of all figures; refused before anything is read."""
+        if self.figure == ALL:
+            out = self.out or Path("plots")
+            if out.suffix.lower() in FORMATS:
+                raise InputError(f"--out {out}: --figure all needs a folder, not a file")
+            return out
+        out = self.out or Path(f"{self.figure}.png")
+        if out.suffix.lower() not in FORMATS:
+            raise InputError(f"--out {out}: the ending must be one of {', '.join(FORMATS)}")
+        return out
+
+    def _draw(self, name: str, trajectory: Trajectory, tracks: Sequence[NamedTrack]) -> Figure:
+        """One figure; raises InputError when the mission lacks a signal that it shows."""
+        from twin.plot import FIGURES
+        from twin.schema import VARIABLES
+
+        draw = FIGURES[name]
+        try:
+            return draw(trajectory, tracks) if name in _WITH_TRACKS else draw(trajectory)
+        except KeyError as error:
+            signal = str(error.args[0])
+            if signal not in VARIABLES or signal in trajectory.signals:
+                raise
+            raise InputError(
+                f"mission {self.mission} of {self.store} has no signal {signal}, which the "
+                f"{name} figure shows"
+            ) from error
+
+    def _save(self, figure: Figure, path: Path, console: Console) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path)
+        console.say(str(path))
 
 
 _WITH_TRACKS = ("overview", "track", "track_3d")

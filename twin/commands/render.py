@@ -40,6 +40,8 @@ class Render(JsonOption):
     """what colours the track; error is the first track's of --tracks"""
     tracks: Path | None = None
     """dead-reckoned tracks to draw beside the true one: .nc, .zarr, .npz or .csv"""
+    only: str | None = None
+    """names of the tracks to draw, separated by commas; default: all of the file"""
     exaggeration: float | None = None
     """vertical over horizontal scale; default: chosen to fit"""
     floor: float | None = None
@@ -91,6 +93,7 @@ class Render(JsonOption):
             self.mission,
             vehicle=self.vehicle,
             tracks=self.tracks,
+            names=self.only,
             title=self.title,
         )
         begun = time.perf_counter()

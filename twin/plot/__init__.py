@@ -3,6 +3,10 @@
 Nothing here uses pyplot: save a figure with `figure.savefig(path)`, or show it in a notebook.
 """
 
+from collections.abc import Callable
+
+from matplotlib.figure import Figure
+
 from twin.plot.current import current_figure
 from twin.plot.overview import overview_figure
 from twin.plot.section import section_figure
@@ -10,7 +14,7 @@ from twin.plot.sensors import sensor_figure
 from twin.plot.signals import actuator_figure, velocity_figure
 from twin.plot.track import track_3d_figure, track_figure
 
-FIGURES = {
+FIGURES: dict[str, Callable[..., Figure]] = {
     "overview": overview_figure,
     "track": track_figure,
     "track_3d": track_3d_figure,

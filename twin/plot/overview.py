@@ -11,22 +11,30 @@ from twin.plot import style
 from twin.plot.current import draw_current
 from twin.plot.section import draw_section
 from twin.plot.signals import draw_actuators, draw_attitude, thinned_time
-from twin.plot.track import draw_track
+from twin.plot.track import LEGEND_ROW, draw_legend, draw_track, legend_rows
 from twin.render.tracks import NamedTrack
 from twin.trajectory import Trajectory
+
+HEIGHTS = (1.9, 2.75, 4.35)
+"""[in] of section, track and signals"""
+LEGEND_COLUMNS = 4
+"""Of dead-reckoned tracks"""
 
 
 def overview_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> Figure:
     """Depth section, track, current profile, attitude and actuators on one page."""
     with style.styled():
-        figure = style.new_figure(style.PAGE_WIDTH, 9.0)
-        rows = figure.subfigures(3, 1, squeeze=False, height_ratios=[2.0, 2.9, 4.6])
+        names = LEGEND_ROW * legend_rows(tracks, LEGEND_COLUMNS)
+        figure = style.new_figure(style.PAGE_WIDTH, sum(HEIGHTS) + names)
+        heights = [HEIGHTS[0], HEIGHTS[1] + names, HEIGHTS[2]]
+        rows = figure.subfigures(3, 1, squeeze=False, height_ratios=heights)
         top, middle, bottom = rows[:, 0]
         section = top.add_subplot()
         draw_section(section, trajectory)
         section.set_title(_headline(trajectory))
         left, right = middle.subplots(1, 2, width_ratios=[1.45, 1.0])
         draw_track(left, trajectory, tracks)
+        draw_legend(middle, left, tracks, LEGEND_COLUMNS)
         left.set_title("track over ground")
         draw_current(right, trajectory)
         right.set_title("current met on the way")

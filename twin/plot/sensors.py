@@ -43,8 +43,8 @@ DEFAULT = (
 
 def truth_of(name: str, trajectory: Trajectory) -> Array | None:
     """The true signal that `measured_<name>` observes, or None when truth has no such signal."""
-    if name.startswith("dvl_"):
-        axis = name.removeprefix("dvl_")
+    axis = name.removeprefix("dvl_")
+    if axis != name and f"true_{axis}" in trajectory.signals:
         through_water = trajectory[f"true_{axis}"]
         mode = trajectory.signals.get("measured_dvl_mode")
         if mode is None:
@@ -96,8 +96,8 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
                 error = (error + 180.0) % 360.0 - 180.0
             sparse = bool(np.isnan(measured).mean() > 0.5)
             mark = {"marker": ".", "ms": 2.5, "ls": "none"} if sparse else {"lw": 0.8}
+            left.plot(time, true, color=style.TRUTH, lw=2.2, label="true")
             left.plot(time, measured, color=style.ESTIMATE, label="measured", **mark)
-            left.plot(time, true, color=style.TRUTH, lw=1.1, label="true")
             right.axhline(0.0, color=style.GUIDE, lw=0.7)
             right.plot(time, error, color=style.ESTIMATE, **mark)
             units = VARIABLES[f"measured_{name}"].units

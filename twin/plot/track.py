@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
 from twin.plot import style
+from twin.plot.space import LEGEND, space_axes
 from twin.render.tracks import NamedTrack
 from twin.trajectory import Trajectory
 
@@ -22,11 +22,24 @@ OTHER_COLOURS = tuple(c for name, c in style.PALETTE.items() if name not in ("bl
 """Colours of tracks beside the truth."""
 
 
+MOST_COLUMNS = 3
+"""Columns of a legend at column width"""
+LONG_NAME = 14
+"""Letters of a name from which a legend at column width has one column less"""
+LEGEND_ROW = 0.16
+"""[in] height of a legend's row"""
+MOST_3D = 2500
+"""Points of a line in space"""
+
+
 def track_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> Figure:
     """The horizontal track, north up, equal scales; `tracks` are drawn beside the truth."""
     with style.styled():
-        figure = style.new_figure(height=3.3)
-        draw_track(figure.add_subplot(), trajectory, tracks)
+        columns = legend_columns(tracks)
+        figure = style.new_figure(height=3.3 + LEGEND_ROW * legend_rows(tracks, columns))
+        axes = figure.add_subplot()
+        draw_track(axes, trajectory, tracks)
+        draw_legend(figure, axes, tracks, columns)
     return figure
 
 
@@ -38,17 +51,10 @@ def draw_track(axes: Axes, trajectory: Trajectory, tracks: Sequence[NamedTrack] 
     extent = [north, east, *(a for t in tracks for a in (t.north, t.east))]
     metres, unit = style.length_unit(*extent)
     if tracks:
-        axes.plot(east / metres, north / metres, color=style.TRUTH, lw=1.8, label="truth")
+        axes.plot(east / metres, north / metres, color=style.TRUTH, lw=2.4, label="truth")
         for index, track in enumerate(tracks):
             n, e = style.thin(track.north, track.east)
-            axes.plot(
-                e / metres,
-                n / metres,
-                color=OTHER_COLOURS[index % len(OTHER_COLOURS)],
-                lw=1.1,
-                ls=("-", "--", "-.", ":")[index // len(OTHER_COLOURS) % 4],
-                label=track.name,
-            )
+            axes.plot(e / metres, n / metres, lw=1.1, label=track.title, **line_look(index))
     else:
         seconds, time_name = style.time_unit(time)
         points = np.column_stack([east, north]) / metres
@@ -77,46 +83,75 @@ def draw_track(axes: Axes, trajectory: Trajectory, tracks: Sequence[NamedTrack] 
     axes.set_ylabel(f"north [{unit}]")
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.06)
+
+
+def draw_legend(
+    figure: Figure | SubFigure,
+    axes: Axes,
+    tracks: Sequence[NamedTrack],
+    columns: int,
+) -> None:
+    """Name what `draw_track` drew: in the corner above the axes, or beside other tracks above all.
+
+    Args:
+      columns: of the legend beside other tracks.
+    """
+    if tracks:
+        handles, names = axes.get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside upper left", ncols=columns, columnspacing=1.0)
+        return
     axes.legend(
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
-        ncols=3,
+        ncols=MOST_COLUMNS,
         borderaxespad=0.2,
         columnspacing=1.0,
         handletextpad=0.4,
     )
 
 
+def legend_columns(tracks: Sequence[NamedTrack]) -> int:
+    """Columns of a legend at column width that the tracks' names leave room for."""
+    longest = max((len(track.title) for track in tracks), default=0)
+    return MOST_COLUMNS - (longest >= LONG_NAME)
+
+
+def legend_rows(tracks: Sequence[NamedTrack], columns: int) -> int:
+    """Rows of the legend beside other tracks: truth, start and end, and the tracks; 0 without."""
+    return -(-(len(tracks) + 3) // columns) if tracks else 0
+
+
+def line_look(index: int) -> dict[str, Any]:
+    """Colour and dashes of a track beside the truth; no two of the first 28 are alike."""
+    return {
+        "color": OTHER_COLOURS[index % len(OTHER_COLOURS)],
+        "ls": ("-", "--", "-.", ":")[index // len(OTHER_COLOURS) % 4],
+    }
+
+
 def track_3d_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> Figure:
     """The track in space, depth down; the vertical scale is its own, as oceanographers plot it."""
     with style.styled():
-        figure = style.new_figure(height=3.3)
-        figure.set_layout_engine("none")  # it does not know how far the labels of 3-D axes reach
-        axes: Any = figure.add_axes((0.0, 0.02, 0.94, 0.90), projection="3d")
+        columns = legend_columns(tracks)
+        rows = -(-(len(tracks) + 2) // columns)
+        height = 3.3 + LEGEND_ROW * (rows - 1)
+        figure = style.new_figure(height=height)
         north, east, depth, time = style.thin(
             *(trajectory[f"true_{n}"] for n in ("north", "east", "depth")),
             trajectory.time,
-            most=2500,
+            most=MOST_3D,
         )
         metres, unit = style.length_unit(north, east)
-        axes.plot(east / metres, north / metres, depth, color=style.TRUTH, lw=1.2, label="truth")
-        floor = depth.max() * 1.1 + 1.0
+        floor = float(depth.max()) * 1.1 + 1.0
+        top = 1.0 - (LEGEND_ROW * rows + 0.12) / height
+        axes = space_axes(figure, floor=floor, unit=unit, top=top)
+        axes.plot(east / metres, north / metres, depth, color=style.TRUTH, lw=1.6, label="truth")
         axes.plot(
             east / metres, north / metres, floor, color=style.GUIDE, lw=0.8, label="on the chart"
         )
         for index, track in enumerate(tracks):
-            n, e, t = style.thin(track.north, track.east, track.time, most=2500)
+            n, e, t = style.thin(track.north, track.east, track.time, most=MOST_3D)
             d = np.interp(t, time, depth)
-            colour = OTHER_COLOURS[index % len(OTHER_COLOURS)]
-            axes.plot(e / metres, n / metres, d, color=colour, lw=0.9, label=track.name)
-        axes.set_zlim(floor, 0.0)
-        axes.set_xlabel(f"east [{unit}]")
-        axes.set_ylabel(f"north [{unit}]")
-        axes.set_zlabel("depth [m]")
-        for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-            axis.set_pane_color((0.97, 0.98, 0.99, 1.0))
-            axis.set_major_locator(MaxNLocator(4))
-        axes.view_init(elev=24, azim=-58)
-        axes.set_box_aspect((1.25, 1.25, 0.9), zoom=0.92)
-        figure.legend(loc="upper left", bbox_to_anchor=(0.02, 0.99), ncols=3, columnspacing=1.0)
+            axes.plot(e / metres, n / metres, d, lw=0.9, label=track.title, **line_look(index))
+        figure.legend(**LEGEND, ncols=columns)
     return figure

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from twin.render.film import Subject
-from twin.render.tracks import read_tracks
+from twin.render.tracks import choose_tracks, read_tracks
 from twin.store import read_trajectory
 from twin.vehicle import Vehicle, load_vehicle, parse_vehicle
 
@@ -18,6 +18,7 @@ def read_subject(
     *,
     vehicle: str | None = None,
     tracks: Path | None = None,
+    names: str | None = None,
     title: str | None = None,
 ) -> Subject:
     """A mission of a store, with dead-reckoned tracks if there are any.
@@ -26,6 +27,7 @@ def read_subject(
       vehicle: name or file; None takes the vehicle whose MJCF text the store holds, or the shipped
         glider where it holds none (real logs).
       tracks: file as in `twin.render.tracks`.
+      names: of those tracks, separated by commas; None takes all.
       title: first line of the picture; None is made from the store.
 
     Raises:
@@ -36,7 +38,7 @@ def read_subject(
     return Subject(
         trajectory=trajectory,
         vehicle=stored_vehicle(attributes) if vehicle is None else load_vehicle(vehicle),
-        tracks=() if tracks is None else tuple(read_tracks(tracks, mission)),
+        tracks=() if tracks is None else tuple(choose_tracks(read_tracks(tracks, mission), names)),
         title=_title(store, mission, attributes) if title is None else title,
     )
 

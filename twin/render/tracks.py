@@ -16,13 +16,13 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError
+from twin.errors import InputError, unknown_name
 
 Array = NDArray[np.float64]
 
@@ -51,6 +51,11 @@ class NamedTrack:
             )
         if not (np.diff(self.time) > 0).all():
             raise InputError(f"track {self.name!r}: its times must increase")
+
+    @property
+    def title(self) -> str:
+        """The name as people read it."""
+        return self.name.replace("_", " ")
 
     def at(self, time: Array) -> tuple[Array, Array]:
         """North and east [m] at `time` [s]; NaN outside the track."""
@@ -87,6 +92,22 @@ def read_tracks(path: Path | str, mission: int = 0) -> list[NamedTrack]:
             f"NAME{NORTH} and NAME{EAST}, or CSV columns time, north, east"
         )
     return tracks
+
+
+def choose_tracks(tracks: Sequence[NamedTrack], names: str | None) -> list[NamedTrack]:
+    """The tracks named in `names` (separated by commas), in that order; None takes all.
+
+    Raises:
+      InputError: no track of that name.
+    """
+    if names is None:
+        return list(tracks)
+    by_name = {track.name: track for track in tracks}
+    wanted = [name.strip() for name in names.split(",")]
+    for name in wanted:
+        if name not in by_name:
+            raise InputError(unknown_name("track", name, by_name))
+    return [by_name[name] for name in dict.fromkeys(wanted)]
 
 
 def _read_dataset(path: Path, mission: int) -> list[NamedTrack]:
