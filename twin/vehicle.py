@@ -12,7 +12,6 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 from twin.assets_path import assets_folder
 from twin.errors import VehicleError, unknown_name
 from twin.frames import flip_vector
+from twin.mjcf import MjcfReader
 
 Array = NDArray[np.float64]
 
@@ -122,7 +122,7 @@ class Vehicle:
 
     def _require(self, condition: bool, name: str, rule: str) -> None:
         if not condition:
-            raise VehicleError(f"vehicle {self.name!r} ({self.path.name}): {name} must be {rule}")
+            raise VehicleError(f"vehicle {self.name!r} ({self.path}): {name} must be {rule}")
 
     @property
     def mass(self) -> float:
@@ -208,7 +208,7 @@ def vehicle_names() -> list[str]:
 @functools.lru_cache(maxsize=16)
 def parse_vehicle(xml: str, path: Path) -> Vehicle:
     """Build a `Vehicle` from MJCF text; `path` names it in errors."""
-    reader = _Reader(xml, path)
+    reader = MjcfReader(xml, path)
     hull, battery = reader.body("hull"), reader.body("battery")
     movable_cg = reader.vector(battery, "pos", 3) + reader.inertial(battery, "pos")
     static_cg = reader.inertial(hull, "pos")
@@ -257,95 +257,3 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         heading_pid=numeric("heading_pid", 3),
         control_period=numeric("control_period", 1)[0],
     )
-
-
-class _Reader:
-    """Looks elements up by name and says which one is missing or malformed."""
-
-    def __init__(self, xml: str, path: Path):
-        self.path = path
-        try:
-            self.root = ElementTree.fromstring(xml)
-        except ElementTree.ParseError as error:
-            raise VehicleError(f"vehicle file {path} is not well-formed XML: {error}") from error
-        if self.root.tag != "mujoco":
-            self.fail(f"root element <{self.root.tag}>", "<mujoco>")
-        self.numerics = {e.get("name", ""): e for e in self.root.iterfind("./custom/numeric")}
-
-    def fail(self, what: str, rule: str) -> None:
-        raise VehicleError(f"vehicle file {self.path.name}: {what} must be {rule}")
-
-    def one(self, path: str) -> ElementTree.Element:
-        element = self.root.find(path)
-        if element is None:
-            raise VehicleError(
-                f"vehicle file {self.path.name}: element <{path}> is missing; "
-                "compare with the shipped assets/glider.xml"
-            )
-        return element
-
-    def _named(self, tag: str, name: str, path: str) -> ElementTree.Element:
-        found = {e.get("name", ""): e for e in self.root.iterfind(path)}
-        if name not in found:
-            raise VehicleError(
-                f"vehicle file {self.path.name}: <{tag} name={name!r}> is missing"
-                + (f" (found: {', '.join(sorted(filter(None, found)))})" if found else "")
-            )
-        return found[name]
-
-    def body(self, name: str) -> ElementTree.Element:
-        return self._named("body", name, ".//body")
-
-    def site(self, name: str) -> ElementTree.Element:
-        return self._named("site", name, ".//body[@name='hull']/site")
-
-    def actuator(self, name: str) -> ElementTree.Element:
-        return self._named("general", name, "./actuator/general")
-
-    def numeric(self, name: str, size: int) -> tuple:
-        if name not in self.numerics:
-            raise VehicleError(
-                f"vehicle file {self.path.name}: <custom><numeric name={name!r}> is missing; "
-                f"it holds {size} number{'s' if size > 1 else ''}"
-            )
-        return tuple(float(x) for x in self.vector(self.numerics[name], "data", size))
-
-    def vector(
-        self, element: ElementTree.Element, attribute: str, size: int, default: str | None = None
-    ) -> Array:
-        label = f"<{element.tag} name={element.get('name')!r}> {attribute}"
-        text = element.get(attribute, default)
-        if text is None:
-            raise VehicleError(
-                f"vehicle file {self.path.name}: {label} is missing ({size} numbers)"
-            )
-        try:
-            values = np.array([float(x) for x in text.split()])
-        except ValueError:
-            self.fail(f"{label} = {text.strip()!r}", f"{size} numbers")
-        if values.shape != (size,) or not np.isfinite(values).all():
-            self.fail(f"{label} = {text.strip()!r}", f"{size} finite numbers")
-        return values
-
-    def _inertial(self, body: ElementTree.Element) -> ElementTree.Element:
-        element = body.find("inertial")
-        if element is None:
-            raise VehicleError(
-                f"vehicle file {self.path.name}: body {body.get('name')!r} lacks <inertial>; "
-                "mass and inertia must be explicit"
-            )
-        return element
-
-    def inertial(self, body: ElementTree.Element, attribute: str) -> Array:
-        return self.vector(self._inertial(body), attribute, 3 if attribute == "pos" else 1)
-
-    def inertia(self, body: ElementTree.Element) -> Array:
-        """Inertia in FRD about the block's own CG, from diaginertia or fullinertia."""
-        element = self._inertial(body)
-        if element.get("fullinertia") is not None:
-            xx, yy, zz, xy, xz, yz = self.vector(element, "fullinertia", 6)
-            matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        else:
-            matrix = np.diag(self.vector(element, "diaginertia", 3))
-        signs = flip_vector(np.ones(3))
-        return matrix * np.outer(signs, signs)
