@@ -26,6 +26,21 @@ SHORTEST_STEP, LONGEST_STEP = 1e-4, 1.0
 """[s]"""
 ELLIPSOID_TIMESTEP = 0.02
 """[s] quadratic rotary drag of the ellipsoid law is stiff at inflections: 0.1 s diverges there"""
+JOINTS = {
+    "hull": mujoco.mjtJoint.mjJNT_FREE,
+    "shift": mujoco.mjtJoint.mjJNT_SLIDE,
+    "rotation": mujoco.mjtJoint.mjJNT_HINGE,
+}
+"""The joints that the native code moves, in their order"""
+JOINT_WORDS = {
+    mujoco.mjtJoint.mjJNT_FREE: "free",
+    mujoco.mjtJoint.mjJNT_SLIDE: "slide",
+    mujoco.mjtJoint.mjJNT_HINGE: "hinge",
+}
+JOINT_RULE = (
+    "joints must be the free joint 'hull' on body 'hull', then the slide 'shift' and the hinge "
+    "'rotation' on body 'battery'"
+)
 _FREE_JOINT_ROWS = np.array([0, 1, 3, 6, 10, 15])
 
 
@@ -57,7 +72,8 @@ def compile_model(
     try:
         spec = mujoco.MjSpec.from_string(vehicle.xml)
     except ValueError as error:
-        raise VehicleError(f"vehicle {vehicle.name!r}: {_first_line(error)}") from error
+        raise VehicleError(f"{_label(vehicle)}: {_first_line(error)}") from error
+    _check_joints(spec, vehicle)
     _write_inertia(spec, vehicle)
     if lean:
         _strip(spec)
@@ -79,7 +95,7 @@ def compile_model(
     try:
         model = spec.compile()
     except ValueError as error:
-        raise VehicleError(f"vehicle {vehicle.name!r}: {_first_line(error)}") from error
+        raise VehicleError(f"{_label(vehicle)}: {_first_line(error)}") from error
     _check_structure(model, vehicle)
     fill_block(model, vehicle, hydrodynamics)
     plant.install()
@@ -128,7 +144,7 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, hydrodynamics: str) -> N
         geoms = fluid_geoms(model)
         if not len(geoms):
             raise VehicleError(
-                f"vehicle {vehicle.name!r} has no geom with fluidshape='ellipsoid' on its hull; "
+                f"{_label(vehicle)} has no geom with fluidshape='ellipsoid' on its hull; "
                 "add one or use --hydrodynamics coefficients"
             )
         added_mass = ellipsoid_added_mass(geoms, vehicle.reference_density)
@@ -232,28 +248,44 @@ def _strip(spec: mujoco.MjSpec) -> None:
             spec.delete(site)
 
 
+def _check_joints(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
+    """Before compiling: MuJoCo reports a joint that is missing as a keyframe of the wrong size."""
+    found = {joint.name: joint.type for joint in spec.joints}
+    for name, kind in JOINTS.items():
+        if found.get(name) != kind:
+            word = JOINT_WORDS[kind]
+            example = f'<freejoint name="{name}"/>' if word == "free" else f'type="{word}"'
+            raise VehicleError(
+                f"{_label(vehicle)}: the {word} joint {name!r} ({example}) is missing; {JOINT_RULE}"
+            )
+    if len(spec.joints) != len(JOINTS):
+        names = ", ".join(joint.name or "one without a name" for joint in spec.joints)
+        raise VehicleError(f"{_label(vehicle)}: {JOINT_RULE} and no others; found {names}")
+
+
 def _check_structure(model: mujoco.MjModel, vehicle: Vehicle) -> None:
     """The native code relies on this order of joints, dofs and actuators."""
     joints = [model.joint(i).name for i in range(model.njnt)]
+    if joints != list(JOINTS):
+        raise VehicleError(f"{_label(vehicle)}: {JOINT_RULE}; found them as {', '.join(joints)}")
     actuators = [model.actuator(i).name for i in range(model.nu)]
-    if joints != ["hull", "shift", "rotation"] or model.nq != 9:
-        raise VehicleError(
-            f"vehicle {vehicle.name!r}: joints must be the free joint 'hull', then the slide "
-            f"'shift' and the hinge 'rotation' on body 'battery'; found {', '.join(joints)}"
-        )
     if actuators != list(ACTUATORS) or model.na != 3:
         raise VehicleError(
-            f"vehicle {vehicle.name!r}: actuators must be {', '.join(ACTUATORS)} in this order, "
+            f"{_label(vehicle)}: actuators must be {', '.join(ACTUATORS)} in this order, "
             f"each with one activation state (dyntype='user' actdim='1'); found "
             f"{', '.join(actuators)} with {model.na} activations"
         )
     if not np.array_equal(model.M_rowadr[:6], _FREE_JOINT_ROWS):
-        raise VehicleError(f"vehicle {vehicle.name!r}: body 'hull' must be the first moving body")
+        raise VehicleError(f"{_label(vehicle)}: body 'hull' must be the first moving body")
     if model.opt.density != 0 or model.opt.viscosity != 0:
         raise VehicleError(
-            f"vehicle {vehicle.name!r}: <option> density and viscosity must be 0: MuJoCo's own "
+            f"{_label(vehicle)}: <option> density and viscosity must be 0: MuJoCo's own "
             "fluid would act beside ours"
         )
+
+
+def _label(vehicle: Vehicle) -> str:
+    return f"vehicle {vehicle.name!r} ({vehicle.path})"
 
 
 def _first_line(error: Exception) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -124,6 +126,34 @@ def test_wrong_structure_is_refused_when_compiled():
     double = GLIDER.xml.replace('density="0" viscosity="0"', 'density="1025" viscosity="0"')
     with pytest.raises(VehicleError, match="density and viscosity must be 0"):
         compile_model(parse_vehicle(double, GLIDER.path))
+
+
+@pytest.mark.parametrize(
+    ("line", "missing"),
+    [
+        ('<freejoint name="hull"/>', r"the free joint 'hull' \(<freejoint name=\"hull\"/>\) is"),
+        ('type="slide"', r"the slide joint 'shift' \(type=\"slide\"\) is missing"),
+    ],
+)
+def test_a_missing_joint_is_named_not_the_keyframe_that_it_breaks(line, missing):
+    assert line in GLIDER.xml
+    xml = GLIDER.xml.replace(line, "", 1)
+    with pytest.raises(VehicleError, match=missing):
+        compile_model(parse_vehicle(xml, GLIDER.path))
+
+
+def test_messages_name_the_file_as_it_was_given(tmp_path):
+    path = tmp_path / "fleet" / "mine.xml"
+    path.parent.mkdir()
+    path.write_text(GLIDER.xml.replace('data="7.19 386.29"', 'data="7.19"', 1))
+    with pytest.raises(VehicleError, match=re.escape(str(path))):
+        load_vehicle(path)
+    path.write_text(GLIDER.xml.replace('mass="54.28"', 'mass="-1"', 1))
+    with pytest.raises(VehicleError, match=re.escape(str(path))):
+        load_vehicle(path)
+    path.write_text(GLIDER.xml.replace('density="0" viscosity="0"', 'density="1"', 1))
+    with pytest.raises(VehicleError, match=re.escape(str(path))):
+        compile_model(load_vehicle(path))
 
 
 def test_unknown_vehicle_offers_the_nearest():
