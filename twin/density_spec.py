@@ -6,6 +6,7 @@ from pathlib import Path
 
 from twin.density import DensityProfile
 from twin.errors import InputError, unknown_name
+from twin.separators import check_commas
 
 NAMES = ("constant", "thermocline")
 ALLOWED = (*NAMES, "a CSV file with columns depth,density")
@@ -15,7 +16,7 @@ def parse_density(text: str) -> DensityProfile | None:
     """The profile of "constant" (None: the reference density), "thermocline", or a CSV file.
 
     The file has a header with `depth` [m] and either `density` [kg/m3] or `temperature` [degC]
-    and `salinity` (practical).
+    and `salinity` (practical). Lines that start with # are comments.
 
     Raises:
       InputError: unknown name, unreadable file, missing column or bad row (named).
@@ -35,10 +36,16 @@ def read_density_csv(path: Path) -> DensityProfile:
     import csv
 
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(file))
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read density file {path}: {error}") from error
+    numbered = [
+        (number, line)
+        for number, line in enumerate(lines, start=1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    check_commas(f"density file {path}", numbered)
+    rows = list(csv.DictReader(line for _, line in numbered))
     if not rows:
         raise InputError(f"density file {path} has no rows; it needs a header and one row or more")
     columns: dict[str, list[float]] = {}

@@ -16,6 +16,7 @@ from twin.current.base import Current
 from twin.current.layout import Floats
 from twin.current.origin import Origin
 from twin.errors import CurrentError, unknown_name
+from twin.separators import check_commas
 
 COLUMNS = {
     "depth": ("depth", 1.0),
@@ -77,7 +78,12 @@ class Profile(Current):
         ]
         if not lines:
             raise CurrentError(f"{path} is empty: a profile needs the header depth,north,east")
+        check_commas(f"current profile {path}", lines, CurrentError)
         names = [name.strip().lower() for name in next(csv.reader([lines[0][1]]))]
+        if all(map(_is_number, names)):
+            raise CurrentError(
+                f"{path} begins with numbers: write the header depth,north,east[,down] above them"
+            )
         columns: dict[str, list[float]] = {}
         for name in names:
             if name not in COLUMNS:
@@ -116,6 +122,14 @@ class Profile(Current):
         return [
             layout.profile_record(self.depth, np.column_stack([self.north, self.east, self.down]))
         ]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def check_rows(

@@ -111,12 +111,19 @@ class Mission:
         """
         path = Path(path)
         try:
-            data = tomllib.loads(path.read_text(encoding="utf-8"))
+            text = path.read_text(encoding="utf-8")
+            data = tomllib.loads(text)
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or str(error)
             raise MissionError(f"cannot read mission file {path}: {reason}") from error
         except tomllib.TOMLDecodeError as error:
-            raise MissionError(f"mission file {path} is not TOML: {error}") from error
+            hint = ""
+            if not any(mark in text for mark in "=["):
+                hint = (
+                    "; a mission is no table of columns but [[segments]] with NAME = VALUE lines, "
+                    "see docs/missions.md"
+                )
+            raise MissionError(f"mission file {path} is not TOML: {error}{hint}") from error
         data.setdefault("name", path.stem)
         try:
             return cls.from_dict(data)
