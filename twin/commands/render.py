@@ -63,6 +63,7 @@ class Render(JsonOption):
 
         from twin.render.encode import STILL_FORMATS, VIDEO_FORMATS
         from twin.render.film import default_workers, save_still, save_video
+        from twin.render.palette import OTHER_TRACKS
         from twin.render.shot import Shot
         from twin.render.source import read_subject
 
@@ -96,6 +97,11 @@ class Render(JsonOption):
             names=self.only,
             title=self.title,
         )
+        colours = len(OTHER_TRACKS)
+        if len(subject.tracks) > colours:
+            console.note(
+                f"{len(subject.tracks)} tracks share {colours} colours; --only chooses some"
+            )
         begun = time.perf_counter()
         if suffix in STILL_FORMATS:
             save_still(self.out, subject, shot, self.time)

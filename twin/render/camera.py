@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.render.layout import Layout
+from twin.render.layout import Frame, Layout
 
 Array = NDArray[np.float64]
 
@@ -38,8 +38,6 @@ INSET_BEARING, INSET_ELEVATION = math.radians(58.0), math.radians(24.0)
 INSET_HALF = math.radians(13.0)
 INSET_DISTANCE = 4.4
 """[m]"""
-SIDE_SHARE = 0.04
-"""Free part on each side without a HUD"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -107,23 +105,6 @@ def direction(bearing: float, elevation: float) -> tuple[Array, Array]:
     c, s = math.cos(bearing), math.sin(bearing)
     ce, se = math.cos(elevation), math.sin(elevation)
     return np.array([-c * ce, -s * ce, -se]), np.array([-c * se, -s * se, ce])
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Frame:
-    """What framing keeps free, as parts of the picture's height and width."""
-
-    aspect: float
-    """Width over height of the picture"""
-    bottom: float = SIDE_SHARE
-    top: float = SIDE_SHARE
-    left: float = SIDE_SHARE
-    right: float = SIDE_SHARE
-
-    @property
-    def filled(self) -> float:
-        """Height of the part that is filled."""
-        return 1.0 - self.bottom - self.top
 
 
 def fit(points: Array, forward: Array, up: Array, *, half_height: float, frame: Frame) -> View:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.render import text
-from twin.render.camera import Frame
+from twin.render.layout import Frame
+from twin.render.shot import Shot
 
 Pixels = NDArray[np.uint8]
 
@@ -25,7 +26,7 @@ CURVE_SHARE = 0.22
 """Width of the depth curve over the picture's"""
 TITLE, VALUE, NAME, LABEL, LEGEND = 17, 25, 12, 14, 13
 """Font sizes [pixel of a BASE_WIDTH x BASE_HEIGHT picture]"""
-SMALLEST_FONT = 7
+SMALLEST_FONT = 8
 """[pixel] below which letters are blots"""
 
 
@@ -80,6 +81,13 @@ class Canvas:
     def font_size(self, size: float) -> int:
         """A font size of the base picture in this picture's pixels."""
         return max(SMALLEST_FONT, round(size * self.unit))
+
+
+def frame_of(shot: Shot) -> Frame:
+    """What framing keeps free in a shot's pictures."""
+    if shot.hud:
+        return Canvas(width=shot.width, height=shot.height).frame
+    return Frame(aspect=shot.width / shot.height)
 
 
 def dot(frame: Pixels, x: float, y: float, radius: float, colour: text.Colour) -> None:

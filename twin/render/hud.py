@@ -40,8 +40,11 @@ class Hud:
         labels.draw_compass(frame, canvas, view)
         for add, keep, left, top in self._panel:
             text.blend(frame, add, keep, left, top)
-        y = canvas.strip_top + canvas.px(34)
-        for readout, x in zip(readouts(self._poses, index), self._columns, strict=True):
+        # In a small picture the names above do not shrink any further.
+        y = canvas.strip_top + max(
+            canvas.px(34), canvas.px(15) + round(1.2 * canvas.font_size(NAME))
+        )
+        for readout, x in zip(readouts(self._poses, index), self._columns, strict=False):
             text.write(frame, readout.value, x, y, self._value_size, palette.WHITE, bold=True)
         self._draw_cursor(frame, index)
 
@@ -67,18 +70,21 @@ class Hud:
         dot(frame, x, y, 3.0 * canvas.unit + 0.5, CURSOR)
 
     def _arrange(self) -> tuple[list[float], int]:
-        """Left edges of the readouts, and the largest font size at which all of them fit."""
+        """Left edges of the readouts that fit, and the largest font size at which they do."""
         canvas = self._canvas
         left, right = canvas.px(24), canvas.curve[0] - canvas.px(36)
         items = readouts(self._poses, 0)
-        names = [text.width(item.name, canvas.font_size(NAME)) for item in items]
         size = canvas.font_size(VALUE)
         while True:
+            names = [text.width(item.name, canvas.font_size(NAME)) for item in items]
             values = [text.width(item.widest, size, True) for item in items]
             widths = np.maximum(names, values)
             gap = (right - left - int(widths.sum())) / (len(items) - 1)
-            if gap >= 0.6 * size or size <= SMALLEST_FONT:
+            if gap >= 0.6 * size or len(items) == 2:
                 break
-            size -= 1
+            if size > SMALLEST_FONT:
+                size -= 1
+            else:
+                items.pop()  # a small picture shows the first ones, and these readably
         starts = left + np.concatenate([[0.0], np.cumsum(widths[:-1])])
         return [float(start + i * gap) for i, start in enumerate(starts)], size

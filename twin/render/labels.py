@@ -22,6 +22,8 @@ Pixels = NDArray[np.uint8]
 KILO = 1000.0
 COMPASS, COMPASS_TOP = 48, 82
 """Size and top of the compass [pixel of the base picture]"""
+SCALE_BAR = 56
+"""From the close-up down to the map's scale bar [pixel of the base picture]"""
 OVERSAMPLING = 4
 """The compass is drawn larger and shrunk, for smooth edges."""
 
@@ -81,11 +83,13 @@ def map_marks(canvas: Canvas, layout: Layout, view: View) -> list[Mark]:
 def scale_bar(
     canvas: Canvas, layout: Layout, view: View
 ) -> tuple[float, tuple[int, int, int, int]]:
-    """A round length [m] and its bar in the map: left, top, width, height [pixel]."""
+    """A round length [m] and its bar in the map, under the close-up: left, top, width, height
+    [pixel]."""
     metres_per_pixel = 2 * view.frustum()[0] / canvas.width / layout.scale
     length = nice_step(0.14 * canvas.width * metres_per_pixel)
-    top = canvas.strip_top - canvas.px(24)
-    return length, (canvas.px(26), top, round(length / metres_per_pixel), canvas.px(4))
+    left, inset_top, _, inset_height = canvas.inset
+    top = inset_top + inset_height + canvas.px(SCALE_BAR)
+    return length, (left, top, round(length / metres_per_pixel), canvas.px(4))
 
 
 def ladder_marks(
@@ -94,9 +98,12 @@ def ladder_marks(
     """Depths beside the arrows of the chase camera."""
     if not ladder:
         return []
-    points = np.stack([start for _, start, _ in ladder])
     names = [f"{depth:g} m" for depth, _, _ in ladder]
-    marks = _marks(canvas, view, points, names, "rm", (-canvas.px(10), 0))
+    # Left of whichever end lies further left, so that no arrow points through its label.
+    ends = np.array([[start, start + vector] for _, start, vector in ladder])
+    left = np.argmin(view.project(ends.reshape(-1, 3))[:, 0].reshape(-1, 2), axis=1)
+    points = ends[np.arange(len(ladder)), left]
+    marks = _marks(canvas, view, points, names, "rm", (-canvas.px(18), 0))
     return [mark for mark in marks if 0 < mark.y < canvas.strip_top]
 
 
@@ -111,11 +118,19 @@ def draw_marks(frame: Pixels, canvas: Canvas, marks: list[Mark]) -> None:
 
 
 def draw_compass(frame: Pixels, canvas: Canvas, view: View) -> None:
-    """An arrow to north, upper left under the title; up is the way the camera looks."""
+    """An arrow to north; up is the way the camera looks.
+
+    It stands upper left under the title; in the map, whose labels are there, at the close-up's
+    right edge beside the scale bar.
+    """
     north = np.array([1.0, 0.0, 0.0])
     ahead = view.up if view.parallel else view.forward
     angle = math.atan2(float(north @ view.right), float(north @ ahead))
     size, left, top = canvas.px(COMPASS), canvas.px(22), canvas.px(COMPASS_TOP)
+    if view.parallel:
+        inset_left, inset_top, wide, high = canvas.inset
+        left = inset_left + wide - size
+        top = inset_top + high + canvas.px(SCALE_BAR) - round(0.6 * size)
     add, keep = _compass(size, round(math.degrees(angle)))
     text.blend(frame, add, keep, left, top)
     text.write(

@@ -40,6 +40,27 @@ VIEW_MARGIN = 1.25
 """Width of the view over the block's length, roughly: sets the scale, not the framing."""
 
 
+SIDE_SHARE = 0.04
+"""Free part on each side without a HUD"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Frame:
+    """What framing keeps free, as parts of the picture's height and width."""
+
+    aspect: float
+    """Width over height of the picture"""
+    bottom: float = SIDE_SHARE
+    top: float = SIDE_SHARE
+    left: float = SIDE_SHARE
+    right: float = SIDE_SHARE
+
+    @property
+    def filled(self) -> float:
+        """Height of the part that is filled."""
+        return 1.0 - self.bottom - self.top
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Layout:
     """The block of water in metres, and the scales to display units.
@@ -108,7 +129,7 @@ def plan(
     floor: float | None,
     exaggeration: float | None,
     camera: str,
-    aspect: float,
+    frame: Frame,
 ) -> Layout:
     """The layout that holds all `paths`, each (n, 3) NED [m].
 
@@ -118,7 +139,7 @@ def plan(
       exaggeration: vertical over horizontal scale, None for automatic.
       camera: as in `Shot`. The map's block is aligned with north, the others' with the track;
         the chase camera has one display unit per metre and no exaggeration.
-      aspect: width over height of the picture.
+      frame: what the picture keeps free; the map's block fills the rest.
     """
     points = np.concatenate(paths)
     azimuth = 0.0 if camera == "map" else principal_azimuth(points[:, :2])
@@ -128,6 +149,9 @@ def plan(
     length = max(float(max(high[0] - low[0], high[1] - low[1])), LEAST_LENGTH)
     middle = (low + high) / 2
     half = np.maximum((high - low) / 2 + MARGIN * length, WIDTH_RATIO[camera] * length / 2)
+    if camera == "map":
+        wide = frame.aspect * (1.0 - frame.left - frame.right) / frame.filled
+        half[:2] = np.maximum(half[:2], [half[1] / wide, half[0] * wide])
     depth = max(float(high[2]) * (1 + BELOW), LEAST_DEPTH)
     if floor is not None:
         depth = max(floor, float(high[2]) + 1e-3)
@@ -139,7 +163,7 @@ def plan(
         view = max(high[0] - low[0], high[1] - low[1]) * VIEW_MARGIN
         scale = min(1.0, hull_length / (VEHICLE_SHARE * view))
         if exaggeration is None:
-            ratio = HEIGHT_RATIO[camera] * min(max(WIDESCREEN / aspect, 0.5), 2.0)
+            ratio = HEIGHT_RATIO[camera] * min(max(WIDESCREEN / frame.aspect, 0.5), 2.0)
             wanted = ratio * float(max(high[:2] - low[:2])) / depth
             exaggeration = min(EXAGGERATIONS, key=lambda e: abs(math.log(e / max(wanted, 1e-9))))
     return Layout(azimuth=azimuth, low=low, high=high, scale=scale, exaggeration=exaggeration)

@@ -42,7 +42,9 @@ OTHER_TRACKS = tuple(
         (0.15, 0.90, 0.50),
         (1.00, 0.58, 0.78),
         (0.50, 0.92, 1.00),
-        (0.85, 0.72, 0.55),
+        (0.74, 0.68, 1.00),
+        (0.74, 1.00, 0.30),
+        (0.62, 0.68, 0.75),
     )
 )
 """Colours of dead-reckoned tracks, in order; they come round again after the last. Light ones: the

@@ -19,6 +19,8 @@ Pixels = NDArray[np.uint8]
 STRIP_ALPHA, LEGEND_ALPHA = 0.66, 0.45
 BAR = (190, 11)
 """Width and height of the colour bar [pixel of the base picture]"""
+LINE = 1.35
+"""Least height of a legend's row over its font size"""
 ROW = 20
 """Height of a legend's row, likewise"""
 EDGE = (120, 190, 215, 150)
@@ -37,7 +39,7 @@ def draw_panel(
 
     Args:
       notes: lines for the upper left corner, the first of them bold.
-      columns: left edge of each readout [pixel].
+      columns: left edge of each readout [pixel]; readouts without one are left out.
 
     Returns:
       RGBA, shape (height, width, 4).
@@ -48,7 +50,7 @@ def draw_panel(
     draw.rectangle((0, canvas.strip_top, canvas.width, canvas.height), fill=ink)
     draw.line((0, canvas.strip_top, canvas.width, canvas.strip_top), fill=EDGE)
     face = text.font(canvas.font_size(NAME))
-    for item, x in zip(items, columns, strict=True):
+    for item, x in zip(items, columns, strict=False):
         y = canvas.strip_top + canvas.px(15)
         draw.text((x, y), item.name, font=face, fill=(*palette.DIM, 255))
     _draw_curve(image, canvas, stage.lines[0].ribbon, stage)
@@ -95,7 +97,7 @@ def _draw_legend(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
     """Names of the dead-reckoned tracks, the current and the colour scale, lower right."""
     draw = ImageDraw.Draw(image)
     size = canvas.font_size(LEGEND)
-    face, row, scale = text.font(size), canvas.px(ROW), stage.scale
+    face, row, scale = text.font(size), max(canvas.px(ROW), round(LINE * size)), stage.scale
     bar = (canvas.px(BAR[0]), canvas.px(BAR[1]))
     strongest = stage.current.strongest
     current = f"current, up to {strongest:.2f} m/s" if strongest else ""

@@ -75,4 +75,4 @@ def _errors(
     high = float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
     step = nice_step(max(high, 1.0) / 4)
     high = step * math.ceil(max(high, 1.0) / step - 1e-9)
-    return values, Scale(label=f"position error of {tracks[0].name} [m]", low=0.0, high=high)
+    return values, Scale(label=f"position error of {tracks[0].title} [m]", low=0.0, high=high)

@@ -17,7 +17,7 @@ from twin.render.shapes import Shape
 
 Array = NDArray[np.float64]
 
-BANDS, WALL_BANDS = 96, 96
+BANDS, WALL_BANDS = 256, 96
 """Steps of the colour gradients of backdrop and walls: fine enough that the eye sees none"""
 REACH = 70.0
 """[m] that one sees through the water, straight up or down: sets the backdrop's gradient"""
@@ -31,7 +31,8 @@ WAVE_SHARE = 0.0035
 """Height of the drawn waves over the block's length"""
 OPEN_FADE = 90.0
 """[m] at which surface and floor fade out for the chase camera"""
-FADES = 14
+FADES = 48
+"""Rings of the fading: fine enough that the eye sees none"""
 SNOW_BOX, SNOW_COUNT, SNOW_SIZE = 14.0, 260, 0.010
 """[m] of the cube of drifting particles, their number and radius [m]: our choice, for motion"""
 ABOVE = np.array([0.10, 0.42, 0.55])

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.render import arrows, palette, sea, shapes
 from twin.render.arrows import Profile
+from twin.render.canvas import frame_of
 from twin.render.layout import Layout, plan
 from twin.render.props import BACKDROP_GROUP, CLOSE_UP_GROUP, Props
 from twin.render.replay import Poses, optional, signal
@@ -27,7 +28,7 @@ Array = NDArray[np.float64]
 
 RADIUS, CHASE_RADIUS = 0.055, 0.020
 """[display units] of the true track; the glider's hull has 0.11"""
-OTHER_SHARE, FUTURE_SHARE = 0.75, 0.28
+OTHER_SHARE, FUTURE_SHARE = 0.6, 0.28
 """Radius of other tracks, and of what is still to come, over that of the true track"""
 SNOW_FASTEST = 12.0
 """Speed-up from which particles would only flicker"""
@@ -79,7 +80,9 @@ class Stage:
     scale: Scale
     current: Profile
     bands: list[int]
-    """Geom ids of the backdrop whose colour follows the glider's depth, from below to above"""
+    """Geom ids of the backdrop round the glider, from below to above"""
+    bands_follow: bool
+    """Their colour follows the glider's depth"""
     snow: bool
     """Particles are there"""
     arrows: list[Reshaped]
@@ -115,7 +118,7 @@ def build(
         floor=shot.floor,
         exaggeration=shot.exaggeration,
         camera=shot.camera,
-        aspect=shot.width / shot.height,
+        frame=frame_of(shot),
     )
     velocity = [optional(trajectory, f"current_{n}", 0.0)[shown] for n in ("north", "east")]
     current = arrows.profile(true.points[:, 2], np.stack(velocity, axis=-1))
@@ -155,6 +158,7 @@ def build(
         scale=scale,
         current=current,
         bands=[model.geom(name).id for name in bands],
+        bands_follow=chase or shot.inset,
         snow=snow,
         arrows=[_reshaped(model, name) for name in ladder],
         hull_length=vehicle.hull_length,
@@ -169,7 +173,7 @@ def _beside(track: NamedTrack, index: int, true: Path) -> Path:
     time = track.time[inside]
     depth = np.interp(time, true.time, true.points[:, 2])
     return Path(
-        name=track.name,
+        name=track.title,
         time=time,
         points=np.column_stack([track.north[inside], track.east[inside], depth]),
         colour=palette.OTHER_TRACKS[index % len(palette.OTHER_TRACKS)],

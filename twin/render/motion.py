@@ -1,0 +1,106 @@
+"""Motion: puts the glider, the water, the ribbons and the arrows of a stage where they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.render import camera, sea
+from twin.render.arrows import ladder_arrow
+from twin.render.props import DRIFT, LEVEL, VEHICLE, WATER
+from twin.render.replay import Poses
+from twin.render.shapes import Shape
+from twin.render.stage import Stage
+
+Array = NDArray[np.float64]
+Reshape = Callable[[int, Shape], None]
+"""Gives the mesh of this id new vertices and normals, in the frame of its geom; faces stay"""
+
+TAIL = 0.47
+"""Where the ribbon ends behind the glider's middle, chase camera, over the hull's length"""
+SHORTEST_ARROW = 0.02
+"""[m] below which an arrow beside the glider is left out"""
+
+
+class Motion:
+    """Moves one stage; what it shows depends on the given pose only."""
+
+    def __init__(self, stage: Stage, data: mujoco.MjData, reshape: Reshape):
+        self._stage, self._data, self._reshape = stage, data, reshape
+        model = stage.model
+        self._alpha = model.geom_rgba[:, 3].copy()
+        self._hull = model.joint(f"{VEHICLE}hull").qposadr[0]
+        self._battery = [model.joint(f"{VEHICLE}{n}").qposadr[0] for n in ("shift", "rotation")]
+        self._mocap = {name: int(model.body(name).mocapid[0]) for name in (WATER, LEVEL, DRIFT)}
+
+    def place(self, poses: Poses, index: int, drift: Array) -> Array:
+        """Show a row of `poses`; returns the glider's display point, shape (3,).
+
+        Args:
+          drift: place of the cell of particles (3,), display units; see `drift_of`.
+        """
+        stage, data = self._stage, self._data
+        here = stage.layout.display(poses.position[index])
+        shift = here if stage.chase else np.zeros(3)
+        data.qpos[self._hull : self._hull + 3] = here - shift
+        data.qpos[self._hull + 3 : self._hull + 7] = poses.quaternion[index]
+        data.qpos[self._battery] = poses.battery[index]
+        data.mocap_pos[self._mocap[WATER]] = -shift
+        data.mocap_pos[self._mocap[LEVEL]] = [0.0, 0.0, -shift[2]]
+        data.mocap_pos[self._mocap[DRIFT]] = drift
+        self._reveal(poses, index, here)
+        self._place_arrows(poses, index)
+        if stage.bands_follow:
+            depth = float(poses.position[index, 2])
+            depth -= camera.CHASE_HEIGHT if stage.chase else 0.0
+            stage.model.geom_rgba[stage.bands, :3] = sea.backdrop_colours(depth)
+        mujoco.mj_kinematics(stage.model, data)
+        mujoco.mj_camlight(stage.model, data)
+        return here - shift
+
+    def _reveal(self, poses: Poses, index: int, here: Array) -> None:
+        """Show the ribbons up to now; the true one ends at the glider, or at its tail."""
+        stage, time = self._stage, float(poses.time[index])
+        alpha = stage.model.geom_rgba[:, 3]
+        for line in stage.lines:
+            done = int(np.searchsorted(line.ribbon.chunk_ends(), time, side="right"))
+            alpha[line.chunks[:done]] = self._alpha[line.chunks[:done]]
+            alpha[line.chunks[done:]] = 0.0
+            running = done < len(line.chunks) and time > line.ribbon.time[0]
+            alpha[line.head.geom] = 1.0 if running else 0.0
+            if not running:
+                continue
+            tip, clear = line.ribbon.at(time), 0.0
+            if line.colour is None:
+                tip = here
+                if stage.chase:
+                    tip, clear = here + self._tail(poses, index), stage.hull_length
+            self._reshape(line.head.mesh, line.ribbon.head(time, tip, clear))
+
+    def _tail(self, poses: Poses, index: int) -> Array:
+        """From the glider's middle to its tail, in display units, shape (3,)."""
+        backward = np.array([-TAIL * self._stage.hull_length, 0.0, 0.0])
+        tail = np.zeros(3)
+        mujoco.mju_rotVecQuat(tail, backward, poses.quaternion[index])
+        return tail
+
+    def _place_arrows(self, poses: Poses, index: int) -> None:
+        """Shape the current's arrows beside the glider."""
+        model, ladder = self._stage.model, self._stage.ladder(poses, index)
+        for i, arrow in enumerate(self._stage.arrows):
+            used = i < len(ladder) and bool(np.linalg.norm(ladder[i][2]) > SHORTEST_ARROW)
+            model.geom_rgba[arrow.geom, 3] = 1.0 if used else 0.0
+            if used:
+                _, start, vector = ladder[i]
+                self._reshape(arrow.mesh, ladder_arrow(start, vector))
+
+
+def drift_of(moved: Array, glider: Array) -> Array:
+    """Where the cell of particles is, when the water has `moved` past the glider's place.
+
+    Both in display units, shape (..., 3); the cell repeats, so the result lies within one.
+    """
+    return np.asarray((moved - glider) % sea.SNOW_BOX)
