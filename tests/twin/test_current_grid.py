@@ -535,10 +535,14 @@ def test_files_that_cannot_be_read(tmp_path):
     broken = tmp_path / "broken.nc"
     broken.write_bytes(b"not a netCDF file")
     with pytest.raises(
-        CurrentError, match=r"cannot read .*broken.nc as CF netCDF or zarr"
+        CurrentError, match=r"cannot read .*broken.nc as CF netCDF or zarr: its content is neither"
     ) as caught:
         Grid(path=str(broken), **START).compile(DURATION)
     assert "\n" not in str(caught.value)
+    nothing = tmp_path / "nothing.nc"
+    nothing.touch()
+    with pytest.raises(CurrentError, match=r"nothing.nc is empty \(0 bytes\): copy or download"):
+        Grid(path=str(nothing), **START).compile(DURATION)
     empty = tmp_path / "empty.zarr"
     empty.mkdir()
     with pytest.raises(CurrentError, match=r"empty.zarr"):

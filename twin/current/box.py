@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from twin.current.axes import depth_values, time_values
 from twin.current.checks import FASTEST_CURRENT
 from twin.current.layout import Floats
 from twin.current.origin import Origin
-from twin.current.velocity_file import Velocity, depth_values, time_values
+from twin.current.velocity_file import Velocity
 from twin.errors import CurrentError
 
 if TYPE_CHECKING:
