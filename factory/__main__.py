@@ -34,6 +34,11 @@ PROGRAM = Program(
             loader="factory.commands.export:Export",
         ),
         Command(
+            name="import",
+            summary="logs of real vehicles, dive by dive, in the same kind of store",
+            loader="factory.commands.import_logs:ImportLogs",
+        ),
+        Command(
             name="plot",
             summary="a page of tracks, depths, currents and histograms",
             loader="factory.commands.plot:Plot",

@@ -20,7 +20,7 @@ from factory.recipe import sha256
 from factory.stored import StoredRun
 from twin.errors import StoreError
 from twin.frames import euler_to_matrix
-from twin.schema import MISSION, TIME, VARIABLES
+from twin.schema import MISSION, SIMULATED, TIME, VARIABLES
 
 Array = NDArray[np.float64]
 Block = Mapping[str, NDArray[np.float32]]
@@ -125,7 +125,7 @@ def _check_metadata(run: StoredRun, names: list[str], check: Check) -> None:
     )
     for needed in ("n_samples", "split", "duration", "attempt", TIME, MISSION):
         check.expect(needed in data.variables, lambda n=needed: f"array {n!r} is missing")  # type: ignore[misc]
-    expected = [name for name in VARIABLES if name.startswith(("true_", "commanded_"))]
+    expected = [name for name in SIMULATED if name.startswith(("true_", "commanded_"))]
     for name in expected:
         check.expect(name in names, lambda n=name: f"signal {n!r} is missing")  # type: ignore[misc]
     for name in names:

@@ -74,6 +74,7 @@ _TABLE: tuple[Variable, ...] = (
     Variable("true_surge", "m s-1", f"velocity through the water, forward, {_FRD}"),
     Variable("true_sway", "m s-1", f"velocity through the water, starboard, {_FRD}"),
     Variable("true_heave", "m s-1", f"velocity through the water, down, {_FRD}"),
+    Variable("true_speed", "m s-1", "speed through the water", "platform_speed_wrt_sea_water"),
     Variable("true_velocity_north", "m s-1", "velocity over ground, north"),
     Variable("true_velocity_east", "m s-1", "velocity over ground, east"),
     Variable("true_velocity_down", "m s-1", "velocity over ground, down"),
@@ -139,6 +140,28 @@ _TABLE: tuple[Variable, ...] = (
     Variable("measured_dvl_mode", "1", "DVL lock: 0 none, 1 bottom, 2 water"),
     Variable("measured_onboard_north", "m", "on-board dead-reckoned track, north of the start"),
     Variable("measured_onboard_east", "m", "on-board dead-reckoned track, east of the start"),
+    Variable(
+        "measured_density",
+        "kg m-3",
+        "in-situ density from conductivity, temperature and pressure",
+        "sea_water_density",
+    ),
+    Variable(
+        "measured_temperature", "degree_Celsius", "in-situ temperature", "sea_water_temperature"
+    ),
+    Variable(
+        "measured_salinity",
+        "1",
+        "practical salinity, PSS-78",
+        "sea_water_practical_salinity",
+    ),
+    Variable("measured_fin", "degree", "rudder angle, positive turns to starboard"),
+    Variable("measured_phase", "1", "0 surface, 1 descent, 2 climb, 3 inflection or level"),
+    Variable(
+        "measured_gap",
+        "1",
+        "1 where no original sample of attitude or depth is near and values are interpolated",
+    ),
     Variable("commanded_shift", "m", "commanded battery position"),
     Variable("commanded_rotation", "degree", "commanded battery rotation"),
     Variable("commanded_pump", "cm3", "commanded pumped volume"),
@@ -149,6 +172,22 @@ _TABLE: tuple[Variable, ...] = (
 
 VARIABLES: dict[str, Variable] = {variable.name: variable for variable in _TABLE}
 """Every variable by name, in storage order."""
+
+LOGGED_ONLY = frozenset(
+    {
+        "true_speed",
+        "measured_density",
+        "measured_temperature",
+        "measured_salinity",
+        "measured_fin",
+        "measured_phase",
+        "measured_gap",
+    }
+)
+"""Variables that only stores of real logs hold; the twin does not simulate them."""
+
+SIMULATED: tuple[str, ...] = tuple(name for name in VARIABLES if name not in LOGGED_ONLY)
+"""Variables of every simulated mission, in storage order."""
 
 
 def variable(name: str) -> Variable:

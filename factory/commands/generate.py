@@ -129,10 +129,9 @@ class Generate(JsonOption):
 def raw_bytes(recipe: Recipe) -> int:
     """Size [bytes] of the same signals as plain float32, without padding."""
     from factory.plan import samples_in
-    from twin.schema import VARIABLES
+    from twin.schema import SIMULATED
 
-    stored = sum(1 for _ in VARIABLES)
-    return 4 * stored * sum(samples_in(duration) for duration in recipe.plan.durations_s)
+    return 4 * len(SIMULATED) * sum(samples_in(duration) for duration in recipe.plan.durations_s)
 
 
 def _splits(recipe: Recipe) -> str:

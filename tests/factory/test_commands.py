@@ -17,7 +17,7 @@ from factory.parameters import TABLE
 from factory.recipe import make_recipe
 from factory.stored import StoredRun
 from twin.errors import InputError
-from twin.schema import VARIABLES
+from twin.schema import SIMULATED
 
 QUICK = ["--hours", "0.1", "--workers", "1"]
 
@@ -170,7 +170,7 @@ def test_bad_config_files_are_told(tmp_path: Path, text: str, message: str) -> N
 def test_float32_size_counts_every_sample_of_every_signal() -> None:
     recipe = make_recipe(hours=0.2)
     samples = sum(round(duration / 0.5) + 1 for duration in recipe.plan.durations_s)
-    assert raw_bytes(recipe) == 4 * len(VARIABLES) * samples
+    assert raw_bytes(recipe) == 4 * len(SIMULATED) * samples
 
 
 def test_generating_imports_no_library_that_it_does_not_need(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from factory.plan import SPLITS, samples_in
 from factory.recipe import Recipe, make_recipe
 from factory.stored import StoredRun
 from twin.errors import StoreError
-from twin.schema import SCHEMA_VERSION, VARIABLES
+from twin.schema import SCHEMA_VERSION, SIMULATED, VARIABLES
 from twin.sensors import MEASURED_SIGNALS
 from twin.store import open_store, read_trajectory
 from twin.vehicle import load_vehicle
@@ -133,7 +133,7 @@ def test_the_reader_of_single_missions_reads_it(paper_store: Path) -> None:
     samples = int(open_store(paper_store)["n_samples"][2])
     assert len(trajectory.time) == samples
     assert trajectory.position.shape == (samples, 3)
-    assert set(VARIABLES) == set(trajectory.signals)
+    assert set(SIMULATED) == set(trajectory.signals)
 
 
 def test_splits_are_named(paper_store: Path) -> None:

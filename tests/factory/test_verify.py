@@ -15,7 +15,7 @@ from factory.replay import replay_mission
 from factory.stored import StoredRun
 from factory.verify import Report, kinematic_problems, verify_store
 from twin.errors import StoreError
-from twin.schema import VARIABLES
+from twin.schema import SIMULATED
 from twin.store import read_trajectory
 
 
@@ -31,7 +31,7 @@ def test_a_sound_store_passes_with_everything_read(
     report = verify_store(run)
     assert report.ok, problems(report)
     chunks = next(check for check in report.checks if check.name == "chunks")
-    assert chunks.done == len(run) * len(run.signals()) == len(run) * len(VARIABLES)
+    assert chunks.done == len(run) * len(run.signals()) == len(run) * len(SIMULATED)
 
 
 @pytest.mark.parametrize("name", ["paper_store", "field_store"])
@@ -40,7 +40,7 @@ def test_every_mission_replays_bit_for_bit(name: str, request: pytest.FixtureReq
     for mission in range(len(run)):
         comparison = replay_mission(run, mission)
         assert comparison.identical, comparison.different
-        assert comparison.signals == len(VARIABLES)
+        assert comparison.signals == len(SIMULATED)
         assert comparison.other_versions == ()
 
 

@@ -1,0 +1,72 @@
+"""`factory import`: real logs in the same store as the factory's missions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from twin.console import Console, JsonOption
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImportLogs(JsonOption):
+    """Read logs of a real vehicle, cut them into dives from GPS fix to GPS fix, put these on one
+    time grid, and print what was repaired, left out or missing.
+    """
+
+    kind: Annotated[
+        Literal["slocum", "seaglider", "seaexplorer", "og1", "lrauv"], tyro.conf.Positional
+    ]
+    """format of the logs"""
+    files: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """logs, or folders of them (folders below are not searched): slocum .dbd/.ebd/.sbd/.tbd or
+    tables, seaglider p*.nc or tables, seaexplorer .gli/.pld, OG1.0 .nc, lrauv .mat/.nc4/.csv"""
+    out: Path
+    """the store"""
+    period: float | None = None
+    """seconds between samples of the store [default: 2 for slocum and lrauv, 5 for others]"""
+    min_depth: float = 5.0
+    """metres: what goes deeper between two fixes is a dive"""
+    variation_deg: float | None = None
+    """magnetic variation, east positive [default: the log's own]"""
+    cache: Path | None = None
+    """folder of a Slocum's cache files (.cac) [default: beside the logs]"""
+    overwrite: bool = False
+    """replace an existing store"""
+
+    def run(self, console: Console) -> int:
+        """Import, store and report."""
+        from factory.importing.importer import import_logs
+        from factory.importing.segments import Rules
+        from twin.errors import InputError
+        from twin.store import prepare_target, write_store
+
+        if not self.min_depth > 0.0:
+            raise InputError(f"--min-depth must be positive, not {self.min_depth:g}")
+        if self.out.exists() and not self.overwrite:
+            prepare_target(self.out, overwrite=False)
+        dataset, report = import_logs(
+            self.kind,
+            self.files,
+            period=self.period,
+            rules=Rules(min_depth=self.min_depth),
+            variation_deg=self.variation_deg,
+            cache=self.cache,
+        )
+        write_store(dataset, self.out, overwrite=self.overwrite)
+        console.table(report.table(), title="what was done to the logs")
+        console.pairs(
+            {
+                "store": str(self.out),
+                "deployments": ", ".join(report.deployments),
+                "rows": f"{report.rows}, {report.rows_with_fixes} from GPS fix to GPS fix",
+                "time": f"{report.hours:.4g} h every {report.period:g} s",
+                "signals": len(report.channels),
+            },
+            title="\nstore",
+        )
+        console.answer(store=self.out, report=report.to_dict())
+        return 0

@@ -1,0 +1,179 @@
+"""Build: logs cut into rows and put on the grid, with the report of what was done."""
+
+from __future__ import annotations
+
+import datetime
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from factory.importing.dataset import Row, rows_dataset
+from factory.importing.log import Array, Channel, Log
+from factory.importing.resample import grid, on_grid
+from factory.importing.seawater import depth_of, pressure_of
+from factory.importing.segments import Rules, Segment, cut
+from factory.importing.tally import ImportReport, Tally, summarise
+from twin.errors import InputError
+from twin.schema import VARIABLES
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+WANTED = (
+    "measured_pitch", "measured_roll", "measured_heading", "measured_pump", "measured_shift",
+    "measured_rotation", "measured_density",
+)  # fmt: skip
+"""Channels whose absence the report names."""
+_EQUATOR = 0.0
+"""[degree] Latitude for depth where a log has no position: 0.5 % of gravity's range."""
+
+
+def build(
+    logs: Sequence[Log],
+    *,
+    kind: str,
+    period: float,
+    rules: Rules,
+    tally: Tally,
+    files: Sequence[str],
+    held: frozenset[str] = frozenset(),
+) -> tuple[xr.Dataset, ImportReport]:
+    """One dataset of all logs, rows of each deployment in time order.
+
+    Raises:
+      InputError: no log holds a dive.
+    """
+    rows: list[Row] = []
+    for log in sorted(logs, key=lambda one: (one.span[0], one.deployment)):
+        log = with_depth(log, tally)
+        depth = log.channel("measured_depth")
+        if not len(log.fixes):
+            tally.add("missing", "GPS fixes", 1, f"{log.deployment}: rows are split by depth")
+        for name in WANTED:
+            if not len(log.channel(name)):
+                tally.add("missing", name, 1, log.deployment)
+        segments = cut(log, depth, rules, tally)
+        tally.add(
+            "left out", "depth samples", _outside(depth, segments),
+            "outside every row: at the surface between dives, or in dives left out",
+        )  # fmt: skip
+        for name in ("true_speed", "velocity_north"):
+            truth = log.channel(name)
+            tally.add("left out", name, _outside(truth, segments), "truth samples outside rows")
+        for number, segment in enumerate(segments):
+            times = grid(segment, period)
+            signals = on_grid(
+                log, segment, times, period=period, rules=rules, tally=tally, held=held
+            )
+            rows.append(
+                Row(
+                    log=log,
+                    segment=segment,
+                    signals=signals,
+                    numbers=_numbers(log, segment, segments, number),
+                )
+            )
+    if not rows:
+        raise InputError(
+            f"no dive deeper than {rules.min_depth:g} m in {summarise(files)}; lower --min-depth "
+            "for a shallower log"
+        )
+    names = tuple(n for n in VARIABLES if any(n in row.signals for row in rows))
+    samples = sum(len(row.signals["measured_gap"]) for row in rows)
+    report = ImportReport(
+        kind=kind,
+        files=tuple(files),
+        deployments=tuple(dict.fromkeys(row.log.deployment for row in rows)),
+        rows=len(rows),
+        rows_with_fixes=sum(
+            1 for r in rows if r.segment.start_fix is not None and r.segment.end_fix is not None
+        ),
+        samples=samples,
+        hours=samples * period / 3600.0,
+        period=period,
+        channels=names,
+        entries=tally.entries(),
+    )
+    stamp = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    attributes = {
+        "source_format": kind,
+        "platform": ", ".join(dict.fromkeys(row.log.platform for row in rows)),
+        "files": " ".join(files),
+        "history": f"{stamp}: factory import {kind}",
+        "import_report": json.dumps(report.to_dict()),
+    }
+    return rows_dataset(rows, period, attributes), report
+
+
+def with_depth(log: Log, tally: Tally) -> Log:
+    """The log with depth by TEOS-10 from its pressure; from depth alone, pressure is computed.
+
+    Raises:
+      InputError: it has neither.
+    """
+    latitude = float(np.median(log.fixes.latitude)) if len(log.fixes) else _EQUATOR
+    track = log.channel("latitude")
+    if not len(log.fixes) and len(track):
+        latitude = float(np.median(track.values))
+    pressure, depth = log.channel("measured_pressure"), log.channel("measured_depth")
+    channels = dict(log.channels)
+    if len(pressure):
+        channels["measured_depth"] = Channel(pressure.time, depth_of(pressure.values, latitude))
+    elif len(depth):
+        channels["measured_pressure"] = Channel(depth.time, pressure_of(depth.values, latitude))
+        tally.add("note", "measured_pressure", len(depth), "computed from the vehicle's depth")
+    else:
+        raise InputError(f"{log.deployment}: the log has neither pressure nor depth")
+    return Log(
+        deployment=log.deployment,
+        platform=log.platform,
+        channels=channels,
+        fixes=log.fixes,
+        magnetic_variation=log.magnetic_variation,
+        auxiliary=log.auxiliary,
+        files=log.files,
+    )
+
+
+def _outside(depth: Channel, segments: Sequence[Segment]) -> int:
+    inside = np.zeros(len(depth), bool)
+    for segment in segments:
+        inside |= (depth.time >= segment.start) & (depth.time <= segment.end)
+    return int((~inside).sum())
+
+
+def _numbers(
+    log: Log, segment: Segment, segments: Sequence[Segment], number: int
+) -> dict[str, float]:
+    """Per-row numbers that come from the log."""
+    numbers: dict[str, float] = {"dive": float(number)}
+    dive = log.channel("dive").within(segment.start, segment.end)
+    if len(dive):
+        numbers["dive"] = float(np.median(dive.values))
+    middle = np.array([0.5 * (segment.start + segment.end)])
+    if len(log.magnetic_variation):
+        numbers["magnetic_variation"] = float(log.magnetic_variation.at(middle)[0])
+    # the vehicle computes the dive's current after it: the last value before the next dive
+    after = segments[number + 1].start if number + 1 < len(segments) else float("inf")
+    for axis in ("north", "east"):
+        reported = log.channel(f"dac_{axis}").within(segment.end - _BEFORE_FIX, after)
+        if len(reported):
+            numbers[f"vehicle_dac_{axis}"] = float(reported.values[-1])
+    thruster = log.channel("thruster").within(segment.start, segment.end)
+    if len(log.channel("thruster")):
+        numbers["thruster_fraction"] = (
+            float(np.mean(thruster.values > 0.0)) if len(thruster) else 0.0
+        )
+    return numbers
+
+
+_BEFORE_FIX = 1.0
+"""[s] A current stamped with the fix itself belongs to the dive before it."""
+
+
+def as_array(values: object) -> Array:
+    """Any numbers as a float64 array; masked ones are NaN."""
+    filled = np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
+    return np.asarray(filled, np.float64).ravel()

@@ -1,0 +1,155 @@
+"""Dataset: rows of logs as one dataset of the schema, ready for `twin.store.write_store`."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from factory.importing.log import Array, Log
+from factory.importing.segments import PHASES, Segment
+from twin.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES
+from twin.version import __version__
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+TEST_SPLIT = 2
+"""Flag of `split`: all rows are for testing; learning makes its own folds."""
+_PHASE_FLAGS = sorted(PHASES)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Row:
+    """One row of the store."""
+
+    log: Log
+    segment: Segment
+    signals: dict[str, Array]
+    numbers: dict[str, float]
+    """Per-row numbers besides those of the segment: dive, vehicle_dac_north ..."""
+
+
+NUMBERS: dict[str, tuple[str, str]] = {
+    "start_latitude": ("degree_north", "latitude of the fix before the dive"),
+    "start_longitude": ("degree_east", "longitude of the fix before the dive"),
+    "end_latitude": ("degree_north", "latitude of the first fix after the dive"),
+    "end_longitude": ("degree_east", "longitude of the first fix after the dive"),
+    "displacement_north": ("m", "displacement over ground between the fixes, north"),
+    "displacement_east": ("m", "displacement over ground between the fixes, east"),
+    "dive_duration": ("s", "time between the row's start and end"),
+    "surface_duration": ("s", "time between the fixes at the surface before the dive"),
+    "surface_drift_north": ("m s-1", "drift at the surface before the dive, north"),
+    "surface_drift_east": ("m s-1", "drift at the surface before the dive, east"),
+    "magnetic_variation": ("degree", "magnetic variation that was applied, east positive"),
+    "vehicle_dac_north": ("m s-1", "depth-averaged current that the vehicle reported, north"),
+    "vehicle_dac_east": ("m s-1", "depth-averaged current that the vehicle reported, east"),
+    "thruster_fraction": ("1", "part of the row's time with the thruster on"),
+}
+"""Units and meaning of the per-row numbers."""
+
+
+def rows_dataset(rows: Sequence[Row], period: float, attributes: dict[str, Any]) -> xr.Dataset:
+    """The rows padded with NaN to the longest; variables that no row has are left out."""
+    import xarray as xr
+
+    lengths = np.array([len(row.signals["measured_gap"]) for row in rows], np.int32)
+    longest = int(lengths.max())
+    names = [name for name in VARIABLES if any(name in row.signals for row in rows)]
+    variables: dict[str, Any] = {
+        "n_samples": (
+            MISSION,
+            lengths,
+            {"units": "1", "long_name": "samples of the row; later ones are padding"},
+        )
+    }
+    for name in names:
+        values = np.full((len(rows), longest), np.nan, np.float32)
+        for i, row in enumerate(rows):
+            if name in row.signals:
+                values[i, : lengths[i]] = row.signals[name]
+        described: dict[str, Any] = dict(VARIABLES[name].attributes())
+        if name == "measured_phase":
+            described["flag_values"] = np.array(_PHASE_FLAGS, np.float32)
+            described["flag_meanings"] = " ".join(PHASES[flag] for flag in _PHASE_FLAGS)
+        variables[name] = ((MISSION, TIME), values, described)
+    variables |= _per_row(rows)
+    coordinates = {
+        MISSION: (MISSION, np.arange(len(rows)), {"long_name": "row of the store"}),
+        TIME: (
+            TIME,
+            period * np.arange(longest),
+            {"units": "s", "long_name": "time since the start of the row"},
+        ),
+    }
+    common = {
+        "Conventions": "CF-1.11",
+        "schema": "glider-twin missions",
+        "schema_version": SCHEMA_VERSION,
+        "title": "Underwater glider logs",
+        "comment": "Recorded by a vehicle at sea, on one time grid. NED frame with its origin at "
+        "each row's first fix; body axes forward, starboard, down. Headings are true.",
+        "sample_period_s": period,
+        "glider_twin_version": __version__,
+    }
+    return xr.Dataset(variables, coordinates, {**common, **attributes})
+
+
+def _per_row(rows: Sequence[Row]) -> dict[str, Any]:
+    nothing = (float("nan"), float("nan"))
+    numbers = []
+    for row in rows:
+        segment = row.segment
+        start, end = segment.start_fix or nothing, segment.end_fix or nothing
+        numbers.append(
+            {
+                "start_latitude": start[0],
+                "start_longitude": start[1],
+                "end_latitude": end[0],
+                "end_longitude": end[1],
+                "displacement_north": segment.displacement[0],
+                "displacement_east": segment.displacement[1],
+                "dive_duration": segment.duration,
+                "surface_duration": segment.surface_duration,
+                "surface_drift_north": segment.surface_drift[0],
+                "surface_drift_east": segment.surface_drift[1],
+                **row.numbers,
+            }
+        )
+    variables: dict[str, Any] = {}
+    for name, (units, long_name) in NUMBERS.items():
+        if any(name in entry for entry in numbers):
+            values = np.array([entry.get(name, np.nan) for entry in numbers], np.float64)
+            variables[name] = (MISSION, values, {"units": units, "long_name": long_name})
+    variables["dive"] = (
+        MISSION,
+        np.array([int(entry["dive"]) for entry in numbers], np.int32),
+        {"units": "1", "long_name": "number of the dive: the vehicle's own, or counted from 0"},
+    )
+    variables["start_time"] = (
+        MISSION,
+        np.array([row.segment.start for row in rows], np.float64),
+        {
+            "units": "seconds since 1970-01-01T00:00:00",
+            "calendar": "proleptic_gregorian",
+            "long_name": "time of the row's first sample",
+            "standard_name": "time",
+        },
+    )
+    variables["deployment"] = (
+        MISSION,
+        np.array([row.log.deployment for row in rows], dtype=object),  # a fixed width warns
+        {"long_name": "deployment that the row belongs to"},
+    )
+    variables["split"] = (
+        MISSION,
+        np.full(len(rows), TEST_SPLIT, np.int8),
+        {
+            "flag_values": np.array([0, 1, 2], np.int8),
+            "flag_meanings": "train validation test",
+            "long_name": "part of the data set",
+        },
+    )
+    return variables

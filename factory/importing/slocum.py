@@ -1,0 +1,281 @@
+"""Slocum: native sensors of a Slocum glider as a log. Tables and binary files both end here.
+
+Native units: rad, bar, inch, S/m, LMC metres along MAGNETIC east (x) and north (y); headings
+magnetic. The stored variation is subtracted: true = m_heading - m_gps_mag_var, so that the sign
+of `magnetic_variation` here (east positive) is the opposite of the vehicle's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.cleaning import clean, positions, to_dbar, to_degrees
+from factory.importing.geodesy import turn
+from factory.importing.log import EMPTY, NO_FIXES, Channel, Fixes, Log
+from factory.importing.seawater import ctd_channels, siemens
+from factory.importing.tally import Tally
+from twin.errors import InputError
+
+Array = NDArray[np.float64]
+Native = Mapping[str, Channel]
+
+INCH = 0.0254
+"""[m]"""
+_STEEP = 1.6
+"""[rad] Pitch and rudder of a Slocum are smaller; larger ones are degrees."""
+_WIDEST_VARIATION = 1.2
+"""[rad] Magnetic variation where gliders go is smaller; larger ones are degrees."""
+ANGLES = {
+    "m_pitch": ("measured_pitch", _STEEP),
+    "m_roll": ("measured_roll", 1.05 * np.pi),
+    "m_fin": ("measured_fin", _STEEP),
+    "c_pitch": ("commanded_pitch", _STEEP),
+}
+"""Native name: schema name, largest possible radian."""
+PUMPS = (("m_ballast_pumped", "c_ballast_pumped"), ("m_de_oil_vol", "c_de_oil_vol"))
+"""[cm3] Shallow gliders have a ballast pump, deep ones an oil bladder; both + = lighter."""
+PRESSURES = ("sci_water_pressure", "m_water_pressure", "m_pressure")
+"""[bar] Candidates; the one with the least noise is taken."""
+THRUSTERS = ("m_thruster_power", "m_thruster_current", "c_thruster_on")
+GOOD_FIX = 0
+"""Status of a valid GPS line."""
+WANTED = (
+    *ANGLES, *PRESSURES, *THRUSTERS, *(name for pair in PUMPS for name in pair),
+    "m_depth", "m_heading", "c_heading", "m_battpos", "c_battpos", "sci_water_cond",
+    "sci_water_temp", "m_x_lmc", "m_y_lmc", "m_lat", "m_lon", "m_water_vx", "m_water_vy",
+    "m_final_water_vx", "m_final_water_vy", "m_gps_lat", "m_gps_lon", "m_gps_status",
+    "m_gps_mag_var",
+)  # fmt: skip
+"""Every native sensor that is read."""
+
+
+def slocum_log(
+    deployment: str,
+    native: Native,
+    *,
+    fixes: Fixes,
+    variation: Channel,
+    truth_speed: Channel = EMPTY,
+    files: Sequence[str] = (),
+    tally: Tally,
+) -> Log:
+    """A log from native sensors.
+
+    Args:
+      native: finite values at increasing times, native units.
+      fixes: from elsewhere; those in `m_gps_lat`, `m_gps_lon` are used when it is empty.
+      variation: [degree] east positive; from `m_gps_mag_var` when empty.
+      truth_speed: [m/s] through the water, by a DVL.
+
+    Raises:
+      InputError: pressure and depth do not belong together, or there is a heading but no
+        magnetic variation.
+    """
+    if not len(fixes):
+        fixes = gps_fixes(*_common(native, ("m_gps_lat", "m_gps_lon", "m_gps_status")), tally=tally)
+    if not len(variation):
+        variation = native_variation(native.get("m_gps_mag_var", EMPTY), tally)
+    channels: dict[str, Channel] = {}
+    for name, (target, steepest) in ANGLES.items():
+        if name in native:
+            values = to_degrees(native[name].values, name, tally, steepest=steepest)
+            channels[target] = clean(target, native[name].time, values, tally, subject=name)
+    for name, target in (("m_heading", "measured_heading"), ("c_heading", "commanded_heading")):
+        if name in native:
+            channel = native[name]
+            if not len(variation):
+                raise InputError(
+                    f"{deployment}: {name} is magnetic and no file gives the magnetic variation "
+                    "(m_gps_mag_var, mag_var_rad); give it with --variation-deg, east positive"
+                )
+            magnetic = to_degrees(channel.values, name, tally)
+            true = np.mod(magnetic + variation.at(channel.time), 360.0)
+            channels[target] = clean(target, channel.time, true, tally, subject=name)
+    for measured, commanded in PUMPS:
+        if measured in native and len(native[measured]):
+            for name, target in ((measured, "measured_pump"), (commanded, "commanded_pump")):
+                if name in native:
+                    one = native[name]
+                    channels[target] = clean(target, one.time, one.values, tally, subject=name)
+            break
+    for name, target in (("m_battpos", "measured_shift"), ("c_battpos", "commanded_shift")):
+        if name in native:
+            one = native[name]
+            shift = _metres(one.values, name, tally)
+            channels[target] = clean(target, one.time, shift, tally, subject=name)
+    channels |= _pressure(native, tally)
+    if "measured_pressure" not in channels and "m_depth" in native:
+        one = native["m_depth"]
+        channels["measured_depth"] = clean(
+            "measured_depth", one.time, one.values, tally, subject="m_depth"
+        )
+    channels |= _ctd(native, channels, fixes, tally)
+    if len(truth_speed):
+        channels["true_speed"] = truth_speed
+    return Log(
+        deployment=deployment,
+        platform="Slocum glider",
+        channels={name: c for name, c in channels.items() if len(c)},
+        fixes=fixes,
+        magnetic_variation=variation,
+        auxiliary=_auxiliary(native, variation),
+        files=tuple(files),
+    )
+
+
+def native_variation(channel: Channel, tally: Tally) -> Channel:
+    """[degree] east positive, from the vehicle's rad with the opposite sign."""
+    values = to_degrees(channel.values, "magnetic variation", tally, steepest=_WIDEST_VARIATION)
+    return Channel(channel.time, -values)
+
+
+def gps_fixes(
+    time: Array, latitude: Array, longitude: Array, status: Array, *, tally: Tally
+) -> Fixes:
+    """Valid fixes; those with a status that is not 0 and impossible ones are counted."""
+    if not time.size:
+        return NO_FIXES
+    bad = np.isfinite(status) & (status != GOOD_FIX)
+    tally.add("removed", "GPS fixes", int(bad.sum()), "status is not valid")
+    latitude, longitude = positions(latitude, longitude, "GPS fixes", tally)
+    good = ~bad & np.isfinite(latitude) & np.isfinite(longitude)
+    return Fixes(time[good], latitude[good], longitude[good])
+
+
+def _common(native: Native, names: Sequence[str]) -> list[Array]:
+    """Times of the first sensor, and all the sensors at them; NaN where one has no sample."""
+    first = native.get(names[0], EMPTY)
+    columns = [first.time, first.values]
+    for name in names[1:]:
+        values = np.full(len(first), np.nan)
+        other = native.get(name, EMPTY)
+        _, mine, its = np.intersect1d(first.time, other.time, return_indices=True)
+        values[mine] = other.values[its]
+        columns.append(values)
+    return columns
+
+
+_SMALL_SHIFT = 0.06
+"""[inch] A battery that moves less than 1.5 mm while the pitch swings is given in metres."""
+
+
+def _metres(values: Array, subject: str, tally: Tally) -> Array:
+    """Battery position [m] from inch, or from metres when it is plainly in metres; counted."""
+    good = values[np.isfinite(values)]
+    if good.size > 100 and 1e-3 < np.ptp(np.percentile(good, [1, 99])) < _SMALL_SHIFT:
+        tally.add("repaired", subject, good.size, "was in metres where inches are native")
+        return values
+    return values * INCH
+
+
+def _pressure(native: Native, tally: Tally) -> dict[str, Channel]:
+    """The least noisy pressure [dbar] of those that cover the log."""
+    depth = native.get("m_depth", EMPTY)
+    found: dict[str, Channel] = {}
+    for name in PRESSURES:
+        one = native.get(name, EMPTY)
+        if len(one) < 2:
+            continue
+        beside = depth.at(one.time) if len(depth) else None
+        dbar = to_dbar(one.values, beside, name, tally, native="bar")
+        channel = clean("measured_pressure", one.time, dbar, tally, subject=name)
+        if len(channel) > 2:
+            found[name] = channel
+    if not found:
+        return {}
+    # compared by the time they cover, since a fast sensor has more samples
+    cover = {n: float(np.minimum(np.diff(c.time), _COVER_GAP).sum()) for n, c in found.items()}
+    enough = [n for n in found if cover[n] > _COVERED * max(cover.values())]
+    noise = {n: pressure_noise(found[n]) for n in enough}
+    best = min(enough, key=lambda n: noise[n])
+    others = ", ".join(f"{n} {noise[n]:.2g}" for n in enough if n != best)
+    tally.add(
+        "note", "measured_pressure", len(found[best]),
+        f"from {best}, noise {noise[best]:.2g} dbar" + (f" (not {others})" if others else ""),
+    )  # fmt: skip
+    return {"measured_pressure": found[best]}
+
+
+_COVERED, _COVER_GAP = 0.9, 60.0
+"""A pressure sensor competes when it covers this part of the longest cover; gaps count 60 s."""
+_MOVING = 8.0
+"""[dbar] Noise is measured below the waves."""
+
+
+def pressure_noise(channel: Channel) -> float:
+    """[dbar] Noise of one sample: its distance from the line between its neighbours."""
+    time, values = channel.time, channel.values
+    if len(time) < 3:
+        return float("inf")
+    part = (time[1:-1] - time[:-2]) / np.maximum(time[2:] - time[:-2], 1e-9)
+    line = values[:-2] + part * (values[2:] - values[:-2])
+    use = (values[1:-1] > _MOVING) & (time[2:] - time[:-2] < 6.0 * channel.spacing)
+    if use.sum() < 10:
+        return float("inf")
+    residual = np.abs((values[1:-1] - line)[use])
+    # the mean of the central nine tenths: a median of quantised data is zero
+    return float(np.mean(residual[residual <= np.percentile(residual, 90.0)]))
+
+
+def _ctd(
+    native: Native, channels: Mapping[str, Channel], fixes: Fixes, tally: Tally
+) -> dict[str, Channel]:
+    conductivity = native.get("sci_water_cond", EMPTY)
+    temperature = native.get("sci_water_temp", EMPTY)
+    pressure = native.get("sci_water_pressure", EMPTY)
+    if not len(temperature):
+        return {}
+    if len(pressure):
+        at = pressure.at(temperature.time)
+        depth = native.get("m_depth", EMPTY)
+        beside = depth.at(temperature.time) if len(depth) else None
+        at = to_dbar(at, beside, "sci_water_pressure", Tally(), native="bar")
+    elif "measured_pressure" in channels:
+        at = channels["measured_pressure"].at(temperature.time)
+    else:
+        return {}
+    same = np.full(len(temperature), np.nan)
+    if len(conductivity):
+        _, mine, its = np.intersect1d(temperature.time, conductivity.time, return_indices=True)
+        same[mine] = siemens(conductivity.values, "sci_water_cond", tally)[its]
+    return ctd_channels(
+        temperature.time,
+        temperature=temperature.values,
+        pressure=at,
+        conductivity=same if len(conductivity) else None,
+        latitude=float(np.median(fixes.latitude)) if len(fixes) else 0.0,
+        longitude=float(np.median(fixes.longitude)) if len(fixes) else 0.0,
+        tally=tally,
+    )
+
+
+def _auxiliary(native: Native, variation: Channel) -> dict[str, Channel]:
+    """On-board track, reported currents and thruster."""
+    found: dict[str, Channel] = {}
+    for x, y, target in (
+        ("m_x_lmc", "m_y_lmc", "onboard"),
+        ("m_final_water_vx", "m_final_water_vy", "dac"),
+        ("m_water_vx", "m_water_vy", "dac"),
+    ):
+        if f"{target}_north" in found or not len(variation):
+            continue
+        time, east, north = _common(native, (x, y))
+        both = np.isfinite(east) & np.isfinite(north)
+        if both.any():
+            true = turn(east[both], north[both], variation.at(time[both]))
+            found[f"{target}_north"] = Channel(time[both], true[0])
+            found[f"{target}_east"] = Channel(time[both], true[1])
+    for name in THRUSTERS:
+        if name in native and len(native[name]):
+            found["thruster"] = native[name]
+            break
+    if "onboard_north" not in found and "m_lat" in native and "m_lon" in native:
+        time, latitude, longitude = _common(native, ("m_lat", "m_lon"))
+        latitude, longitude = positions(latitude, longitude, "m_lat, m_lon", Tally())
+        both = np.isfinite(latitude) & np.isfinite(longitude)
+        found["latitude"] = Channel(time[both], latitude[both])
+        found["longitude"] = Channel(time[both], longitude[both])
+    return found
