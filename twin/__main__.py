@@ -34,6 +34,11 @@ PROGRAM = Program(
             loader="twin.commands.render:Render",
         ),
         Command(
+            name="view",
+            summary="the same in MuJoCo's interactive viewer, stored or flown live",
+            loader="twin.commands.view:View",
+        ),
+        Command(
             name="plot",
             summary="figures of a stored mission: track, section, velocities, sensors, current",
             loader="twin.commands.plot:Plot",

@@ -78,12 +78,8 @@ class Graphics:
 
     def reshape(self, mesh: int, shape: Shape) -> None:
         """Give a mesh new vertices and normals, in the frame of its geom; its faces stay."""
-        model = self.model
-        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-        model.mesh_vert[first : first + count] = shape.vertices
-        first, count = model.mesh_normaladr[mesh], model.mesh_normalnum[mesh]
-        model.mesh_normal[first : first + count] = shape.normals
-        mujoco.mjr_uploadMesh(model, self._renderer, mesh)
+        write_mesh(self.model, mesh, shape)
+        mujoco.mjr_uploadMesh(self.model, self._renderer, mesh)
 
     def close(self) -> None:
         """Release the context; nothing can be drawn any more. A second call does nothing."""
@@ -92,6 +88,14 @@ class Graphics:
             self._context.make_current()
             self._renderer.free()
             release(self._context)
+
+
+def write_mesh(model: mujoco.MjModel, mesh: int, shape: Shape) -> None:
+    """Give a mesh of the model new vertices and normals; the graphics are not told."""
+    first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    model.mesh_vert[first : first + count] = shape.vertices
+    first, count = model.mesh_normaladr[mesh], model.mesh_normalnum[mesh]
+    model.mesh_normal[first : first + count] = shape.normals
 
 
 def aim(scene: mujoco.MjvScene, view: View) -> None:

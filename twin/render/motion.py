@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.render import camera, sea
-from twin.render.arrows import ladder_arrow
+from twin.render.arrows import LADDER_STEP, ladder_arrow
 from twin.render.props import DRIFT, LEVEL, VEHICLE, WATER
 from twin.render.replay import Poses
 from twin.render.shapes import Shape
@@ -30,6 +30,7 @@ class Motion:
 
     def __init__(self, stage: Stage, data: mujoco.MjData, reshape: Reshape):
         self._stage, self._data, self._reshape = stage, data, reshape
+        self._shaped: dict[int, Array] = {}
         model = stage.model
         self._alpha = model.geom_rgba[:, 3].copy()
         self._hull = model.joint(f"{VEHICLE}hull").qposadr[0]
@@ -88,14 +89,20 @@ class Motion:
         return tail
 
     def _place_arrows(self, poses: Poses, index: int) -> None:
-        """Shape the current's arrows beside the glider."""
-        model, ladder = self._stage.model, self._stage.ladder(poses, index)
-        for i, arrow in enumerate(self._stage.arrows):
-            used = i < len(ladder) and bool(np.linalg.norm(ladder[i][2]) > SHORTEST_ARROW)
-            model.geom_rgba[arrow.geom, 3] = 1.0 if used else 0.0
-            if used:
-                _, start, vector = ladder[i]
-                self._reshape(arrow.mesh, ladder_arrow(start, vector))
+        """Place the current's arrows beside the glider; one whose depth is new gets its shape."""
+        model, slots = self._stage.model, self._stage.arrows
+        if not slots:
+            return
+        model.geom_rgba[[arrow.geom for arrow in slots], 3] = 0.0
+        for depth, start, vector in self._stage.ladder(poses, index):
+            if np.linalg.norm(vector) <= SHORTEST_ARROW:
+                continue
+            arrow = slots[round(depth / LADDER_STEP) % len(slots)]
+            model.geom_rgba[arrow.geom, 3] = 1.0
+            model.geom_pos[arrow.geom] = start
+            if not np.array_equal(self._shaped.get(arrow.mesh, ()), vector):
+                self._shaped[arrow.mesh] = vector
+                self._reshape(arrow.mesh, ladder_arrow(np.zeros(3), vector))
 
 
 def drift_of(moved: Array, glider: Array) -> Array:

@@ -230,4 +230,5 @@ def _reshaped(model: mujoco.MjModel, name: str) -> Reshaped:
     geom = model.geom(name).id
     model.geom_pos[geom] = 0.0
     model.geom_quat[geom] = [1.0, 0.0, 0.0, 0.0]
+    model.geom_sameframe[geom] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # it may be moved
     return Reshaped(geom=geom, mesh=model.mesh(name).id)

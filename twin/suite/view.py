@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from twin.console import Console
-from twin.errors import InputError, TwinError, unknown_name
+from twin.errors import InputError, unknown_name
+from twin.render.screen import NoScreen
 from twin.suite.environment import Environment
 
 Policy = Callable[[Any], Any]
@@ -18,10 +19,6 @@ Policy = Callable[[Any], Any]
 
 KEYS = "Space starts and pauses, ] goes to the chase camera, = and - change the speed, F1 helps"
 """What a user must know of dm_control's viewer; its free camera stays at the surface."""
-
-
-class NoScreen(TwinError):
-    """The viewer needs a window."""
 
 
 def autopilot(environment: Environment, seed: int) -> Policy:

@@ -1,0 +1,104 @@
+"""Flight: where the glider is at a mission time, from a record or from physics that runs now."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.frames import flip_quaternion as flip
+from twin.frames import flip_vector, quaternion_to_euler
+from twin.native import block as b
+from twin.quiet import quiet_mujoco
+from twin.render.replay import Poses, interpolate_quaternion, poses
+from twin.scenario import Scenario
+from twin.simulate import Simulation
+from twin.trajectory import Trajectory, from_log
+
+Array = NDArray[np.float64]
+
+
+class Flight(Protocol):
+    """What a viewer shows; both kinds go back in time, a simulation by flying anew."""
+
+    def at(self, time: float) -> Poses:
+        """One row: the pose at a mission time [s]."""
+
+
+class Replay:
+    """A recorded mission."""
+
+    def __init__(self, trajectory: Trajectory):
+        self._all = poses(trajectory, trajectory.time)
+
+    def at(self, time: float) -> Poses:
+        """Interpolated between two samples."""
+        every = self._all
+        after = int(np.clip(np.searchsorted(every.time, time), 1, len(every.time) - 1))
+        two, times = slice(after - 1, after + 1), np.array([time])
+
+        def between(values: Array) -> Array:
+            rows = values[two].reshape(2, -1)
+            found = [np.interp(times, every.time[two], column) for column in rows.T]
+            return np.stack(found, axis=-1).reshape((1, *values.shape[1:]))
+
+        return Poses(
+            time=times,
+            quaternion=interpolate_quaternion(times, every.time[two], every.quaternion[two]),
+            **{
+                name: between(getattr(every, name))
+                for name in ("position", "battery", "roll", "pitch", "heading", "speed")
+            },
+            net_mass=between(every.net_mass),
+            current=between(every.current),
+        )
+
+
+class Live:
+    """A closed-loop simulation that is stepped as it is watched."""
+
+    def __init__(self, scenario: Scenario):
+        with quiet_mujoco():
+            self._simulation = Simulation(scenario)
+
+    def at(self, time: float) -> Poses:
+        """The physics' own state at the last step before `time`.
+
+        Raises:
+          SimulationUnstable: the simulation left the finite numbers.
+        """
+        import mujoco
+
+        simulation, step = self._simulation, self._simulation.model.opt.timestep
+        data = simulation.data
+        if time < data.time - step:
+            simulation.reset()
+        # One step at least: the first one writes the first row of the log.
+        steps = max(int((time - data.time) / step + 1e-9), int(data.time == 0.0))
+        if steps > 0:
+            with quiet_mujoco():
+                mujoco.mj_step(simulation.model, data, nstep=steps)
+        if simulation.failed:
+            simulation.trajectory()
+        return self._row()
+
+    def _row(self) -> Poses:
+        simulation = self._simulation
+        data = simulation.data
+        last = max(int(data.userdata[b.U_LOGGED]) - 1, 0)
+        logged = from_log(simulation.rows[last : last + 1], simulation.scenario.vehicle)
+        roll, pitch, heading = quaternion_to_euler(flip(data.qpos[3:7]))
+        current = [logged[f"true_current_{name}"][0] for name in ("north", "east")]
+        return Poses(
+            time=np.array([data.time]),
+            position=flip_vector(data.qpos[:3])[None],
+            quaternion=data.qpos[None, 3:7].copy(),
+            battery=data.qpos[None, 7:9].copy(),
+            roll=np.rad2deg([roll]),
+            pitch=np.rad2deg([pitch]),
+            heading=np.mod(np.rad2deg([heading]), 360.0),
+            speed=np.linalg.norm(logged.v_rel, axis=-1),
+            net_mass=logged["true_net_mass"],
+            current=np.array([current]),
+        )
