@@ -8,9 +8,10 @@ import numpy as np
 from mujoco.batch import Batch
 
 from twin.errors import InputError, SimulationUnstable
+from twin.outcome import collect
 from twin.quiet import quiet_mujoco
 from twin.scenario import Scenario
-from twin.simulate import Simulation, collect
+from twin.simulate import Simulation
 from twin.trajectory import Trajectory
 
 

@@ -18,10 +18,11 @@ from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector, quate
 from twin.mission import Mission
 from twin.model import compile_model, parameter_block
 from twin.native import block as b
+from twin.outcome import collect
 from twin.quiet import quiet_mujoco
 from twin.scenario import Scenario, Start
 from twin.schedule import Schedule
-from twin.trajectory import Trajectory, from_log
+from twin.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -171,12 +172,14 @@ class Simulation:
             sample(program, 0.0, start.north, start.east, start.depth, 0.0, 0.0, 0.0)[:3]
         )
 
-    def run(self, controller: Controller | None = None, *, mission: int = 0) -> Trajectory:
+    def run(
+        self, controller: Controller | None = None, *, mission: int | None = None
+    ) -> Trajectory:
         """Fly the whole scenario.
 
         Args:
           controller: Python code that gives the commands each control period instead of a plan.
-          mission: index that an error names.
+          mission: index that an error names beside the mission's name; None for a single run.
 
         Raises:
           SimulationUnstable: with the trajectory up to that time as `partial`.
@@ -218,61 +221,13 @@ class Simulation:
         """True once the state has left the finite numbers."""
         return bool(self.data.userdata[b.U_FAILED])
 
-    def trajectory(self, mission: int = 0) -> Trajectory:
+    def trajectory(self, mission: int | None = None) -> Trajectory:
         """The samples so far.
 
         Raises:
           SimulationUnstable: the run went unstable; `partial` holds the finite samples.
         """
         return collect(self, self.data.userdata, mission)
-
-
-def _ending(simulation: Simulation, userdata: Array, failed: bool) -> str:
-    """How a run ended: unstable, aborted, flown, or at its duration or time limit."""
-    if failed:
-        return "unstable"
-    if not isinstance(simulation.scenario.plan, Mission):
-        return "duration"
-    if userdata[b.U_GUIDANCE + guidance.ABORTED]:
-        return "aborted"
-    if userdata[b.U_GUIDANCE + guidance.DONE]:
-        return "flown"
-    return "time limit" if simulation.scenario.open_ended else "duration"
-
-
-_MUST_BE_FINITE = np.r_[: b.R_PITCH_SETPOINT, b.R_ACCELERATION : b.ROW]
-"""Log columns that are never NaN in a sound run; setpoints are NaN where a segment has none."""
-
-
-def collect(simulation: Simulation, userdata: Array, mission: int) -> Trajectory:
-    """Read a simulation's log, given its `userdata` row; raises SimulationUnstable."""
-    logged = int(userdata[b.U_LOGGED])
-    rows = simulation.rows[:logged]
-    finite = np.isfinite(rows[:, _MUST_BE_FINITE]).all(axis=1)
-    failed = bool(userdata[b.U_FAILED]) or not finite.all()
-    if failed:
-        rows = rows[: int(np.argmin(finite))] if not finite.all() else rows
-    vehicle = simulation.scenario.vehicle
-    centred = parameter_block(simulation.model)[b.P_CENTRED]
-    half_step = 0.5 * centred * simulation.model.opt.timestep
-    trajectory = from_log(
-        rows,
-        vehicle,
-        half_step=half_step,
-        complete=not failed,
-        provenance={"ended": _ending(simulation, userdata, failed)},
-    )
-    if failed:
-        time = float(userdata[b.U_FAIL_TIME])
-        raise SimulationUnstable(
-            f"mission {mission} went unstable at {time:.1f} s (vehicle {vehicle.name!r}, "
-            f"hydrodynamics {simulation.scenario.hydrodynamics}, timestep "
-            f"{simulation.model.opt.timestep:g} s); try a smaller timestep or check the parameters",
-            mission=mission,
-            time_s=time,
-            partial=trajectory,
-        )
-    return trajectory
 
 
 def stagger(model: mujoco.MjModel, data: mujoco.MjData) -> None:

@@ -7,6 +7,8 @@ The names are the schema's: `true_*` is what happened, `commanded_*` what was as
 from __future__ import annotations
 
 import dataclasses
+import math
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -65,11 +67,35 @@ def _cumulative(rate: Array, time: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def from_log(rows: Array, vehicle: Vehicle, *, half_step: float = 0.0, **fields: Any) -> Trajectory:
+def sample_times(count: int, period: float) -> Array:
+    """Times [s] of samples 0, 1, 2, ... at a `period` [s], each rounded once, shape (count,).
+
+    Whole seconds are whole numbers, also for periods such as 0.1 that no float holds exactly.
+    """
+    ratio = Fraction(period).limit_denominator(_FINEST_FRACTION)
+    if not math.isclose(ratio, period, rel_tol=1e-15):
+        return np.arange(count, dtype=float) * period
+    return np.arange(count, dtype=float) * ratio.numerator / ratio.denominator
+
+
+_FINEST_FRACTION = 10_000
+"""Largest denominator of a sample period in seconds: physics steps are 1e-4 s or longer"""
+
+
+def from_log(
+    rows: Array,
+    vehicle: Vehicle,
+    *,
+    half_step: float = 0.0,
+    sample_period: float | None = None,
+    **fields: Any,
+) -> Trajectory:
     """Turn native log rows (time, ROW) into a `Trajectory`.
 
     `half_step` [s] is how long before its sample a stored velocity holds: half a step in
-    time-centred runs, where velocities live between positions.
+    time-centred runs, where velocities live between positions. With a `sample_period` [s] the
+    rows are a run from its start, and times are its multiples: MuJoCo's clock adds up steps and
+    drifts by nanoseconds.
     """
     qpos, qvel = rows[:, b.R_QPOS : b.R_QPOS + 9], rows[:, b.R_QVEL : b.R_QVEL + 8]
     act, ctrl = rows[:, b.R_ACT : b.R_ACT + 3], rows[:, b.R_CTRL : b.R_CTRL + 3]
@@ -110,7 +136,10 @@ def from_log(rows: Array, vehicle: Vehicle, *, half_step: float = 0.0, **fields:
     signals["commanded_pitch"] = degrees(rows[:, b.R_PITCH_SETPOINT])
     signals["commanded_heading"] = np.mod(degrees(rows[:, b.R_HEADING_SETPOINT]), 360.0)
     states = np.concatenate([qpos, qvel, act, ctrl], axis=1)
-    return Trajectory(time=rows[:, b.R_TIME].copy(), signals=signals, states=states, **fields)
+    time = rows[:, b.R_TIME].copy()
+    if sample_period is not None:
+        time = sample_times(len(rows), sample_period)
+    return Trajectory(time=time, signals=signals, states=states, **fields)
 
 
 _ACTUATOR_SCALE = np.array([1.0, 180.0 / np.pi, 1.0])

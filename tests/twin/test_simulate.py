@@ -20,6 +20,7 @@ from twin.scenario import Scenario, Start, scenario_from_dict
 from twin.schedule import Schedule
 from twin.simulate import Simulation, simulate, simulate_many
 from twin.store import mission_dataset, open_store, read_trajectory, write_store
+from twin.trajectory import sample_times
 from twin.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("glider")
@@ -165,7 +166,7 @@ def test_depth_rate_and_heave_belong_together():
 
 def test_an_unstable_run_names_itself_and_keeps_what_it_had():
     with pytest.raises(
-        SimulationUnstable, match=r"mission 0 went unstable at .* s .*timestep 0.1 s"
+        SimulationUnstable, match=r"the run went unstable at .* s .*timestep 0.1 s"
     ) as error:
         simulate(dive(vehicle=WILD, duration=600.0))
     partial = error.value.partial
@@ -175,10 +176,41 @@ def test_an_unstable_run_names_itself_and_keeps_what_it_had():
     assert not partial.complete
 
 
+def test_an_unstable_mission_is_called_by_its_name():
+    tumbling = VEHICLE.replace(pitch_moment=(*VEHICLE.pitch_moment[:2], 5e4))  # fed, not damped
+    wild = Scenario(plan=load_mission("default"), vehicle=tumbling, duration=600.0)
+    with pytest.raises(SimulationUnstable, match=r"mission 'default' went unstable"):
+        simulate(wild)
+    results = simulate_many([dive(), wild])
+    assert str(results[1]).startswith("mission 1 ('default') went unstable")
+
+
+def test_samples_are_at_exact_multiples_of_their_period(tmp_path):
+    """MuJoCo's clock drifts by nanoseconds; `sel(time=...)` finds whole seconds all the same."""
+    for period in (0.5, 0.1):
+        run = simulate(dive(duration=120.0, sample_period=period))
+        store = write_store(mission_dataset([run]), tmp_path / f"{period}.zarr")
+        with open_store(store) as data:
+            exact = data.sel(time=np.arange(121))
+            step = round(1 / period)
+            np.testing.assert_array_equal(exact["true_depth"][0], data["true_depth"][0, ::step])
+
+
+@pytest.mark.parametrize("period", [0.5, 0.1, 0.3, 1 / 3, 0.02, 10.0, 0.0123, 2**0.5])
+def test_sample_times_are_rounded_once(period):
+    count = 50_000
+    times = sample_times(count, period)
+    np.testing.assert_allclose(times, np.arange(count) * period, rtol=1e-15)
+    per_second = round(1 / period)
+    if abs(per_second * period - 1) < 1e-12:
+        np.testing.assert_array_equal(times[::per_second], np.arange(len(times[::per_second])))
+
+
 def test_an_unstable_run_does_not_stop_the_others():
     results = simulate_many([dive(), dive(vehicle=WILD, duration=600.0), dive()])
     assert isinstance(results[1], SimulationUnstable)
     assert results[1].mission == 1
+    assert str(results[1]).startswith("mission 1 went unstable")
     same(results[0], results[2])
 
 

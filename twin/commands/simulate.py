@@ -12,6 +12,7 @@ from twin.console import Console, JsonOption
 
 if TYPE_CHECKING:
     from twin.scenario import Scenario
+    from twin.simulate import Simulation
     from twin.trajectory import Trajectory
 
 
@@ -48,7 +49,8 @@ class Simulate(JsonOption):
     def run(self, console: Console) -> int:
         """Simulate, store, draw, summarise."""
         from twin.errors import SimulationUnstable
-        from twin.simulate import simulate
+        from twin.quiet import quiet_mujoco
+        from twin.simulate import Simulation
         from twin.store import prepare_target
 
         scenario = self._scenario()
@@ -56,7 +58,9 @@ class Simulate(JsonOption):
         if self.out is not None:
             prepare_target(self.out, overwrite=self.overwrite)
         try:
-            trajectory = simulate(scenario)
+            with quiet_mujoco():
+                simulation = Simulation(scenario)
+                trajectory = simulation.run()
         except SimulationUnstable as error:
             if self.out is not None and error.partial is not None and len(error.partial.time):
                 self._write(scenario, error.partial)
@@ -66,12 +70,12 @@ class Simulate(JsonOption):
             self._write(scenario, trajectory)
         if self.plot is not None:
             self._draw(trajectory)
-        self._warn(console, scenario, trajectory)
+        self._warn(console, simulation, trajectory)
         self._report(console, scenario, trajectory)
         return 0
 
-    def _warn(self, console: Console, scenario: Scenario, trajectory: Trajectory) -> None:
-        """Say when the glider left the gridded current's file."""
+    def _warn(self, console: Console, simulation: Simulation, trajectory: Trajectory) -> None:
+        """Say when the mission was not flown, or left the gridded current's file."""
         ended = trajectory.provenance.get("ended")
         if ended in ("aborted", "time limit"):
             reason = {
@@ -80,12 +84,12 @@ class Simulate(JsonOption):
                 "(too light or too heavy for this water, or a depth it cannot reach?)",
             }[ended]
             console.warn(f"the mission was not flown to its end: {reason}")
-        if scenario.current is None:
+        if simulation.current_program is None:
             return
         from twin.current.sampler import beyond_grid
 
-        program = scenario.current.compile(scenario.run_time(), scenario.origin)
-        outside = beyond_grid(program, trajectory["true_north"], trajectory["true_east"])
+        north, east = trajectory["true_north"], trajectory["true_east"]
+        outside = beyond_grid(simulation.current_program, north, east)
         if outside.any():
             console.warn(
                 f"the glider left the current file's area at {trajectory.time[outside][0]:.0f} s; "
@@ -154,22 +158,22 @@ class Simulate(JsonOption):
                 "distance through the water": f"{figures['distance_through_water_m']:.0f} m",
                 "horizontal distance over ground": f"{figures['horizontal_distance_m']:.0f} m",
                 "end position (north, east)": (
-                    f"{figures['end_north_m']:.1f} m, {figures['end_east_m']:.1f} m"
+                    f"{figures['end_north_m']:z.1f} m, {figures['end_east_m']:z.1f} m"
                 ),
-                "deepest": f"{figures['max_depth_m']:.1f} m",
+                "deepest": f"{figures['max_depth_m']:z.1f} m",
                 "speed through the water (mean, max)": (
                     f"{figures['mean_speed_m_s']:.3f}, {figures['max_speed_m_s']:.3f} m/s"
                 ),
                 "pitch (min, max)": (
-                    f"{figures['min_pitch_deg']:.1f}, {figures['max_pitch_deg']:.1f} deg"
+                    f"{figures['min_pitch_deg']:z.1f}, {figures['max_pitch_deg']:z.1f} deg"
                 ),
                 "largest roll": f"{figures['max_roll_deg']:.1f} deg",
                 "largest angle of attack, 98 % of the time": (
                     f"{figures['angle_of_attack_p98_deg']:.2f} deg"
                 ),
                 "mean current (north, east)": (
-                    f"{figures['mean_current_north_m_s']:.3f}, "
-                    f"{figures['mean_current_east_m_s']:.3f} m/s"
+                    f"{figures['mean_current_north_m_s']:z.3f}, "
+                    f"{figures['mean_current_east_m_s']:z.3f} m/s"
                 ),
                 "samples": figures["samples"],
             },
