@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import PurePath
 from typing import IO, TYPE_CHECKING, Any
 
-from twin.table import format_pairs, format_table
+from twin.table import NEGLIGIBLE, format_pairs, format_table
 
 if TYPE_CHECKING:
     from twin.progress import Progress
@@ -130,7 +130,7 @@ def one_line(text: str) -> str:
 
 
 def to_json(value: object) -> Any:
-    """The value as JSON can hold it; NaN and infinities as None.
+    """The value as JSON can hold it; NaN and infinities as None, rounding noise and -0.0 as 0.0.
 
     Raises:
         TypeError: the value is of a kind that has no JSON form here.
@@ -138,6 +138,8 @@ def to_json(value: object) -> Any:
     if value is None or isinstance(value, bool | int | str):
         return value
     if isinstance(value, float):
+        if abs(value) < NEGLIGIBLE:
+            return 0.0
         return value if abs(value) <= sys.float_info.max else None
     if isinstance(value, Mapping):
         return {str(key): to_json(member) for key, member in value.items()}

@@ -11,6 +11,9 @@ MISSING = "-"
 LARGEST_PLAIN = 1e7
 """Magnitude from which a number is written with an exponent."""
 
+NEGLIGIBLE = 1e-15
+"""Magnitude below which a figure in SI units or degrees is rounding noise, shown as 0."""
+
 SMALLEST_PLAIN = 1e-4
 """Magnitude below which a number is written with an exponent."""
 
@@ -35,7 +38,9 @@ def format_number(value: object, digits: int = 4) -> str:
         return str(value)
     if math.isnan(number):
         return MISSING
-    if math.isinf(number) or number == 0.0:
+    if abs(number) < NEGLIGIBLE:
+        return "0"
+    if math.isinf(number):
         return f"{number:g}"
     if not SMALLEST_PLAIN <= abs(number) < LARGEST_PLAIN:
         return f"{number:.{digits - 1}e}"

@@ -47,6 +47,10 @@ def test_trim_straight_has_no_radius_and_negative_numbers_parse(capsys):
     assert code == 0
     assert figures["turn_radius_m"] is None
     assert figures["vertical_speed_m_s"] < 0
+    assert '"roll_deg": 0.0,' in out
+    code, out, _ = call(capsys, "trim", "--net-mass", "-0.3", "--shift", "-0.02")
+    assert code == 0
+    assert "-0.000" not in out
 
 
 @pytest.mark.parametrize("model", ["mujoco", "fossen"])

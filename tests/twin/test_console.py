@@ -288,6 +288,11 @@ def _modules_after(program: str, words: list[str]) -> tuple[set[str], str]:
     return set(done.stderr.split()), done.stdout
 
 
+def test_json_has_no_negative_zero_and_no_rounding_noise() -> None:
+    text = json.dumps(to_json({"roll": -0.0, "sway": -5.4e-48, "track": np.array([-0.0, 1e-10])}))
+    assert text == '{"roll": 0.0, "sway": 0.0, "track": [0.0, 1e-10]}'
+
+
 def test_to_json_knows_numpy_paths_and_dataclasses() -> None:
     value = {
         "speed": np.float32(0.5),
@@ -322,6 +327,9 @@ def test_to_json_knows_numpy_paths_and_dataclasses() -> None:
         (5.3e-6, 2, "5.3e-06"),
         (2.5e8, 3, "2.50e+08"),
         (0.0, 4, "0"),
+        (-0.0, 4, "0"),
+        (2.4e-57, 4, "0"),
+        (-2.4e-10, 2, "-2.4e-10"),
         (float("nan"), 4, "-"),
         (float("inf"), 4, "inf"),
         (None, 4, "-"),

@@ -65,13 +65,13 @@ class Trim(JsonOption):
         console.pairs(
             {
                 "speed through the water": f"{result.speed_m_s:.4f} m/s",
-                "angle of attack": f"{result.angle_of_attack_deg:.3f} deg",
-                "sideslip": f"{result.sideslip_deg:.3f} deg",
-                "roll": f"{result.roll_deg:.3f} deg",
-                "pitch": f"{result.pitch_deg:.3f} deg",
-                "turn rate about the vertical": f"{result.turn_rate_rad_s:.5f} rad/s",
+                "angle of attack": f"{result.angle_of_attack_deg:z.3f} deg",
+                "sideslip": f"{result.sideslip_deg:z.3f} deg",
+                "roll": f"{result.roll_deg:z.3f} deg",
+                "pitch": f"{result.pitch_deg:z.3f} deg",
+                "turn rate about the vertical": f"{result.turn_rate_rad_s:z.5f} rad/s",
                 "turn radius": "straight" if radius is None else f"{radius:.1f} m",
-                "vertical speed (down)": f"{result.vertical_speed_m_s:.4f} m/s",
+                "vertical speed (down)": f"{result.vertical_speed_m_s:z.4f} m/s",
             },
             title=f"{vehicle.name}, {self.model}: steady motion",
         )
