@@ -221,9 +221,7 @@ class Window:
                 half = camera.map_view(layout, frame).half_height
                 cam.azimuth, cam.elevation = 0.0, -90.0
                 cam.lookat[:] = layout.display(layout.centre)
-                cam.distance = (
-                    MARGIN * half / math.tan(math.radians(self._stage.model.vis.global_.fovy / 2))
-                )
+                cam.distance = MARGIN * half / math.tan(camera.NARROW)
                 return
             view = (camera.side_view if mode == "side" else _orbit)(layout, frame)
             middle = layout.corners().mean(axis=0)

@@ -19,9 +19,9 @@ PROGRAM = Program(
 
 
 def main() -> int:
-    """Entry point; options without a command go to `view`."""
+    """Entry point; options without a command, and nothing at all, go to `view`."""
     words = sys.argv[1:]
-    if words and words[0].startswith("-") and words[0] not in ("-h", "--help", "--version"):
+    if not words or (words[0].startswith("-") and words[0] not in ("-h", "--help", "--version")):
         words = [_VIEW, *words]
     return PROGRAM.main(words)
 

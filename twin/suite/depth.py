@@ -14,8 +14,8 @@ from twin.suite.environment import Environment, build
 from twin.suite.physics import Physics
 from twin.suite.task import (
     CRUISE_PITCH,
+    Array,
     GliderTask,
-    Observation,
     Reference,
     place_marker,
     with_marker,
@@ -75,11 +75,9 @@ class Depth(GliderTask):
         """Wanted minus present depth [m], positive when it must dive."""
         return self.target_depth - physics.depth()
 
-    def get_observation(self, physics: Physics) -> Observation:
-        """Adds `to_target`: wanted minus present depth [m]."""
-        observation = self.observe_vehicle(physics)
-        observation["to_target"] = np.array([self.error(physics)])
-        return observation
+    def observe_goal(self, physics: Physics) -> dict[str, Array]:
+        """`to_target`: wanted minus present depth [m]."""
+        return {"to_target": np.array([self.error(physics)])}
 
     def get_reward(self, physics: Physics) -> float:
         """1 at rest at the wanted depth."""

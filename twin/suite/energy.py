@@ -12,7 +12,14 @@ from dm_control.utils import rewards
 from twin.suite.consumption import Consumption, cost_of_transport
 from twin.suite.environment import Environment, build
 from twin.suite.physics import Physics
-from twin.suite.task import CRUISE_PITCH, GliderTask, Observation, Reference, wrap_angle
+from twin.suite.task import (
+    CRUISE_PITCH,
+    Array,
+    GliderTask,
+    Reference,
+    as_direction,
+    wrap_angle,
+)
 from twin.suite.waypoints import yo_sense
 from twin.vehicle import load_vehicle
 
@@ -103,14 +110,13 @@ class Energy(GliderTask):
         """Course minus heading [rad], in [-pi, pi)."""
         return wrap_angle(self.course - physics.heading())
 
-    def get_observation(self, physics: Physics) -> Observation:
-        """Adds `to_course`: sine and cosine of the heading error; `distance` [m]; `spent` [kJ]."""
-        observation = self.observe_vehicle(physics)
-        heading = self.heading_error(physics)
-        observation["to_course"] = np.array([math.sin(heading), math.cos(heading)])
-        observation["distance"] = np.array([self.distance(physics)])
-        observation["spent"] = np.array([self.spent / KILO])
-        return observation
+    def observe_goal(self, physics: Physics) -> dict[str, Array]:
+        """`to_course`: sine and cosine of the heading error; `distance` [m]; `spent` [kJ]."""
+        return {
+            "to_course": as_direction(self.heading_error(physics)),
+            "distance": np.array([self.distance(physics)]),
+            "spent": np.array([self.spent / KILO]),
+        }
 
     def get_reward(self, physics: Physics) -> float:
         """1 at GOOD_COST or less."""

@@ -11,7 +11,7 @@ from dm_control.utils import rewards
 
 from twin.suite.environment import Environment, build
 from twin.suite.physics import Physics
-from twin.suite.task import GliderTask, Observation, Reference, wrap_angle
+from twin.suite.task import Array, GliderTask, Reference, as_direction, wrap_angle
 from twin.vehicle import load_vehicle
 
 TIME_LIMIT = 600.0
@@ -79,14 +79,10 @@ class Hold(GliderTask):
         """Wanted minus present heading [rad], in [-pi, pi)."""
         return wrap_angle(self.target_heading - physics.heading())
 
-    def get_observation(self, physics: Physics) -> Observation:
-        """Adds `to_target`: pitch error [rad], sine and cosine of the heading error."""
-        observation = self.observe_vehicle(physics)
-        heading = self.heading_error(physics)
-        observation["to_target"] = np.array(
-            [self.pitch_error(physics), math.sin(heading), math.cos(heading)]
-        )
-        return observation
+    def observe_goal(self, physics: Physics) -> dict[str, Array]:
+        """`to_target`: pitch error [rad], sine and cosine of the heading error."""
+        heading = as_direction(self.heading_error(physics))
+        return {"to_target": np.array([self.pitch_error(physics), *heading])}
 
     def get_reward(self, physics: Physics) -> float:
         """1 on pitch and heading at half the cruise speed or more."""

@@ -179,7 +179,13 @@ class GliderTask(base.Task):
         )
 
     def get_observation(self, physics: Physics) -> Observation:
-        """The vehicle's state and what the task asks for."""
+        """The vehicle's state and then what the task asks for."""
+        observation = self.observe_vehicle(physics)
+        observation.update(self.observe_goal(physics))
+        return observation
+
+    def observe_goal(self, physics: Physics) -> dict[str, Array]:
+        """What the task asks for, by name, relative to the vehicle."""
         raise NotImplementedError
 
     def get_reward(self, physics: Physics) -> float:
@@ -194,6 +200,11 @@ class GliderTask(base.Task):
 def wrap_angle(angle: float) -> float:
     """The same direction in [-pi, pi) [rad]."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def as_direction(angle: float) -> Array:
+    """Sine and cosine of an angle [rad], which have no jump at a half turn, shape (2,)."""
+    return np.array([math.sin(angle), math.cos(angle)])
 
 
 def with_marker(vehicle: Vehicle, **attributes: Any) -> Vehicle:

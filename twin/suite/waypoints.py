@@ -14,8 +14,8 @@ from twin.suite.environment import Environment, build
 from twin.suite.physics import Physics
 from twin.suite.task import (
     CRUISE_PITCH,
+    Array,
     GliderTask,
-    Observation,
     Reference,
     place_marker,
     with_marker,
@@ -110,14 +110,14 @@ class Waypoints(GliderTask):
         """North and east from the glider to the waypoint [m]."""
         return self.target[0] - physics.north(), self.target[1] - physics.east()
 
-    def get_observation(self, physics: Physics) -> Observation:
-        """Adds `to_target` [m] and `current` [m/s], each ahead and to starboard of the heading."""
-        observation = self.observe_vehicle(physics)
+    def observe_goal(self, physics: Physics) -> dict[str, Array]:
+        """`to_target` [m] and `current` [m/s], each ahead and to starboard of the heading."""
         c, s = math.cos(physics.heading()), math.sin(physics.heading())
         turn = np.array([[c, s], [-s, c]])
-        observation["to_target"] = turn @ self.to_target(physics)
-        observation["current"] = turn @ physics.current()[:2]
-        return observation
+        return {
+            "to_target": turn @ self.to_target(physics),
+            "current": turn @ physics.current()[:2],
+        }
 
     def get_reward(self, physics: Physics) -> float:
         """Progress over ground in units of the cruise's, from 0 to 1."""
