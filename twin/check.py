@@ -14,7 +14,7 @@ from twin.current.profile import Profile
 from twin.current.uniform import Uniform
 from twin.fossen import FossenModel, FossenState, FossenTrajectory
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
-from twin.published import ANGLES, PublishedGlide, published_glides
+from twin.published import PublishedGlide, published_glides
 from twin.scenario import Scenario, Start
 from twin.schedule import Schedule
 from twin.settle import trim as settle
@@ -24,8 +24,6 @@ from twin.trim import Trim
 from twin.vehicle import Vehicle, load_vehicle
 
 Array = NDArray[np.float64]
-
-__all__ = ["ANGLES", "check_manoeuvres", "check_published"]
 
 MANOEUVRES = 20
 DURATION = 600.0
@@ -112,15 +110,22 @@ def draw_manoeuvre(vehicle: Vehicle, seed: int, duration: float = DURATION) -> M
 
 
 def fly_both(
-    vehicle: Vehicle, manoeuvre: Manoeuvre, duration: float = DURATION
+    vehicle: Vehicle,
+    manoeuvre: Manoeuvre,
+    duration: float = DURATION,
+    timestep: float | None = None,
 ) -> tuple[Trajectory, FossenTrajectory]:
-    """The same manoeuvre in both models, sampled alike."""
+    """The same manoeuvre in both models, sampled alike.
+
+    timestep: MuJoCo's [s], None for the vehicle file's; the Fossen model keeps its own.
+    """
     scenario = Scenario(
         vehicle=vehicle,
         plan=manoeuvre.schedule,
         duration=duration,
         start=manoeuvre.start,
         current=manoeuvre.current,
+        timestep=timestep,
     )
     start = manoeuvre.start
     fossen = FossenModel(vehicle, current_program=manoeuvre.current.compile(duration))
@@ -159,13 +164,18 @@ def compare(ours: Trajectory, theirs: FossenTrajectory, seed: int) -> Difference
 
 
 def check_manoeuvres(
-    vehicle: Vehicle, *, count: int = MANOEUVRES, seed: int = 0, duration: float = DURATION
+    vehicle: Vehicle,
+    *,
+    count: int = MANOEUVRES,
+    seed: int = 0,
+    duration: float = DURATION,
+    timestep: float | None = None,
 ) -> list[Difference]:
-    """Differences of `count` random manoeuvres."""
+    """Differences of `count` random manoeuvres; see `fly_both` for the rest."""
     differences = []
     for index in range(seed, seed + count):
         manoeuvre = draw_manoeuvre(vehicle, index, duration)
-        differences.append(compare(*fly_both(vehicle, manoeuvre, duration), index))
+        differences.append(compare(*fly_both(vehicle, manoeuvre, duration, timestep), index))
     return differences
 
 

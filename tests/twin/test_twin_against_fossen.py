@@ -32,6 +32,23 @@ def test_random_manoeuvres_agree():
     assert max(d.speed_m_s for d in differences) < 5e-4
 
 
+def test_what_is_left_for_a_light_vehicle_is_its_battery_in_motion():
+    """docs/physics.md: ROGUE's attitude difference shrinks with the battery's speed, not the step.
+
+    Manoeuvre 2 is the one that differs most.
+    """
+    vehicle = load_vehicle("rogue")
+    slow = vehicle.replace(
+        actuator_rate=vehicle.actuator_rate / 16, actuator_lag=vehicle.actuator_lag * 16
+    )
+    (coarse,) = check.check_manoeuvres(vehicle, count=1, seed=2)
+    (fine,) = check.check_manoeuvres(vehicle, count=1, seed=2, timestep=0.01)
+    (gentle,) = check.check_manoeuvres(slow, count=1, seed=2, timestep=0.01)
+    assert coarse.attitude_deg > check.ATTITUDE_LIMIT
+    assert fine.attitude_deg == pytest.approx(coarse.attitude_deg, rel=0.1)
+    assert gentle.attitude_deg < fine.attitude_deg / 3
+
+
 @pytest.mark.parametrize(
     ("shift", "rotation", "net_mass"),
     [(0.03, 60, 0.5), (-0.02, 42, -0.4), (0.005, 5, 0.1), (0.02, -80, 0.3), (-0.015, -30, -0.2)],

@@ -17,11 +17,14 @@ class Check(JsonOption):
     """number of random 600 s manoeuvres"""
     seed: int = 0
     """first seed"""
+    timestep: float | None = None
+    """MuJoCo's physics step in the manoeuvres [s]; default: the vehicle file's"""
 
     def run(self, console: Console) -> int:
         """Compare; exit code 1 when a limit is exceeded."""
         from twin import check
         from twin.errors import InputError
+        from twin.published import ANGLES
         from twin.vehicle import load_vehicle
 
         if self.manoeuvres < 1:
@@ -44,13 +47,15 @@ class Check(JsonOption):
                     "off by": found["speed"],
                     "pitch deg": trim.pitch_deg,
                     "off by deg": max(
-                        (found[n] for n in check.ANGLES if n in found), key=abs, default=0.0
+                        (found[n] for n in ANGLES if n in found), key=abs, default=0.0
                     ),
                     "ok": "no" if violations else "yes",
                 }
             )
         console.table(rows, title="Published glides (largest angle difference of each)")
-        differences = check.check_manoeuvres(vehicle, count=self.manoeuvres, seed=self.seed)
+        differences = check.check_manoeuvres(
+            vehicle, count=self.manoeuvres, seed=self.seed, timestep=self.timestep
+        )
         broken += [f"manoeuvre {d.seed} exceeds a limit" for d in differences if not d.ok]
         largest = {
             name: max(getattr(d, name) for d in differences)
