@@ -57,7 +57,7 @@ class Motion:
         if stage.bands_follow:
             depth = float(poses.position[index, 2])
             depth -= camera.CHASE_HEIGHT if stage.chase else 0.0
-            stage.model.geom_rgba[stage.bands, :3] = sea.backdrop_colours(depth)
+            stage.model.geom_rgba[stage.bands, :3] = sea.backdrop_colours(depth, len(stage.bands))
         mujoco.mj_kinematics(stage.model, data)
         mujoco.mj_camlight(stage.model, data)
         return here - shift

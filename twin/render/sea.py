@@ -17,8 +17,9 @@ from twin.render.shapes import Shape
 
 Array = NDArray[np.float64]
 
-BANDS, WALL_BANDS = 256, 96
-"""Steps of the colour gradients of backdrop and walls: fine enough that the eye sees none"""
+OPEN_BANDS, BANDS, WALL_BANDS = 256, 96, 96
+"""Steps of the colour gradients of open water, of the backdrop around a block and behind the
+close-up, and of walls: fine enough that the eye sees none"""
 REACH = 70.0
 """[m] that one sees through the water, straight up or down: sets the backdrop's gradient"""
 OPEN_RADIUS = 700.0
@@ -45,9 +46,11 @@ def backdrop_radius(layout: Layout) -> float:
     return 6.0 * float(np.linalg.norm(layout.size * layout.factors)) + 60.0
 
 
-def add_backdrop(props: Props, name: str, group: int, radius: float, *, light: bool) -> list[str]:
+def add_backdrop(
+    props: Props, name: str, group: int, radius: float, *, light: bool, bands: int = BANDS
+) -> list[str]:
     """A sphere around everything, in bands whose colours make a gradient; their names."""
-    edges = _elevations()
+    edges = _elevations(bands)
     colours = backdrop_colour((edges[1:] + edges[:-1]) / 2, 0.0 if light else None)
     return [
         props.add(
@@ -61,16 +64,16 @@ def add_backdrop(props: Props, name: str, group: int, radius: float, *, light: b
     ]
 
 
-def _elevations() -> Array:
-    return np.linspace(-math.pi / 2, math.pi / 2, BANDS + 1)
+def _elevations(bands: int) -> Array:
+    return np.linspace(-math.pi / 2, math.pi / 2, bands + 1)
 
 
-def backdrop_colours(depth: float) -> Array:
-    """Colours of the backdrop's bands for a camera at `depth` [m]; negative is above the water.
+def backdrop_colours(depth: float, bands: int) -> Array:
+    """Colours of a backdrop's bands for a camera at `depth` [m]; negative is above the water.
 
-    Shape (BANDS, 3).
+    Shape (bands, 3).
     """
-    edges = _elevations()
+    edges = _elevations(bands)
     middles = (edges[1:] + edges[:-1]) / 2
     colours = backdrop_colour(middles, depth)
     if depth < 0.0:

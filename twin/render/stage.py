@@ -127,7 +127,8 @@ def build(
     props = Props(vehicle.xml, shot.width, shot.height)
     chase = shot.camera == "chase"
     radius = sea.OPEN_RADIUS if chase else sea.backdrop_radius(layout)
-    bands = sea.add_backdrop(props, "backdrop", BACKDROP_GROUP, radius, light=chase)
+    count = sea.OPEN_BANDS if chase else sea.BANDS
+    bands = sea.add_backdrop(props, "backdrop", BACKDROP_GROUP, radius, light=chase, bands=count)
     if not chase and shot.inset:
         bands = sea.add_backdrop(props, "close_up", CLOSE_UP_GROUP, radius, light=True)
     if chase:
