@@ -46,14 +46,15 @@ def build(
       InputError: no log holds a dive.
     """
     rows: list[Row] = []
+    lacking: dict[str, list[str]] = {}
     for log in sorted(logs, key=lambda one: (one.span[0], one.deployment)):
         log = with_depth(log, tally)
         depth = log.channel("measured_depth")
         if not len(log.fixes):
-            tally.add("missing", "GPS fixes", 1, f"{log.deployment}: rows are split by depth")
+            lacking.setdefault("GPS fixes", []).append(log.deployment)
         for name in WANTED:
             if not len(log.channel(name)):
-                tally.add("missing", name, 1, log.deployment)
+                lacking.setdefault(name, []).append(log.deployment)
         segments = cut(log, depth, rules, tally)
         tally.add(
             "left out", "depth samples", _outside(depth, segments),
@@ -75,6 +76,9 @@ def build(
                     numbers=_numbers(log, segment, segments, number),
                 )
             )
+    for name, deployments in lacking.items():
+        split = " (rows are split by depth)" if name == "GPS fixes" else ""
+        tally.add("missing", name, len(deployments), f"in {summarise(deployments, 3)}{split}")
     if not rows:
         raise InputError(
             f"no dive deeper than {rules.min_depth:g} m in {summarise(files)}; lower --min-depth "

@@ -60,6 +60,13 @@ def wrong_kind(path: Path, names: Iterable[str], wanted: str) -> InputError:
     return InputError(f"{path.name} is no {wanted} log that is known here; it holds {some}")
 
 
+def _is_log(kind: str, path: Path) -> bool:
+    if path.suffix.lower() in SUFFIXES[kind]:
+        return True
+    # SeaExplorer numbers its files: sea035.12.gli.sub.36
+    return kind == "seaexplorer" and bool({"gli", "pld1"} & set(path.name.lower().split(".")))
+
+
 def expand(kind: str, paths: Sequence[Path], tally: Tally) -> list[Path]:
     """The files named, and those of the kind in the folders named (not in folders below).
 
@@ -72,7 +79,7 @@ def expand(kind: str, paths: Sequence[Path], tally: Tally) -> list[Path]:
     for path in paths:
         if path.is_dir():
             every = sorted(p for p in path.iterdir() if p.is_file())
-            inside = [p for p in every if p.suffix.lower() in SUFFIXES[kind]]
+            inside = [p for p in every if _is_log(kind, p)]
             if not inside:
                 raise InputError(
                     f"folder {path} holds no {kind} logs ({' '.join(sorted(SUFFIXES[kind]))}); "

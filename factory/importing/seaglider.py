@@ -46,6 +46,8 @@ class Glider:
     samples: list[Columns] = dataclasses.field(default_factory=list)
     dives: list[Columns] = dataclasses.field(default_factory=list)
     adcp: list[Columns] = dataclasses.field(default_factory=list)
+    ctd: list[Columns] = dataclasses.field(default_factory=list)
+    """Temperature and salinity with times of their own (netCDF); tables have them in samples."""
     files: list[str] = dataclasses.field(default_factory=list)
 
 
@@ -62,12 +64,14 @@ def read_seaglider(
         if path.suffix.lower() == ".nc":
             from factory.importing.seaglider_netcdf import read_dive
 
-            name, samples, dives, adcp = read_dive(path, tally)
+            name, samples, dives, adcp, ctd = read_dive(path, tally)
             glider = gliders.setdefault(name, Glider(name))
             glider.samples.append(samples)
             glider.dives.append(dives)
             if adcp:
                 glider.adcp.append(adcp)
+            if ctd:
+                glider.ctd.append(ctd)
             glider.files.append(path.name)
         else:
             _table(read_table(path), gliders, tally)
@@ -136,6 +140,7 @@ def _log(glider: Glider, variation_deg: float | None, tally: Tally) -> Log:
         variation = Channel(time[:1], np.array([variation_deg]))
     fixes = _fixes(dives, glider.name, tally)
     channels = _channels(time, samples, dives, variation, fixes, glider.name, tally)
+    channels |= _ctd(glider, time, samples, channels, fixes, tally)
     auxiliary: dict[str, Channel] = {}
     if "dive" in samples:
         there = np.isfinite(samples["dive"])
@@ -202,24 +207,44 @@ def _channels(
         )
     elif depth is not None:
         channels["measured_depth"] = clean("measured_depth", time, depth, tally)
-    if "temp_c" in samples and "sal_psu" in samples:
-        at = channels.get("measured_pressure") or channels.get("measured_depth") or EMPTY
-        channels |= ctd_channels(
-            time,
-            temperature=samples["temp_c"],
-            pressure=at.at(time),
-            practical=samples["sal_psu"],
+    return channels
+
+
+def _ctd(
+    glider: Glider,
+    time: Array,
+    samples: Columns,
+    channels: dict[str, Channel],
+    fixes: Fixes,
+    tally: Tally,
+) -> dict[str, Channel]:
+    """Temperature, salinity and density from the samples and from CTDs with their own times."""
+    pieces = list(glider.ctd)
+    if "temp_c" in samples:
+        pieces.append({"time": time, **{n: samples[n] for n in _CTD if n in samples}})
+    columns = stacked(pieces, ("time", *_CTD)) if pieces else {}
+    at = channels.get("measured_pressure") or channels.get("measured_depth")
+    if "sal_psu" in columns and at:
+        there = np.isfinite(columns["temp_c"])
+        own = unix_seconds(columns.pop("time")[there], f"{glider.name} CTD", tally)
+        columns = {name: values[there] for name, values in columns.items()}
+        own, columns = tidy(own, columns, f"{glider.name} CTD", tally)
+        return ctd_channels(
+            own,
+            temperature=columns["temp_c"],
+            pressure=at.at(own),
+            practical=columns["sal_psu"],
             latitude=float(np.median(fixes.latitude)) if len(fixes) else 0.0,
             longitude=float(np.median(fixes.longitude)) if len(fixes) else 0.0,
             tally=tally,
         )
-    elif "rho_insitu" in samples:
-        channels["measured_density"] = clean(
-            "measured_density", time, samples["rho_insitu"], tally, subject="rho_insitu"
-        )
-    return channels
+    if "rho_insitu" in samples:
+        dense = clean("measured_density", time, samples["rho_insitu"], tally, subject="rho_insitu")
+        return {"measured_density": dense}
+    return {}
 
 
+_CTD = ("temp_c", "sal_psu")
 _FLYING = 20.0
 """[m] A log that goes so deep pitched more than 1.5 degree."""
 
