@@ -36,7 +36,7 @@ P_LOG, P_LOG_ROWS, P_LOG_PERIOD = 84, 85, 86  # address and capacity; [s], 0 = n
 P_FLUID, P_FLUID_COUNT = 87, 88  # address and number of ellipsoid fluid geoms
 P_VISCOSITY = 89  # [Pa s], ellipsoid model only
 P_ACTUATOR_MIN, P_ACTUATOR_MAX = 90, 93  # 3 each
-P_CENTRED = 96  # 1: water at the time-centred velocity, see plant.centred_velocity
+P_CENTRED = 96  # 1: water at the time-centred velocity, see plant.remember_velocity
 P_ROTARY_INERTIA = 97  # 3: roll, pitch, yaw inertia with added mass [kg m2]
 PARAMETERS = 100
 

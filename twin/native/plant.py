@@ -21,19 +21,15 @@ from numba import types
 from twin.current.sampler import sample
 from twin.density import density_at
 from twin.errors import TwinError
-from twin.guidance import (
-    GAINS,
-    GUIDANCE_STATE,
-    HEADING_SETPOINT,
-    PITCH_SETPOINT,
-    SEGMENT,
-    SEGMENT_COLUMNS,
-    guidance_step,
-)
+from twin.guidance import GUIDANCE_STATE
 from twin.native import block as b
 from twin.native import layout as at
+from twin.native.access import array, block_address, field, inline, jit, layout_table
 from twin.native.cache import cached_by_content
-from twin.native.memory import as_f8_pointer, load_f8, load_i8
+from twin.native.control import run_control
+from twin.native.log import run_log
+from twin.native.mass_matrix import add_added_mass
+from twin.native.memory import load_f8, load_i8
 from twin.native.water import (
     actuator_rate,
     added_mass_wrench,
@@ -47,87 +43,8 @@ USER_SIZE = b.U_GUIDANCE + GUIDANCE_STATE
 
 _VOID = types.void(types.int64, types.int64)
 
-layout_table = types.ExternalFunction("glider_twin_layout", types.int64())
 mj_make_mass = types.ExternalFunction("mj_makeM", _VOID)
 mj_factor_mass = types.ExternalFunction("mj_factorM", _VOID)
-
-jit = numba.njit(error_model="numpy")
-inline = numba.njit(error_model="numpy", inline="always")
-
-
-@inline
-def field(table, struct, slot):
-    """The pointer-sized word of `struct` at `slot` of the layout table."""
-    return load_i8(struct + load_i8(table + 8 * slot))
-
-
-@inline
-def block_address(table, model):
-    """Address of the model's parameter block, 0 when it is not one of ours."""
-    count = field(table, model, at.M_NUMERIC_COUNT)
-    if count < b.PARAMETERS:
-        return 0
-    address = field(table, model, at.M_NUMERIC_DATA) + 8 * (count - b.PARAMETERS)
-    if load_f8(address) != b.MAGIC or load_f8(address + 8) != b.VERSION:
-        return 0
-    return address
-
-
-@inline
-def array(address, size):
-    """The `size` float64 values at `address`, as an array without a copy."""
-    return numba.carray(as_f8_pointer(address), size)
-
-
-@jit
-def add_added_mass(block, mass, rotation):
-    """Add J^T M_A J to the free joint's block of the lower-triangular mass matrix.
-
-    The free joint's linear velocities are in the world frame, its angular ones in hull axes, so
-    J = diag(R^T, 1) with R hull to world. `rotation` is R, row major; M_A turns from FRD to
-    hull axes by the signs of its rows and columns.
-    """
-    r00, r01, r02 = rotation[0], rotation[1], rotation[2]
-    r10, r11, r12 = rotation[3], rotation[4], rotation[5]
-    r20, r21, r22 = rotation[6], rotation[7], rotation[8]
-    m = b.P_ADDED_MASS
-    # A R^T with A in hull axes: x keeps its sign, y and z flip together
-    a00, a01, a02 = block[m], -block[m + 1], -block[m + 2]
-    a11, a12, a22 = block[m + 7], block[m + 8], block[m + 14]
-    t00, t01, t02 = _times(a00, a01, a02, r00, r01, r02, r10, r11, r12, r20, r21, r22)
-    t10, t11, t12 = _times(a01, a11, a12, r00, r01, r02, r10, r11, r12, r20, r21, r22)
-    t20, t21, t22 = _times(a02, a12, a22, r00, r01, r02, r10, r11, r12, r20, r21, r22)
-    mass[0] += r00 * t00 + r01 * t10 + r02 * t20
-    mass[1] += r10 * t00 + r11 * t10 + r12 * t20
-    mass[2] += r10 * t01 + r11 * t11 + r12 * t21
-    mass[3] += r20 * t00 + r21 * t10 + r22 * t20
-    mass[4] += r20 * t01 + r21 * t11 + r22 * t21
-    mass[5] += r20 * t02 + r21 * t12 + r22 * t22
-    # C R^T, rotational rows against translational columns, and the rotational corner
-    for i in range(3):
-        k = m + 18 + 6 * i
-        sign = 1.0 if i == 0 else -1.0
-        c0, c1, c2 = sign * block[k], -sign * block[k + 1], -sign * block[k + 2]
-        x, y, z = _times(c0, c1, c2, r00, r01, r02, r10, r11, r12, r20, r21, r22)
-        start = (3 + i) * (4 + i) // 2
-        mass[start] += x
-        mass[start + 1] += y
-        mass[start + 2] += z
-        mass[start + 3] += sign * block[k + 3]
-        if i > 0:
-            mass[start + 4] -= sign * block[k + 4]
-        if i > 1:
-            mass[start + 5] -= sign * block[k + 5]
-
-
-@inline
-def _times(a, b0, c, r00, r01, r02, r10, r11, r12, r20, r21, r22):
-    """The row (a, b0, c) times R^T."""
-    return (
-        a * r00 + b0 * r01 + c * r02,
-        a * r10 + b0 * r11 + c * r12,
-        a * r20 + b0 * r21 + c * r22,
-    )
 
 
 @inline
@@ -280,99 +197,6 @@ def actuate(model, data, index):
     position = array(field(table, data, at.D_ACT), 3)[index]
     command = array(field(table, data, at.D_CTRL), 3)[index]
     return actuator_rate(block, index, position, command)
-
-
-@jit
-def run_control(block, table, data, time, state):
-    """Guidance or schedule, once per control period."""
-    period = block[b.P_CONTROL_PERIOD]
-    step_tolerance = 1e-6 * period
-    if time < state[b.U_TICKS] * period - step_tolerance:
-        return
-    state[b.U_TICKS] += 1.0
-    control = array(field(table, data, at.D_CTRL), 3)
-    rows = int(block[b.P_TABLE_ROWS])
-    if block[b.P_CONTROL] == b.CONTROL_SCHEDULE:
-        steps = numba.carray(as_f8_pointer(int(block[b.P_TABLE])), (rows, 4))
-        k = 0
-        while k + 1 < rows and time >= steps[k + 1, 0] - step_tolerance:
-            k += 1
-        for i in range(3):
-            control[i] = steps[k, 1 + i]
-        return
-    qpos = array(field(table, data, at.D_QPOS), 9)
-    velocity = array(field(table, data, at.D_QVEL), 6)
-    hull = int(block[b.P_HULL_BODY])
-    rotation = array(field(table, data, at.D_XMAT) + 72 * hull, 9)
-    roll = math.atan2(rotation[7], rotation[8])
-    pitch = math.asin(min(max(rotation[6], -1.0), 1.0))
-    heading = math.atan2(-rotation[3], rotation[0])
-    if heading < 0.0:
-        heading += 2.0 * math.pi
-    position = array(field(table, data, at.D_ACT), 3)
-    plan = numba.carray(as_f8_pointer(int(block[b.P_TABLE])), (rows, SEGMENT_COLUMNS))
-    gains = block[b.P_GAINS : b.P_GAINS + GAINS]
-    memory = state[b.U_GUIDANCE : b.U_GUIDANCE + GUIDANCE_STATE]
-    command = state[b.U_COMMAND : b.U_COMMAND + 3]
-    guidance_step(
-        plan,
-        gains,
-        memory,
-        time,
-        -qpos[2],
-        roll,
-        pitch,
-        heading,
-        velocity[3],
-        -velocity[4],
-        -velocity[5],
-        position[0],
-        position[1],
-        position[2],
-        command,
-    )
-    for i in range(3):
-        control[i] = command[i]
-
-
-@jit
-def run_log(block, table, model, data, time, state):
-    """Begin a log row when one is due; close the previous one with its acceleration."""
-    qvel = array(field(table, data, at.D_QVEL), 8)
-    timestep = load_f8(model + load_i8(table + 8 * at.M_TIMESTEP))
-    logged = int(state[b.U_LOGGED])
-    first = int(block[b.P_LOG])
-    if state[b.U_OPEN] == 1.0:
-        last = array(first + 8 * b.ROW * (logged - 1), b.ROW)
-        elapsed = time - last[b.R_TIME]
-        if elapsed > 0.5 * timestep:
-            for i in range(6):
-                last[b.R_ACCELERATION + i] = (qvel[i] - last[b.R_QVEL + i]) / elapsed
-            state[b.U_OPEN] = 0.0
-    due = logged * block[b.P_LOG_PERIOD]
-    if logged >= int(block[b.P_LOG_ROWS]) or time < due - 0.5 * timestep:
-        return
-    row = array(first + 8 * b.ROW * logged, b.ROW)
-    qpos = array(field(table, data, at.D_QPOS), 9)
-    act = array(field(table, data, at.D_ACT), 3)
-    control = array(field(table, data, at.D_CTRL), 3)
-    row[b.R_TIME] = time
-    for i in range(9):
-        row[b.R_QPOS + i] = qpos[i]
-    for i in range(8):
-        row[b.R_QVEL + i] = qvel[i]
-    for i in range(3):
-        row[b.R_ACT + i] = act[i]
-        row[b.R_CTRL + i] = control[i]
-        row[b.R_CURRENT + i] = state[b.U_CURRENT + i]
-    row[b.R_DENSITY] = state[b.U_DENSITY]
-    row[b.R_IMMERSION] = state[b.U_IMMERSION]
-    row[b.R_NET_MASS] = state[b.U_NET_MASS]
-    row[b.R_PITCH_SETPOINT] = state[b.U_GUIDANCE + PITCH_SETPOINT]
-    row[b.R_HEADING_SETPOINT] = state[b.U_GUIDANCE + HEADING_SETPOINT]
-    row[b.R_SEGMENT] = state[b.U_GUIDANCE + SEGMENT]
-    state[b.U_LOGGED] += 1.0
-    state[b.U_OPEN] = 1.0
 
 
 @jit
