@@ -26,7 +26,8 @@ class Simulate(JsonOption):
     """shipped vehicle name, or the path of an MJCF file"""
     current: str = "none"
     """current, such as uniform:-0.05,-0.002 (north, east [m/s]) or
-    grid:FILE.nc,lat=49,lon=-16,time=2000-01-05; parts are added with +"""
+    grid:FILE.nc,lat=49,lon=-16,time=2000-01-05; parts are added with +; docs/currents.md lists
+    all kinds and settings"""
     density: str = "constant"
     """constant, thermocline, or a CSV file with depth and density columns"""
     duration: float | None = None

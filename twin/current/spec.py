@@ -33,7 +33,7 @@ grid:FILE.nc,lat=49,lon=-16,time=2000-01-05   CF netCDF or zarr
 Directions are toward, clockwise from north. Add currents with +."""
 """What `--current` accepts, a line each."""
 
-_NUMBERS: dict[str, dict[str, str]] = {
+NUMBER_SETTINGS: dict[str, dict[str, str]] = {
     "ekman": {
         "tau": "stress", "stress": "stress", "direction": "direction_deg",
         "viscosity": "viscosity", "az": "viscosity", "density": "density", "lat": "latitude_deg",
@@ -59,7 +59,7 @@ _NUMBERS: dict[str, dict[str, str]] = {
 }  # fmt: skip
 """Command-line name and field of every setting that is a number."""
 
-_CLASSES: dict[str, type[Current]] = {
+NUMBER_KINDS: dict[str, type[Current]] = {
     "ekman": Ekman,
     "geostrophic": Geostrophic,
     "inertial": Inertial,
@@ -67,11 +67,15 @@ _CLASSES: dict[str, type[Current]] = {
     "log-layer": LogLayer,
 }
 
-_GRID_SETTINGS = {
+TIDE_SETTINGS = {"direction": "direction_deg", "phase": "phase_deg", "minor": "semi_minor"}
+"""Command-line name and field of what every tidal constituent has beside its amplitude."""
+
+GRID_SETTINGS = {
     "lat": "latitude_deg", "lon": "longitude_deg", "time": "time", "u": "east", "v": "north",
     "w": "up", "units": "units", "land": "land", "hold": "hold_s", "reach": "reach_m",
     "span": "span_s", "sha256": "sha256",
 }  # fmt: skip
+"""Command-line name and field of every setting of a grid beside its path."""
 _GRID_NUMBERS = {"lat", "lon", "hold", "reach", "span"}
 
 
@@ -106,7 +110,7 @@ def _parse_one(text: str) -> Current:
         "tide": _tide,
         "grid": _grid,
     }
-    known = [*parsers, *_CLASSES, "none"]
+    known = [*parsers, *NUMBER_KINDS, "none"]
     if kind not in known:
         raise CurrentError(unknown_name("current", kind, known))
     if not colon or not rest.strip():
@@ -118,7 +122,7 @@ def _parse_one(text: str) -> Current:
 
 
 def _numeric(kind: str, rest: str) -> Current:
-    names = _NUMBERS[kind]
+    names = NUMBER_SETTINGS[kind]
     positional, given = _settings(kind, rest)
     if positional:
         raise CurrentError(f"{kind}: write NAME=VALUE, not {positional[0]!r}; {_allowed(names)}")
@@ -130,13 +134,13 @@ def _numeric(kind: str, rest: str) -> Current:
         settings[names[name]] = _integer(kind, name, number) if name == "seed" else number
     needed = [
         name
-        for name, field in _CLASSES[kind].__dataclass_fields__.items()
+        for name, field in NUMBER_KINDS[kind].__dataclass_fields__.items()
         if field.default is field.default_factory and name not in settings
     ]
     if needed:
         text = next(name for name, field in names.items() if field == needed[0])
         raise CurrentError(f"{kind}: {text}= is missing; {_allowed(names)}")
-    return _CLASSES[kind](**settings)
+    return NUMBER_KINDS[kind](**settings)
 
 
 def _uniform(rest: str) -> Current:
@@ -166,7 +170,7 @@ def _tide(rest: str) -> Current:
     positional, given = _settings("tide", rest)
     if positional:
         raise CurrentError(f"tide: write NAME=VALUE, e.g. m2=0.1, not {positional[0]!r}")
-    fields = {"direction": "direction_deg", "phase": "phase_deg", "minor": "semi_minor"}
+    fields = TIDE_SETTINGS
     constituents = [name for name in given if name.upper() in PERIOD_HOURS]
     allowed = [name.lower() for name in PERIOD_HOURS] + list(fields)
     allowed += [f"{c}_{field}" for c in constituents for field in fields]
@@ -195,9 +199,9 @@ def _grid(rest: str) -> Current:
         )
     settings: dict[str, str | float] = {}
     for name, value in given.items():
-        if name not in _GRID_SETTINGS:
-            raise CurrentError(unknown_name("grid setting", name, _GRID_SETTINGS))
-        field = _GRID_SETTINGS[name]
+        if name not in GRID_SETTINGS:
+            raise CurrentError(unknown_name("grid setting", name, GRID_SETTINGS))
+        field = GRID_SETTINGS[name]
         settings[field] = _number("grid", name, value) if name in _GRID_NUMBERS else value
     return Grid(path=positional[0], **settings)  # type: ignore[arg-type]
 
