@@ -17,13 +17,16 @@ BASE_WIDTH, BASE_HEIGHT = 1280, 720
 """[pixel] of the picture in which sizes are given; they grow with the picture"""
 STRIP = 85
 """Height of the strip of readouts [pixel of the base picture]"""
-FREE = {"bottom": STRIP + 42, "top": 72, "left": 0.075, "right": 0.245}
-"""What framing keeps free for the display: pixels of the base picture below for the strip and the
+FREE = {"bottom": 42, "top": 72, "left": 0.075, "right": 0.245}
+"""What framing keeps free for the display: pixels of the base picture above the strip for the
 distances, and above for the title; parts of the width for depths, and for close-up and legend"""
 INSET_WIDTH, INSET_ASPECT = 0.217, 1.43
 """Width of the close-up over the picture's, and its width over its height"""
 CURVE_SHARE = 0.22
 """Width of the depth curve over the picture's"""
+NAME_TOP, VALUE_TOP, NOTES_TOP, COMPASS_TOP = 15, 34, 14, 82
+"""From the strip's edge to the readouts' names and values, and from the picture's to the notes and
+the compass, likewise"""
 TITLE, VALUE, NAME, LABEL, LEGEND = 17, 25, 12, 14, 13
 """Font sizes [pixel of a BASE_WIDTH x BASE_HEIGHT picture]"""
 SMALLEST_FONT = 8
@@ -47,7 +50,21 @@ class Canvas:
     @property
     def strip_top(self) -> int:
         """First row of the strip."""
-        return self.height - self.px(STRIP)
+        # Letters stop shrinking before the picture does.
+        letters = NAME_TOP * self.unit + 1.25 * (self.font_size(NAME) + self.font_size(VALUE))
+        return self.height - max(self.px(STRIP), round(letters))
+
+    @property
+    def value_top(self) -> int:
+        """First row of the strip's values."""
+        below = self.px(NAME_TOP) + round(1.2 * self.font_size(NAME))
+        return self.strip_top + max(self.px(VALUE_TOP), below)
+
+    @property
+    def compass_top(self) -> int:
+        """First row of the compass, under two lines of notes."""
+        notes = 1.4 * (self.font_size(TITLE) + self.font_size(LEGEND)) + self.px(NOTES_TOP + 14)
+        return max(self.px(COMPASS_TOP), round(notes))
 
     @property
     def inset(self) -> tuple[int, int, int, int]:
@@ -59,9 +76,10 @@ class Canvas:
     @property
     def frame(self) -> Frame:
         """What framing keeps free for all this."""
+        free_below = FREE["bottom"] * self.unit / self.height
         return Frame(
             aspect=self.width / self.height,
-            bottom=min(FREE["bottom"] * self.unit / self.height, 0.4),
+            bottom=min((self.height - self.strip_top) / self.height + free_below, 0.4),
             top=min(FREE["top"] * self.unit / self.height, 0.3),
             left=FREE["left"],
             right=FREE["right"],

@@ -40,10 +40,7 @@ class Hud:
         labels.draw_compass(frame, canvas, view)
         for add, keep, left, top in self._panel:
             text.blend(frame, add, keep, left, top)
-        # In a small picture the names above do not shrink any further.
-        y = canvas.strip_top + max(
-            canvas.px(34), canvas.px(15) + round(1.2 * canvas.font_size(NAME))
-        )
+        y = canvas.value_top
         for readout, x in zip(readouts(self._poses, index), self._columns, strict=False):
             text.write(frame, readout.value, x, y, self._value_size, palette.WHITE, bold=True)
         self._draw_cursor(frame, index)

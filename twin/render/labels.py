@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
 KILO = 1000.0
-COMPASS, COMPASS_TOP = 48, 82
-"""Size and top of the compass [pixel of the base picture]"""
+COMPASS = 48
+"""Size of the compass [pixel of the base picture]"""
 SCALE_BAR = 56
 """From the close-up down to the map's scale bar [pixel of the base picture]"""
 OVERSAMPLING = 4
@@ -126,7 +126,7 @@ def draw_compass(frame: Pixels, canvas: Canvas, view: View) -> None:
     north = np.array([1.0, 0.0, 0.0])
     ahead = view.up if view.parallel else view.forward
     angle = math.atan2(float(north @ view.right), float(north @ ahead))
-    size, left, top = canvas.px(COMPASS), canvas.px(22), canvas.px(COMPASS_TOP)
+    size, left, top = canvas.px(COMPASS), canvas.px(22), canvas.compass_top
     if view.parallel:
         inset_left, inset_top, wide, high = canvas.inset
         left = inset_left + wide - size

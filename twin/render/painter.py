@@ -148,7 +148,10 @@ class Painter:
         facts = []
         if self.frames > 1:
             span = float(self.poses.time[-1] - self.poses.time[0])
-            facts.append(f"{span / (self.frames - 1) * shot.fps:.3g} × real time")
+            speed_up = span / (self.frames - 1) * shot.fps
+            facts.append(
+                f"{speed_up:,.0f} × real time" if speed_up >= 10 else f"{speed_up:.2g} × real time"
+            )
         if not self.stage.chase:
             if shot.camera != "map" and layout.exaggeration != 1.0:
                 facts.append(f"depth × {layout.exaggeration:g}")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from twin.render import palette, text
-from twin.render.canvas import LEGEND, NAME, TITLE, Canvas
+from twin.render.canvas import LEGEND, NAME, NAME_TOP, NOTES_TOP, TITLE, Canvas
 from twin.render.readout import Readout
 from twin.render.ribbon import Ribbon
 from twin.render.stage import Line, Stage
@@ -19,6 +19,8 @@ Pixels = NDArray[np.uint8]
 STRIP_ALPHA, LEGEND_ALPHA = 0.66, 0.45
 BAR = (190, 11)
 """Width and height of the colour bar [pixel of the base picture]"""
+LEGEND_SHARE = 0.32
+"""Width of the legend over the picture's from which a small picture goes without"""
 LINE = 1.35
 """Least height of a legend's row over its font size"""
 ROW = 20
@@ -51,7 +53,7 @@ def draw_panel(
     draw.line((0, canvas.strip_top, canvas.width, canvas.strip_top), fill=EDGE)
     face = text.font(canvas.font_size(NAME))
     for item, x in zip(items, columns, strict=False):
-        y = canvas.strip_top + canvas.px(15)
+        y = canvas.strip_top + canvas.px(NAME_TOP)
         draw.text((x, y), item.name, font=face, fill=(*palette.DIM, 255))
     _draw_curve(image, canvas, stage.lines[0].ribbon, stage)
     _draw_notes(draw, canvas, notes)
@@ -82,7 +84,7 @@ def _draw_curve(image: Image.Image, canvas: Canvas, ribbon: Ribbon, stage: Stage
 
 
 def _draw_notes(draw: ImageDraw.ImageDraw, canvas: Canvas, notes: Sequence[str]) -> None:
-    y = canvas.px(14)
+    y = canvas.px(NOTES_TOP)
     for i, line in enumerate(notes):
         size = canvas.font_size(TITLE if i == 0 else LEGEND)
         colour = (255, 255, 255, 255) if i == 0 else (*palette.DIM, 255)
@@ -94,7 +96,10 @@ def _draw_notes(draw: ImageDraw.ImageDraw, canvas: Canvas, notes: Sequence[str])
 
 
 def _draw_legend(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
-    """Names of the dead-reckoned tracks, the current and the colour scale, lower right."""
+    """Names of the dead-reckoned tracks, the current and the colour scale, lower right.
+
+    A picture so small that the legend would cover the scene has none.
+    """
     draw = ImageDraw.Draw(image)
     size = canvas.font_size(LEGEND)
     face, row, scale = text.font(size), max(canvas.px(ROW), round(LINE * size)), stage.scale
@@ -105,6 +110,8 @@ def _draw_legend(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
     wide = max(bar[0], text.width(scale.label, size))
     wide = max([wide, *(canvas.px(34) + text.width(name, size) for name in names)])
     high = 3 * row - canvas.px(6) + row * len(names)
+    if wide > LEGEND_SHARE * canvas.width:
+        return
     left = canvas.width - canvas.px(20) - wide
     top = canvas.strip_top - canvas.px(18) - high
     pad = canvas.px(10)

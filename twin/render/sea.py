@@ -201,7 +201,7 @@ def _add_surface(props: Props, layout: Layout) -> None:
     """The sea surface, seen from above and from below."""
     length = float((layout.size * layout.factors)[:2].max())
     above = _sheet(layout, WAVE_SHARE * length * _terrain(RELIEF + 1, seed=11, rough=0.9))
-    props.add("surface", above, palette.GLASS, alpha=0.24, material="lit")
+    props.add("surface", above, palette.GLASS, alpha=0.17, material="lit")
     below = dataclasses.replace(above, faces=above.faces[:, ::-1], normals=-above.normals)
     props.add("surface_below", below, palette.GLASS, alpha=0.22, material="lit")
 

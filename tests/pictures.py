@@ -1,0 +1,86 @@
+"""Shared set-ups of the tests that draw: a short mission in a sheared current, and its store."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin.current.profile import Profile
+from twin.mission import Mission, SawTooth
+from twin.render.context import available_backend
+from twin.render.film import Subject
+from twin.render.tracks import NamedTrack
+from twin.scenario import Scenario
+from twin.simulate import simulate
+from twin.store import mission_dataset, write_store
+from twin.trajectory import Trajectory
+from twin.vehicle import load_vehicle
+
+needs_gl = pytest.mark.skipif(
+    available_backend() is None, reason="this machine has no OpenGL without a screen"
+)
+SHEAR = Profile(depth=(0.0, 30.0, 60.0), north=(0.25, 0.10, 0.0), east=(0.0, 0.15, 0.10))
+PLAN = Mission(
+    name="short",
+    start_heading_deg=40,
+    segments=(SawTooth(max_depth_m=40, pitch_deg=35, heading_deg=40, yos=1),),
+)
+DURATION = 300.0
+
+
+def short_scenario() -> Scenario:
+    """One yo to 40 m."""
+    return Scenario(vehicle=load_vehicle("glider"), plan=PLAN, duration=DURATION, current=SHEAR)
+
+
+def measured(trajectory: Trajectory) -> Trajectory:
+    """The trajectory with plausible sensors; GPS only at the surface, a DVL in two modes."""
+    generator = np.random.default_rng(0)
+    signals = dict(trajectory.signals)
+    count = len(trajectory.time)
+    for name in ("pitch", "roll", "heading", "depth", "yaw_rate", "specific_force_x"):
+        signals[f"measured_{name}"] = signals[f"true_{name}"] + 0.1 * generator.normal(size=count)
+    for name in ("surge", "sway", "heave"):
+        signals[f"measured_dvl_{name}"] = signals[f"true_{name}"] + 0.01
+    signals["measured_dvl_mode"] = np.where(np.arange(count) < count // 2, 2.0, 1.0)
+    for name in ("north", "east"):
+        signals[f"measured_onboard_{name}"] = signals[f"true_{name}"] * 1.1
+        fix = np.where(signals["true_depth"] < 1.0, signals[f"true_{name}"] + 3.0, np.nan)
+        signals[f"measured_gps_{name}"] = fix
+    return Trajectory(time=trajectory.time, signals=signals, states=trajectory.states)
+
+
+def dead_reckoned(trajectory: Trajectory) -> tuple[NamedTrack, ...]:
+    """Two tracks that drift away to either side."""
+    time, north, east = trajectory.time, trajectory["true_north"], trajectory["true_east"]
+    aside = 40.0 * time / time[-1]
+    return (
+        NamedTrack(name="network", time=time, north=north + aside, east=east - aside),
+        NamedTrack(name="steady_flight", time=time, north=north - aside, east=east + aside),
+    )
+
+
+def short_subject() -> Subject:
+    """The mission as the subject of pictures, without tracks."""
+    scenario = short_scenario()
+    return Subject(trajectory=simulate(scenario), vehicle=scenario.vehicle, title="short")
+
+
+def write_short_store(path: Path) -> Path:
+    """A store of two missions, as `twin simulate` writes it."""
+    scenario = short_scenario()
+    trajectory = measured(simulate(scenario))
+    attributes = {"scenario": json.dumps(scenario.describe())}
+    return write_store(mission_dataset([trajectory, trajectory], attributes=attributes), path)
+
+
+def write_tracks(path: Path, trajectory: Trajectory) -> Path:
+    """The dead-reckoned tracks as a file that commands read."""
+    arrays = {"time": trajectory.time}
+    for track in dead_reckoned(trajectory):
+        arrays |= {f"{track.name}_north": track.north, f"{track.name}_east": track.east}
+    np.savez(path, **arrays)
+    return path
