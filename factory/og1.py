@@ -21,12 +21,16 @@ from factory.og1_terms import (
     ASCENT,
     COORDINATES,
     DESCENT,
+    DVL_MODE_FILL,
+    DVL_MODES,
     EPOCH,
     FILL,
     INFLECTION,
+    LONG_NAMES,
     MEASURED,
     N_MEASUREMENTS,
     NOMINAL_DEPLOYMENT,
+    PHASE_FLAGS,
     PHASES,
     SENSORS,
     STILL_SPEED,
@@ -34,7 +38,9 @@ from factory.og1_terms import (
     SURFACING,
     TIME_FILL,
     VOCABULARY,
+    bounds,
     global_attributes,
+    sensor_attributes,
 )
 from factory.stored import StoredRun
 from twin.current.origin import Origin
@@ -69,10 +75,15 @@ def export_og1(run: StoredRun, mission: int, folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{identity['id']}.nc"
     with netCDF4.Dataset(path, "w", format="NETCDF4") as file:
-        file.setncatts(identity)
-        file.createDimension(N_MEASUREMENTS, int(run.samples[mission]))
+        samples = int(run.samples[mission])
+        file.createDimension(N_MEASUREMENTS, None)  # unlimited, as the format demands
+        place = {}
         for name, series in _series(run, mission, identity):
-            options: dict[str, Any] = {"compression": "zlib"} if series.dimensions else {}
+            options: dict[str, Any] = {}
+            if series.dimensions:
+                options = {"compression": "zlib", "chunksizes": (samples,)}
+            if name in COORDINATES.split():
+                place[name] = series.values
             kind: Any = str if series.kind == "str" else series.kind
             variable: Any = file.createVariable(
                 name, kind, series.dimensions, fill_value=series.fill, **options
@@ -85,12 +96,15 @@ def export_og1(run: StoredRun, mission: int, folder: Path) -> Path:
                 if series.fill is not None:
                     values = np.where(np.isnan(values), series.fill, values)
                 variable[...] = values
+        limits = bounds(place["LATITUDE"], place["LONGITUDE"], place["DEPTH"])
+        file.setncatts({**identity, **limits})
     return path
 
 
 def _needed() -> list[str]:
     positions = ["measured_onboard_north", "measured_onboard_east", "measured_gps_north"]
-    return [*positions, "measured_gps_east", "measured_depth", *(name for _, name, _ in MEASURED)]
+    signals = [name for _, name, _ in MEASURED]
+    return [*positions, "measured_gps_east", "measured_depth", "measured_dvl_mode", *signals]
 
 
 def _series(
@@ -116,14 +130,18 @@ def _series(
     vehicle = str(run.settings["vehicle"])
     yield "PLATFORM_MODEL", _text(f"simulated {vehicle} glider", "model of the glider", **model)
     yield "PLATFORM_SERIAL_NUMBER", _text(f"sim{mission:06d}", "glider serial number")
-    yield "TIME", Series(time, _time_attributes("Time elapsed since 1970-01-01T00:00:00Z"))
+    elapsed = _time_attributes("Time elapsed since 1970-01-01T00:00:00Z")
+    elapsed["time_vocabulary"] = VOCABULARY + "TIME/"
+    yield "TIME", Series(time, elapsed, TIME_FILL)
     latitude, longitude = geographic(
         row("measured_onboard_north"), row("measured_onboard_east"), origin
     )
     method = {"interpolation_methodology": "simulated on-board dead reckoning between GPS fixes"}
     long_name = "longitude of each measurement and GPS location"
-    yield "LONGITUDE", _position(longitude, long_name, "longitude", method)
-    yield "LATITUDE", _position(latitude, "Latitude north (WGS84)", "latitude", method)
+    own = {**method, "longitude_vocabulary": VOCABULARY + "LON/"}
+    yield "LONGITUDE", _position(longitude, long_name, "longitude", own)
+    own = {**method, "latitude_vocabulary": VOCABULARY + "LAT/"}
+    yield "LATITUDE", _position(latitude, "Latitude north (WGS84)", "latitude", own)
     yield (
         "DEPTH",
         Series(
@@ -137,6 +155,8 @@ def _series(
                 "valid_min": 0.0,
                 "valid_max": 10000.0,
                 "depth_vocabulary": VOCABULARY + "DEPTH/",
+                "comment": "readings above the surface, by the zero error of the gauge, are 0 "
+                "here; PRES keeps them",
             },
             fill=FILL,
         ),
@@ -176,30 +196,32 @@ def _series(
                 "long_name": "behavior of the glider at sea",
                 "phase_vocabulary": PHASES,
                 "phase_calculation_method": "depth and vertical speed of the simulation",
+                **_flags(PHASE_FLAGS),
                 "coordinates": COORDINATES,
             },
             fill=0,
             kind="i1",
         ),
     )
-    for name, (model_name, vocabulary) in SENSORS.items():
-        yield (
-            name,
-            Series(
-                np.array(0, np.int8),
-                {
-                    "long_name": model_name,
-                    "sensor_model": model_name,
-                    "sensor_model_vocabulary": "n/a",
-                    "sensor_type_vocabulary": vocabulary,
-                    "comment": "simulated",
-                },
-                dimensions=(),
-                kind="i1",
-            ),
-        )
+    for name in SENSORS:
+        empty = np.array(0, np.int8)
+        yield name, Series(empty, sensor_attributes(run, name), dimensions=(), kind="i1")
     for name, stored, sensor in MEASURED:
         yield name, _signal(row(stored), stored, {"sensor": sensor} if sensor else {})
+    yield (
+        "DVL_MODE",
+        Series(
+            row("measured_dvl_mode"),
+            {
+                "long_name": "what the DVL's velocity is relative to (simulated)",
+                **_flags(DVL_MODES),
+                "coordinates": COORDINATES,
+                "sensor": "SENSOR_DVL",
+            },
+            fill=DVL_MODE_FILL,
+            kind="i1",
+        ),
+    )
     true_latitude, true_longitude = geographic(row("true_north"), row("true_east"), origin)
     yield "TRUE_LONGITUDE", _position(true_longitude, "true longitude", "longitude", at)
     yield "TRUE_LATITUDE", _position(true_latitude, "true latitude", "latitude", at)
@@ -235,6 +257,14 @@ def _text(value: str, long_name: str, **attributes: str) -> Series:
     )
 
 
+def _flags(meanings: Mapping[int, str]) -> dict[str, Any]:
+    """CF's attributes of a variable that holds codes."""
+    return {
+        "flag_values": np.array(list(meanings), np.int8),
+        "flag_meanings": " ".join(meanings.values()),
+    }
+
+
 def _time_attributes(long_name: str) -> dict[str, Any]:
     return {
         "long_name": long_name,
@@ -268,7 +298,7 @@ def _signal(values: Array, stored: str, attributes: Mapping[str, Any]) -> Series
     variable = VARIABLES[stored]
     described: dict[str, Any] = {
         **variable.attributes(),
-        "long_name": f"{variable.long_name} (simulated)",
+        "long_name": f"{LONG_NAMES.get(stored, variable.long_name)} (simulated)",
         "coordinates": COORDINATES,
         **attributes,
     }

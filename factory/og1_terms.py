@@ -5,8 +5,14 @@ from __future__ import annotations
 import datetime
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from factory.stored import StoredRun
+from twin.sensors import SensorSuite
 from twin.version import __version__
+
+Array = NDArray[np.float64]
 
 N_MEASUREMENTS = "N_MEASUREMENTS"
 EPOCH = "seconds since 1970-01-01T00:00:00Z"
@@ -25,6 +31,16 @@ PHASES = (
 COORDINATES = "TIME LONGITUDE LATITUDE DEPTH"
 ASCENT, DESCENT, SURFACING, INFLECTION = 1, 2, 3, 5
 """Codes of the format's phase vocabulary"""
+PHASE_FLAGS = {
+    ASCENT: "ascent",
+    DESCENT: "descent",
+    SURFACING: "surfacing",
+    INFLECTION: "inflexion",
+}
+"""Those that occur here, spelt as in the vocabulary"""
+DVL_MODES = {0: "none", 1: "bottom", 2: "water"}
+"""What the DVL's velocity is relative to; with the bottom it contains the current"""
+DVL_MODE_FILL = -1
 SURFACE_DEPTH_M = 1.5
 """Shallower the glider counts as at the surface: half a hull and some"""
 STILL_SPEED = 0.03
@@ -49,27 +65,68 @@ MEASURED = (
     ("DVL_HEAVE", "measured_dvl_heave", "SENSOR_DVL"),
 )
 """(name in the file, name in the store, sensor variable)"""
+LONG_NAMES = {
+    "measured_pressure": "sea water pressure, equals 0 at sea level, by the transducer",
+    "measured_dvl_surge": "DVL velocity relative to DVL_MODE, forward",
+    "measured_dvl_sway": "DVL velocity relative to DVL_MODE, starboard",
+    "measured_dvl_heave": "DVL velocity relative to DVL_MODE, down",
+}
+"""Of signals whose own long name would mislead in this format"""
+SENSOR_TYPES = "https://vocab.nerc.ac.uk/collection/L05/current/"
 SENSORS = {
-    "SENSOR_PRESSURE": (
-        "simulated pressure transducer", "https://vocab.nerc.ac.uk/collection/L05/current/",
-    ),
+    "SENSOR_PRESSURE": ("pressure", "pressure transducer", "pressure transducer"),
     "SENSOR_AHRS": (
-        "simulated Microstrain 3DM-GX5-25 attitude and heading reference",
-        "https://vocab.nerc.ac.uk/collection/L05/current/",
+        "imu",
+        "attitude and heading reference",
+        "Microstrain 3DM-GX5-25 attitude and heading reference",
     ),
-    "SENSOR_DVL": (
-        "simulated LinkQuest 600 kHz micro DVL",
-        "https://vocab.nerc.ac.uk/collection/L05/current/",
-    ),
-}  # fmt: skip
+    "SENSOR_DVL": ("dvl", "Doppler velocity log", "LinkQuest 600 kHz micro DVL"),
+}
+"""Sensor variable: device of the sensor suite, what it is, and the model whose errors it has"""
+
+
+def sensor_attributes(run: StoredRun, name: str) -> dict[str, str]:
+    """Attributes of a sensor variable; a device without errors is nobody's model."""
+    device, kind, model = SENSORS[name]
+    settings = getattr(run.suite, device)
+    called = f"simulated {model}"
+    if not getattr(settings, "fitted", True):
+        called = f"none: this vehicle has no {kind}"
+    elif settings == getattr(SensorSuite.preset("ideal"), device):
+        called = f"simulated ideal {kind}"
+    return {
+        "long_name": called,
+        "sensor_model": called,
+        "sensor_model_vocabulary": "n/a",
+        "sensor_maker": "none: simulation",
+        "sensor_serial_number": "n/a",
+        "sensor_type_vocabulary": SENSOR_TYPES,
+        "comment": "simulated",
+    }
 
 
 def _stamp(moment: datetime.datetime) -> str:
     return moment.strftime("%Y%m%dT%H%M%S")
 
 
+def bounds(latitude: Array, longitude: Array, depth: Array) -> dict[str, float | str]:
+    """ACDD's limits of the data, which search engines of data portals read."""
+    return {
+        "geospatial_lat_min": float(latitude.min()),
+        "geospatial_lat_max": float(latitude.max()),
+        "geospatial_lat_units": "degrees_north",
+        "geospatial_lon_min": float(longitude.min()),
+        "geospatial_lon_max": float(longitude.max()),
+        "geospatial_lon_units": "degrees_east",
+        "geospatial_vertical_min": float(depth.min()),
+        "geospatial_vertical_max": float(depth.max()),
+        "geospatial_vertical_units": "m",
+        "geospatial_vertical_positive": "down",
+    }
+
+
 def global_attributes(run: StoredRun, mission: int) -> dict[str, Any]:
-    """Global attributes."""
+    """Global attributes; those that depend on the data are `bounds`."""
     serial = f"sim{mission:06d}"
     start = _stamp(NOMINAL_DEPLOYMENT)
     end = NOMINAL_DEPLOYMENT + datetime.timedelta(seconds=float(run.small("duration")[mission]))

@@ -57,7 +57,7 @@ class Generate(JsonOption):
         from factory.generate import generate
 
         recipe = self._recipe()
-        history = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+        history = shlex.join([console.prog, *sys.argv[1:]])
         try:
             with console.progress(total=recipe.plan.hours, label="generate", unit="h") as progress:
 

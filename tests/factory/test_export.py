@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 
 from factory.og1 import export_og1, geographic, phases
-from factory.og1_terms import PHASES
+from factory.og1_terms import PHASES, sensor_attributes
 from factory.parquet import export_parquet
 from factory.plot import store_page
 from factory.stored import StoredRun
 from twin.current.origin import Origin
 from twin.errors import InputError, StoreError
 from twin.schema import VARIABLES
+from twin.sensors import SensorSuite
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +53,18 @@ def test_og1_has_what_the_format_demands_and_says_that_it_is_simulated(
         assert file["TRAJECTORY"].cf_role == "trajectory_id"
         assert file["PHASE"].phase_vocabulary == PHASES
         np.testing.assert_allclose(np.diff(file["TIME"][:]), 0.5)
+        assert file.dimensions["N_MEASUREMENTS"].isunlimited()
+        for name in ("TIME", "TIME_GPS"):
+            assert file[name].get_fill_value() == -1.0
+        latitude, depth = np.asarray(file["LATITUDE"][:]), np.asarray(file["DEPTH"][:])
+        assert (file.geospatial_lat_min, file.geospatial_lat_max) == (
+            latitude.min(),
+            latitude.max(),
+        )
+        assert (file.geospatial_vertical_min, file.geospatial_vertical_max) == (
+            depth.min(),
+            depth.max(),
+        )
         pitch = run.row("measured_pitch", 1)[:samples]
         np.testing.assert_array_equal(np.asarray(file["PITCH"][:]), pitch)
         gps = np.ma.getmaskarray(file["LATITUDE_GPS"][:])
@@ -84,6 +97,41 @@ def test_og1_passes_the_cf_check(
     )
     assert passed, report.read_text()
     assert not errors
+
+
+def test_og1_says_what_the_codes_mean_and_the_dvl_refers_to(og1: Path, field_store: Path) -> None:
+    """A velocity over the bottom contains the current, one through the water does not."""
+    run = StoredRun(field_store)
+    with netCDF4.Dataset(og1) as file:
+        for name in ("PHASE", "DVL_MODE"):
+            meanings = str(file[name].flag_meanings).split()
+            assert len(meanings) == len(file[name].flag_values)
+            assert set(np.unique(file[name][:])) <= set(file[name].flag_values)
+        mode = np.asarray(file["DVL_MODE"][:])
+        np.testing.assert_array_equal(mode, run.row("measured_dvl_mode", 1)[: len(mode)])
+        np.testing.assert_array_equal(mode == 0, np.isnan(np.asarray(file["DVL_SURGE"][:])))
+        for stored in file.variables.values():
+            if sensor := getattr(stored, "sensor", None):
+                assert sensor in file.variables
+
+
+@pytest.mark.parametrize(
+    ("sensors", "ahrs", "dvl"),
+    [
+        ("ideal", "simulated ideal attitude and heading reference", "simulated ideal Doppler"),
+        ("field", "simulated Microstrain 3DM-GX5-25", "simulated LinkQuest"),
+        ("field-no-dvl", "simulated Microstrain 3DM-GX5-25", "none: this vehicle has no Doppler"),
+    ],
+)
+def test_og1_calls_the_sensors_what_they_were(
+    sensors: str, ahrs: str, dvl: str, field_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = StoredRun(field_store)
+    monkeypatch.setattr(run, "suite", SensorSuite.preset(sensors))
+    for name, model in (("SENSOR_AHRS", ahrs), ("SENSOR_DVL", dvl)):
+        attributes = sensor_attributes(run, name)
+        assert attributes["sensor_model"] == attributes["long_name"]
+        assert attributes["sensor_model"].startswith(model)
 
 
 def test_geographic_positions_agree_with_geodesy() -> None:
@@ -119,7 +167,9 @@ def test_parquet_has_a_row_for_every_sample(field_store: Path, tmp_path: Path) -
     path = export_parquet(run, range(len(run)), tmp_path / "missions.parquet")
     table = pq.read_table(path)
     assert table.num_rows == run.samples.sum()
-    assert table.column_names == ["mission", "split", "time", *VARIABLES]
+    stored = [name for name in VARIABLES if name in run.dataset]
+    assert len(stored) > 50
+    assert table.column_names == ["mission", "split", "time", *stored]
     assert table.schema.field("true_surge").metadata[b"units"] == b"m s-1"
     mission = table["mission"].to_numpy()
     depth = table["true_depth"].to_numpy()[mission == 1]
