@@ -21,11 +21,11 @@ import numpy as np
 from numba import njit
 
 from learn.baselines.base import Baseline, Estimate, afloat
-from learn.baselines.steady_flight import net_mass
 from learn.dead_reckoning import Array, Attitude, Signals, finite_channel
 from twin.errors import InputError
 from twin.fossen.forces import Parameters, damping_wrench, parameters_of
 from twin.fossen.matrices import skew
+from twin.identify.balance import net_mass
 from twin.vehicle import Vehicle
 
 STATES = 5

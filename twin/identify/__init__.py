@@ -1,0 +1,29 @@
+"""Identification: the parameters of a real vehicle from its own logs, and its speed from them.
+
+logs = load_logs("real.zarr")
+found = identify(logs, load_calibration("slocum"))
+speed = estimate(logs[0], found.calibration).speed
+"""
+
+from twin.identify.calibration import Calibration, load_calibration
+from twin.identify.fit import Estimate, Identification, identify
+from twin.identify.flight import Motion, fly
+from twin.identify.log import Log, load_logs, store_hash
+from twin.identify.speed import SpeedEstimate, estimate, estimate_speed, motion_of
+
+__all__ = [
+    "Calibration",
+    "Estimate",
+    "Identification",
+    "Log",
+    "Motion",
+    "SpeedEstimate",
+    "estimate",
+    "estimate_speed",
+    "fly",
+    "identify",
+    "load_calibration",
+    "load_logs",
+    "motion_of",
+    "store_hash",
+]

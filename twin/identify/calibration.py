@@ -1,0 +1,161 @@
+"""Calibration: a vehicle's parameters together with what its log needs to be read right.
+
+A log sees the vehicle through sensors that are mounted askew and a hull that shrinks in the cold.
+Both stand beside the vehicle's own parameters here and are written into the same MJCF file.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import VehicleError
+from twin.vehicle import CUBIC_CM, Vehicle, load_vehicle
+
+Array = NDArray[np.float64]
+
+HULL_NUMERIC, SENSOR_NUMERIC = "hull_and_water", "sensor_errors"
+"""Names of the MJCF numerics that hold what `Vehicle` does not."""
+ALUMINIUM_EXPANSION = 7.1e-5
+"""[1/K] of volume: three times the 23.6e-6 of aluminium alloys; the Seaglider basestation's
+hulls have 7.05e-5."""
+THERMAL_LAG = 200.0
+"""[s] in which the hull follows the water's temperature; fitted to a Slocum in a thermocline of
+14 K (docs/real.md)."""
+REFERENCE_TEMPERATURE = 10.0
+"""[degree_Celsius] at which the hull has its neutral volume."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """What identification estimates."""
+
+    vehicle: Vehicle
+    """Its `reference_density` is the density in which it is neutral at pump 0, pressure 0 and
+    `REFERENCE_TEMPERATURE`: the trim."""
+    water_density: float
+    """[kg/m3] of the sea in a log that does not measure it."""
+    thermal_expansion: float = ALUMINIUM_EXPANSION
+    """[1/K], relative volume gained per temperature of the hull, where a log has temperature."""
+    thermal_lag: float = THERMAL_LAG
+    """[s], first-order lag of the hull's temperature behind the water's."""
+    pitch_scale: float = 1.0
+    """True pitch = scale * measured + offset."""
+    pitch_offset: float = 0.0
+    """[rad]"""
+    heading_offset: float = 0.0
+    """[rad], true heading less measured, mean over all headings"""
+    heading_cycles: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    """[rad] of cos, sin of the heading (magnets aboard) and of twice the heading (soft iron)."""
+
+    def true_pitch(self, measured: Array) -> Array:
+        """Pitch [rad] of the hull, from the sensor's [rad]."""
+        return self.pitch_scale * measured + self.pitch_offset
+
+    def true_heading(self, measured: Array) -> Array:
+        """Heading [rad] of the hull, from the compass' [rad]; the deviation is a function of the
+        measured heading."""
+        c1, s1, c2, s2 = self.heading_cycles
+        deviation = c1 * np.cos(measured) + s1 * np.sin(measured)
+        deviation = deviation + c2 * np.cos(2 * measured) + s2 * np.sin(2 * measured)
+        return measured + self.heading_offset + deviation
+
+    def net_mass(self, density: Array, depth: Array, pump: Array, hull_warming: Array) -> Array:
+        """Net buoyancy mass [kg], + = heavy, fully immersed.
+
+        Args:
+          density: in situ [kg/m3]. depth: [m]. pump: [cm3], + = lighter.
+          hull_warming: temperature of the hull above `REFERENCE_TEMPERATURE` [K]. Each (time,).
+        """
+        vehicle = self.vehicle
+        pressure = vehicle.reference_density * vehicle.gravity * depth
+        strain = self.thermal_expansion * hull_warming - vehicle.hull_compressibility * pressure
+        volume = (vehicle.neutral_volume + CUBIC_CM * pump) * (1.0 + strain)
+        return vehicle.mass - density * volume
+
+    def describe(self) -> dict[str, float]:
+        """The figures that the vehicle file's own elements do not hold, in the file's units."""
+        return {
+            "water_density": self.water_density,
+            "thermal_expansion": self.thermal_expansion,
+            "thermal_lag": self.thermal_lag,
+            "pitch_scale": self.pitch_scale,
+            "pitch_offset": self.pitch_offset,
+            "heading_offset": self.heading_offset,
+            **dict(
+                zip(
+                    ("heading_cos", "heading_sin", "heading_cos2", "heading_sin2"),
+                    self.heading_cycles,
+                    strict=True,
+                )
+            ),
+        }
+
+    def replace(self, **changes: object) -> Calibration:
+        """A copy with other values."""
+        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+
+
+def load_calibration(
+    vehicle: str | Path,
+    *,
+    pitch_scale: float | None = None,
+    pitch_offset: float | None = None,
+) -> Calibration:
+    """The calibration that a vehicle file holds, or the nominal one of a file without any.
+
+    Args:
+      vehicle: name of a shipped file or path of one; `twin identify` writes such files.
+      pitch_scale, pitch_offset: known errors of the pitch sensor [1], [rad], in place of the
+        file's.
+
+    Raises:
+      VehicleError: unknown or unreadable file, or a figure in it that is none.
+    """
+    loaded = load_vehicle(vehicle)
+    calibration = Calibration(vehicle=loaded, water_density=loaded.reference_density)
+    numerics = {
+        element.get("name"): element.get("data", "")
+        for element in ElementTree.fromstring(loaded.xml).iterfind("./custom/numeric")
+    }
+    hull = _numbers(loaded, numerics, HULL_NUMERIC, 3)
+    if hull is not None:
+        calibration = calibration.replace(
+            water_density=hull[0], thermal_expansion=hull[1], thermal_lag=hull[2]
+        )
+    sensors = _numbers(loaded, numerics, SENSOR_NUMERIC, 7)
+    if sensors is not None:
+        calibration = calibration.replace(
+            pitch_scale=sensors[0],
+            pitch_offset=sensors[1],
+            heading_offset=sensors[2],
+            heading_cycles=tuple(sensors[3:]),
+        )
+    if pitch_scale is not None:
+        calibration = calibration.replace(pitch_scale=pitch_scale)
+    if pitch_offset is not None:
+        calibration = calibration.replace(pitch_offset=pitch_offset)
+    return calibration
+
+
+def _numbers(
+    vehicle: Vehicle, numerics: Mapping[str | None, str], name: str, size: int
+) -> list[float] | None:
+    if name not in numerics:
+        return None
+    try:
+        values = [float(word) for word in numerics[name].split()]
+    except ValueError:
+        values = []
+    if len(values) != size or not all(map(math.isfinite, values)):
+        raise VehicleError(
+            f"vehicle file {vehicle.path}: <numeric name={name!r}> data = {numerics[name]!r} must "
+            f"be {size} finite numbers"
+        )
+    return values

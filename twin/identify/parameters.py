@@ -1,0 +1,237 @@
+"""Parameters: what can be estimated from a log, in which unit, and what is known before.
+
+Each parameter has a nominal value (the vehicle file's) and a spread, the standard deviation of
+what such vehicles are known to differ by. Drag is the size of all coefficients: lift and induced
+drag are given as ratios to it, because a glide at one pitch shows the size only, and because the
+ratios belong to the shape of a vehicle while its drag changes with every sensor and barnacle.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+
+from twin.errors import InputError, unknown_name
+from twin.identify.calibration import Calibration
+
+DEGREE = math.pi / 180.0
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One quantity that identification can estimate."""
+
+    name: str
+    unit: str
+    meaning: str
+    spread: float
+    """Standard deviation known beforehand, in `unit`; of the logarithm where `logarithmic`."""
+    logarithmic: bool = False
+    """Positive, known up to a factor."""
+    least: float | None = None
+    """Smallest value there can be, in `unit`, of one that is not logarithmic."""
+    channel: str | None = None
+    """What it needs: "density", "temperature" or "fixes" in the log, or the user's "request". Lift,
+    induced drag and pitch offset all turn into drag and trim when a log holds one pitch, and then
+    take up what the model lacks: with a current between fixes lift can be told, the others are
+    estimated when asked for (docs/real.md)."""
+    get: Callable[[Calibration], float]
+    set: Callable[[Calibration, float], Calibration]
+
+    def at(self, calibration: Calibration, nominal: float, offset: float) -> Calibration:
+        """The calibration with this parameter `offset` spreads away from `nominal`."""
+        return self.set(calibration, self.value(nominal, offset))
+
+    def value(self, nominal: float, offset: float) -> float:
+        """The value that lies `offset` spreads from `nominal`."""
+        if self.logarithmic:
+            return nominal * math.exp(self.spread * offset)
+        return nominal + self.spread * offset
+
+    def deviation(self, value: float, scaled: float) -> float:
+        """Standard deviation in `unit` at `value`, from one in spreads."""
+        return scaled * self.spread * (value if self.logarithmic else 1.0)
+
+
+def _vehicle(calibration: Calibration, **changes: object) -> Calibration:
+    return calibration.replace(vehicle=calibration.vehicle.replace(**changes))
+
+
+def _set_drag(calibration: Calibration, value: float) -> Calibration:
+    """All coefficients of the straight flight grow together: see the module."""
+    vehicle = calibration.vehicle
+    scale = value / vehicle.drag[0]
+    return _vehicle(
+        calibration,
+        drag=(value, vehicle.drag[1] * scale),
+        lift=(vehicle.lift[0] * scale, vehicle.lift[1] * scale),
+    )
+
+
+def _set_mass(calibration: Calibration, value: float) -> Calibration:
+    """The static block takes the change; its inertia and the water that moves along grow with it."""
+    vehicle = calibration.vehicle
+    scale = value / vehicle.mass
+    return _vehicle(
+        calibration,
+        static_mass=value - vehicle.movable_mass,
+        static_inertia=vehicle.static_inertia * scale,
+        added_mass=vehicle.added_mass * scale,
+    )
+
+
+def _set_lift(calibration: Calibration, ratio: float) -> Calibration:
+    vehicle = calibration.vehicle
+    return _vehicle(calibration, lift=(vehicle.lift[0], ratio * vehicle.drag[0]))
+
+
+def _set_induced(calibration: Calibration, ratio: float) -> Calibration:
+    vehicle = calibration.vehicle
+    return _vehicle(calibration, drag=(vehicle.drag[0], ratio * vehicle.drag[0]))
+
+
+def _set_cycle(index: int) -> Callable[[Calibration, float], Calibration]:
+    def put(calibration: Calibration, value: float) -> Calibration:
+        cycles = list(calibration.heading_cycles)
+        cycles[index] = value * DEGREE
+        return calibration.replace(heading_cycles=tuple(cycles))
+
+    return put
+
+
+def _get_cycle(index: int) -> Callable[[Calibration], float]:
+    return lambda calibration: calibration.heading_cycles[index] / DEGREE
+
+
+_COMPASS_SPREAD = 3.0
+"""[deg] deviation of a glider's compass after its own calibration, with 10 deg not unheard of."""
+
+PARAMETERS: tuple[Parameter, ...] = (
+    Parameter(
+        name="neutral_density",
+        unit="kg m-3",
+        meaning="density in which the vehicle is neutral at pump 0: the trim",
+        spread=5.0,  # 0.5 % of the volume, more than the pump of any glider: in effect free
+        get=lambda c: c.vehicle.reference_density,
+        set=lambda c, x: _vehicle(c, reference_density=x),
+    ),
+    Parameter(
+        name="drag",
+        unit="kg m-1",
+        meaning="parasite drag K_D0; lift and induced drag keep their ratios to it",
+        spread=1.0,  # a factor of 2.7 either way: in effect free
+        logarithmic=True,
+        get=lambda c: c.vehicle.drag[0],
+        set=_set_drag,
+    ),
+    Parameter(
+        name="mass",
+        unit="kg",
+        meaning="mass, and with it the volume whose buoyancy follows the water's density",
+        spread=0.3,  # one vehicle file stands for hulls of 50 to 75 kg
+        logarithmic=True,
+        channel="density",
+        get=lambda c: c.vehicle.mass,
+        set=_set_mass,
+    ),
+    Parameter(
+        name="lift_ratio",
+        unit="rad-1",
+        meaning="lift slope over parasite drag, K_alpha / K_D0: the angle of attack",
+        spread=0.25,  # published Slocum models: 48 and 62
+        logarithmic=True,
+        channel="fixes",
+        get=lambda c: c.vehicle.lift[1] / c.vehicle.drag[0],
+        set=_set_lift,
+    ),
+    Parameter(
+        name="induced_ratio",
+        unit="rad-2",
+        meaning="induced over parasite drag, K_D / K_D0",
+        spread=0.7,  # published Slocum models: 12 and 70
+        logarithmic=True,
+        channel="request",
+        get=lambda c: c.vehicle.drag[1] / c.vehicle.drag[0],
+        set=_set_induced,
+    ),
+    Parameter(
+        name="compressibility",
+        unit="1e-10 Pa-1",
+        meaning="relative volume that the hull loses per pressure",
+        spread=6.0,  # metal hulls: 4 to 7
+        least=0.0,
+        get=lambda c: 1e10 * c.vehicle.hull_compressibility,
+        set=lambda c, x: _vehicle(c, hull_compressibility=1e-10 * x),
+    ),
+    Parameter(
+        name="thermal_expansion",
+        unit="1e-6 K-1",
+        meaning="relative volume that the hull gains per temperature",
+        spread=20.0,  # aluminium 71, composites less
+        channel="temperature",
+        get=lambda c: 1e6 * c.thermal_expansion,
+        set=lambda c, x: c.replace(thermal_expansion=1e-6 * x),
+    ),
+    Parameter(
+        name="thermal_lag",
+        unit="s",
+        meaning="time in which the hull follows the temperature of the water",
+        spread=0.7,
+        logarithmic=True,
+        channel="temperature",
+        get=lambda c: c.thermal_lag,
+        set=lambda c, x: c.replace(thermal_lag=x),
+    ),
+    Parameter(
+        name="pitch_offset",
+        unit="degree",
+        meaning="true pitch less the sensor's",
+        spread=1.0,  # alignment of an attitude sensor in the hull
+        channel="request",
+        get=lambda c: c.pitch_offset / DEGREE,
+        set=lambda c, x: c.replace(pitch_offset=x * DEGREE),
+    ),
+    Parameter(
+        name="heading_offset",
+        unit="degree",
+        meaning="true heading less the compass', mean over all headings",
+        spread=_COMPASS_SPREAD,
+        channel="fixes",
+        get=lambda c: c.heading_offset / DEGREE,
+        set=lambda c, x: c.replace(heading_offset=x * DEGREE),
+    ),
+    *(
+        Parameter(
+            name=f"heading_{name}",
+            unit="degree",
+            meaning=f"compass deviation with the {text}",
+            spread=_COMPASS_SPREAD,
+            channel="fixes",
+            get=_get_cycle(index),
+            set=_set_cycle(index),
+        )
+        for index, (name, text) in enumerate(
+            (
+                ("cos", "cosine of the heading"),
+                ("sin", "sine of the heading"),
+                ("cos2", "cosine of twice the heading"),
+                ("sin2", "sine of twice the heading"),
+            )
+        )
+    ),
+)
+
+NAMES = tuple(parameter.name for parameter in PARAMETERS)
+
+
+def choose(names: Mapping[str, object] | tuple[str, ...] | list[str]) -> tuple[Parameter, ...]:
+    """The parameters of these names, in the order of `PARAMETERS`.
+
+    Raises:
+      InputError: an unknown name, with the nearest.
+    """
+    for name in names:
+        if name not in NAMES:
+            raise InputError(unknown_name("parameter", name, NAMES))
+    return tuple(parameter for parameter in PARAMETERS if parameter.name in names)

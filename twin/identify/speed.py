@@ -1,0 +1,172 @@
+"""Speed: the velocity through the water that a calibrated vehicle had in a log."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
+
+from twin.errors import InputError, unknown_name
+from twin.identify.balance import balance
+from twin.identify.calibration import Calibration, load_calibration
+from twin.identify.flight import Motion, fly
+from twin.identify.log import Log, load_logs
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+FlightModel = Literal["flight", "steady"]
+MODELS: tuple[FlightModel, ...] = ("flight", "steady")
+
+AFLOAT = 0.5
+"""[m] above this a vehicle lies at the surface, where its weight rests on its own buoyancy."""
+LEAST_IMMERSION = 0.3
+"""Part of the hull that the water acts on at the surface: half of it, less what waves uncover."""
+STEADY_WINDOW = 10.0
+"""[s] average of the attitude in the steady model."""
+STEADY_MARGIN = 45.0
+"""[s] before and after the pump or the pitch changes that no flight is steady."""
+STEADY_PUMP, STEADY_PITCH = 40.0, np.deg2rad(8.0)
+"""[cm3], [rad] of change within the margin that ends a steady flight."""
+STEADY_LEAST_PITCH = np.deg2rad(10.0)
+"""[rad] flatter than this no buoyancy glider glides."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SpeedEstimate:
+    """Velocities of one mission, (time,)."""
+
+    index: int
+    """Row in the store."""
+    period: float
+    """[s]"""
+    motion: Motion
+    """Surge, sway and heave through the water [m/s]."""
+    sink_rate: Array
+    """[m/s] downward through the water, which the vehicle's depth rate would be in still water."""
+    water_rise: Array
+    """[m/s] filtered depth rate less the model's: downward motion of the water plus model error."""
+    velocity_north: Array
+    """[m/s] through the water"""
+    velocity_east: Array
+    """[m/s] through the water"""
+    use: Mask
+    """Under water and measured."""
+
+    @property
+    def speed(self) -> Array:
+        """[m/s] through the water."""
+        return self.motion.speed
+
+    @property
+    def angle_of_attack(self) -> Array:
+        """[rad]"""
+        return self.motion.angle_of_attack
+
+    def track(self) -> Array:
+        """North, east [m] through the water since the first sample, (time, 2)."""
+        velocity = np.stack([self.velocity_north, self.velocity_east], axis=1)
+        steps = 0.5 * self.period * (velocity[1:] + velocity[:-1])
+        return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+
+
+def motion_of(log: Log, calibration: Calibration, model: FlightModel = "flight") -> Motion:
+    """Velocity through the water, body FRD, that the model gives for a log."""
+    if model not in MODELS:
+        raise InputError(unknown_name("flight model", model, MODELS))
+    vehicle = calibration.vehicle
+    density = log.density
+    if density is None:
+        density = np.full_like(log.depth, calibration.water_density)
+    net = calibration.net_mass(
+        density, np.maximum(log.depth, 0.0), log.pump, log.hull_warming(calibration.thermal_lag)
+    )
+    pitch = calibration.true_pitch(log.pitch)
+    if model == "steady":
+        half = max(round(STEADY_WINDOW / log.period), 1)
+        roll, pitch = (uniform_filter1d(a, half) for a in (log.roll, pitch))
+        rates = np.stack([uniform_filter1d(rate, half) for rate in log.rates])
+        speed, alpha, beta, gliding = balance(vehicle, net, roll, pitch, rates)
+        speed = np.where(gliding & (log.depth > AFLOAT), speed, 0.0)
+        return Motion(
+            surge=speed * np.cos(alpha) * np.cos(beta),
+            sway=speed * np.sin(beta),
+            heave=speed * np.sin(alpha) * np.cos(beta),
+        )
+    x = np.clip((log.depth + 0.5 * vehicle.hull_diameter) / vehicle.hull_diameter, 0.0, 1.0)
+    immersion = np.maximum(x * x * (3.0 - 2.0 * x), LEAST_IMMERSION)
+    return fly(
+        vehicle,
+        period=log.period,
+        net_mass=np.where(log.depth < AFLOAT, 0.0, net),
+        immersion=immersion,
+        roll=log.roll,
+        pitch=pitch,
+        rates=log.rates,
+    )
+
+
+def steady_parts(log: Log) -> Mask:
+    """Where the vehicle glides steadily: pump and pitch at rest all around, the nose not flat."""
+    width = 2 * max(round(STEADY_MARGIN / log.period), 1) + 1
+    still = np.ones(len(log.depth), bool)
+    for values, most in ((log.pump, STEADY_PUMP), (log.pitch, STEADY_PITCH)):
+        spread = maximum_filter1d(values, width) - minimum_filter1d(values, width)
+        still &= spread < most
+    return still & (np.abs(log.pitch) > STEADY_LEAST_PITCH)
+
+
+def horizontal(log: Log, calibration: Calibration, motion: Motion) -> tuple[Array, Array]:
+    """North and east velocity through the water [m/s], (time,) each; zero afloat."""
+    pitch, roll = calibration.true_pitch(log.pitch), log.roll
+    across = motion.sway * np.sin(roll) + motion.heave * np.cos(roll)
+    forward = motion.surge * np.cos(pitch) + across * np.sin(pitch)
+    starboard = motion.sway * np.cos(roll) - motion.heave * np.sin(roll)
+    heading = calibration.true_heading(log.heading)
+    under = log.depth > AFLOAT
+    north = forward * np.cos(heading) - starboard * np.sin(heading)
+    east = forward * np.sin(heading) + starboard * np.cos(heading)
+    return np.where(under, north, 0.0), np.where(under, east, 0.0)
+
+
+def estimate(log: Log, calibration: Calibration, model: FlightModel = "flight") -> SpeedEstimate:
+    """Velocities of one mission from its depth, attitude, pump and density."""
+    motion = motion_of(log, calibration, model)
+    sink = motion.sink_rate(log.roll, calibration.true_pitch(log.pitch))
+    north, east = horizontal(log, calibration, motion)
+    return SpeedEstimate(
+        index=log.index,
+        period=log.period,
+        motion=motion,
+        sink_rate=sink,
+        water_rise=log.depth_rate - log.filtered(sink),
+        velocity_north=north,
+        velocity_east=east,
+        use=log.use,
+    )
+
+
+def estimate_speed(
+    store: str | Path,
+    row: int,
+    vehicle: str | Path | Calibration,
+    *,
+    model: FlightModel = "flight",
+) -> SpeedEstimate:
+    """Velocities of one mission of a store.
+
+    Args:
+      store: path of a zarr store of logs.
+      row: mission in it.
+      vehicle: what `twin identify` wrote, a shipped vehicle's name, or a calibration.
+      model: "flight", with the vehicle's inertia, or "steady", forces in balance.
+
+    Raises:
+      StoreError: no such store, mission or channel, or no dive in it.
+      VehicleError: no such vehicle.
+    """
+    calibration = vehicle if isinstance(vehicle, Calibration) else load_calibration(vehicle)
+    return estimate(load_logs(store, [row])[0], calibration, model)
