@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import datetime
 import json
 from collections.abc import Sequence
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from factory.importing.dataset import Row, rows_dataset
+from factory.importing.dataset import FRAMES, Row, rows_dataset
 from factory.importing.log import Array, Channel, Log
 from factory.importing.resample import grid, on_grid
 from factory.importing.seawater import depth_of, pressure_of
@@ -81,8 +82,8 @@ def build(
         tally.add("missing", name, len(deployments), f"in {summarise(deployments, 3)}{split}")
     if not rows:
         raise InputError(
-            f"no dive deeper than {rules.min_depth:g} m in {summarise(files)}; lower --min-depth "
-            "for a shallower log"
+            f"no dive deeper than {rules.min_depth:g} m and longer than {rules.min_duration:g} s "
+            f"in {summarise(files)}; lower --min-depth for a shallower log"
         )
     names = tuple(n for n in VARIABLES if any(n in row.signals for row in rows))
     samples = sum(len(row.signals["measured_gap"]) for row in rows)
@@ -108,6 +109,8 @@ def build(
         "history": f"{stamp}: factory import {kind}",
         "import_report": json.dumps(report.to_dict()),
     }
+    if any(row.log.simulated for row in rows):
+        attributes["comment"] = f"The files say that they are simulated. {FRAMES}"
     return rows_dataset(rows, period, attributes), report
 
 
@@ -130,15 +133,7 @@ def with_depth(log: Log, tally: Tally) -> Log:
         tally.add("note", "measured_pressure", len(depth), "computed from the vehicle's depth")
     else:
         raise InputError(f"{log.deployment}: the log has neither pressure nor depth")
-    return Log(
-        deployment=log.deployment,
-        platform=log.platform,
-        channels=channels,
-        fixes=log.fixes,
-        magnetic_variation=log.magnetic_variation,
-        auxiliary=log.auxiliary,
-        files=log.files,
-    )
+    return dataclasses.replace(log, channels=channels)
 
 
 def _outside(depth: Channel, segments: Sequence[Segment]) -> int:

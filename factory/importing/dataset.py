@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 
 TEST_SPLIT = 2
 """Flag of `split`: all rows are for testing; learning makes its own folds."""
+FRAMES = (
+    "On one time grid. NED frame with its origin at each row's start; body axes forward, "
+    "starboard, down. Headings are true."
+)
+"""End of a store's comment."""
 _PHASE_FLAGS = sorted(PHASES)
 
 
@@ -89,8 +94,7 @@ def rows_dataset(rows: Sequence[Row], period: float, attributes: dict[str, Any])
         "schema": "glider-twin missions",
         "schema_version": SCHEMA_VERSION,
         "title": "Underwater glider logs",
-        "comment": "Recorded by a vehicle at sea, on one time grid. NED frame with its origin at "
-        "each row's first fix; body axes forward, starboard, down. Headings are true.",
+        "comment": f"Recorded by vehicles at sea. {FRAMES}",
         "sample_period_s": period,
         "glider_twin_version": __version__,
     }

@@ -15,8 +15,9 @@ def offset(
 ) -> tuple[Array, Array]:
     """North and east [m] of positions [degree] from (latitude0, longitude0).
 
-    Mid-latitude formula with the ellipsoid's two radii of curvature; a few cm wrong over 30 km,
-    far below a fix.
+    Metres along the meridian and along the parallel of the mean latitude: what a course by the
+    compass adds up to, on a sphere or not. A plane that touches the Earth at the first position
+    differs from it by tan(latitude) east^2 / 2 R: 0.6 m for 3 km east at 40 degree.
     """
     e2 = WGS84_FLATTENING * (2.0 - WGS84_FLATTENING)
     middle = np.radians(0.5 * (np.asarray(latitude) + latitude0))

@@ -92,6 +92,8 @@ class Log:
     """[degree] east positive: true heading = magnetic heading + variation; may be empty."""
     auxiliary: Mapping[str, Channel] = dataclasses.field(default_factory=dict)
     files: tuple[str, ...] = ()
+    simulated: bool = False
+    """True when the files say that no vehicle at sea recorded them."""
 
     def channel(self, name: str) -> Channel:
         """A channel or an auxiliary one; empty when the log lacks it."""

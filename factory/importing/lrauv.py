@@ -85,6 +85,8 @@ _WITH_UNIT = re.compile(r"^\s*([-+0-9.eE]+|nan)\s*([^\d\s].*)?$", re.IGNORECASE)
 _TURNING = 1.0
 """[rad/s] A propeller that turns faster drives."""
 
+_SIMULATOR = (".csv", ".gz")
+
 Series = tuple[Array, Array, str]
 """Time as written, values, unit as written."""
 
@@ -100,7 +102,7 @@ def read_lrauv(paths: Sequence[Path], *, variation_deg: float | None, tally: Tal
 
 def _series(path: Path) -> dict[str, Series]:
     """Every variable of a file with its own time."""
-    if path.suffix.lower() in (".csv", ".gz"):
+    if path.suffix.lower() in _SIMULATOR:
         return _csv(path)
     with open_netcdf(path) as file:
         try:
@@ -254,6 +256,8 @@ def _log(
         magnetic_variation=Channel(*np.zeros((2, 0))),
         auxiliary=auxiliary,
         files=(path.name,),
+        # the vehicle logs no csv: they come from its software in a simulated sea
+        simulated=path.suffix.lower() in _SIMULATOR,
     )
 
 

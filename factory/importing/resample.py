@@ -12,7 +12,7 @@ from factory.importing.tally import Tally
 
 Array = NDArray[np.float64]
 
-ANGLES = frozenset({"measured_heading", "commanded_heading"})
+ANGLES = frozenset({"measured_heading", "commanded_heading", "true_heading"})
 """[degree] On a circle: interpolated the short way round."""
 HELD = frozenset(
     {"commanded_shift", "commanded_rotation", "commanded_pump", "commanded_pitch",
@@ -70,6 +70,9 @@ def on_grid(
                 values = np.where(_distance(near, times) <= WATER_GAP, values, np.nan)
         if np.isfinite(values).any():
             signals[name] = values
+    for name in ("true_north", "true_east"):
+        if name in signals:  # of a simulated log, from its own origin
+            signals[name] = signals[name] - signals[name][0]
     _fill_density(signals, tally)
     gap = _gaps(log, times, period)
     tally.add("interpolated", "attitude or depth", int(gap.sum()), "grid samples within gaps")
