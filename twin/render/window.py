@@ -88,7 +88,7 @@ class Window:
         self._motion = Motion(self._stage, self._data, self._reshape)
         self._keys: queue.SimpleQueue[int] = queue.SimpleQueue()
         self._changed: dict[int, Array] = {}
-        self._time, self._paused = self._first, False
+        self._time, self._paused, self._closing = self._first, False, False
         self._mode = "follow" if self._stage.chase else self._shot.camera
         self._heading: float | None = None
         self._water = np.zeros(3)
@@ -110,7 +110,8 @@ class Window:
             for frames in itertools.count():
                 now = time.perf_counter()
                 elapsed = now - begun
-                if not handle.is_running() or (seconds is not None and elapsed >= seconds):
+                over = self._closing or (seconds is not None and elapsed >= seconds)
+                if over or not handle.is_running():
                     return frames / max(elapsed, 1e-9)
                 self._obey(handle)
                 row = self._move(now - before)
@@ -123,6 +124,10 @@ class Window:
                 handle.sync()
                 time.sleep(max(0.0, 1.0 / REFRESH - (time.perf_counter() - now)))
         raise AssertionError("the loop above only returns")
+
+    def close(self) -> None:
+        """End `run`, from another thread."""
+        self._closing = True
 
     @contextlib.contextmanager
     def _open(self) -> Iterator[Any]:
