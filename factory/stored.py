@@ -46,6 +46,11 @@ class StoredRun:
                 for name, text in self.settings["distributions"].items()
             }
         except (KeyError, ValueError) as error:
+            if "scenario" in self.dataset.attrs:
+                raise StoreError(
+                    f"store {self.path} is a mission of `twin simulate`; `twin plot` and `twin "
+                    "render` read it"
+                ) from error
             raise StoreError(
                 f"store {self.path} was not made by `factory generate`, or its attributes are "
                 f"damaged ({type(error).__name__}: {error})"

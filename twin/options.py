@@ -42,6 +42,7 @@ def parse_options(command: type[Options], *, prog: str, words: Sequence[str]) ->
         raise InputError(f"{_explain(event, command)} (see {prog} --help)")
 
     _spell_unions_out(command)
+    _hide_missing_defaults(command)
     try:
         with parse_errors.on_parse_error(reject):
             return tyro.cli(command, prog=prog, args=list(words), config=MARKERS)
@@ -74,6 +75,19 @@ def _spell_unions_out(command: type) -> None:
         own = vars(owner).get("__annotations__", {})
         for name in own.keys() & hints.keys():
             own[name] = _spelled_out(hints.pop(name))  # popped: a base's own version stays
+
+
+NO_DEFAULT = tyro.conf.arg(help_behavior_hint="")
+
+
+def _hide_missing_defaults(command: type) -> None:
+    """Leave "(default: None)" out of the help: an option's text says what happens without it."""
+    for field in dataclasses.fields(command):
+        if field.default is None or field.default == ():
+            owner = next(c for c in command.__mro__ if field.name in vars(c)["__annotations__"])
+            own = vars(owner)["__annotations__"]
+            if NO_DEFAULT not in getattr(own[field.name], "__metadata__", ()):
+                own[field.name] = typing.Annotated[own[field.name], NO_DEFAULT]
 
 
 def _spelled_out(kind: typing.Any) -> typing.Any:

@@ -149,6 +149,7 @@ def test_splits_are_named(paper_store: Path) -> None:
         (lambda a: a.pop("schema_version"), "does not say its schema_version"),
         (lambda a: a.pop("settings"), "was not made by `factory generate`"),
         (lambda a: a.update(settings="{"), "was not made by `factory generate`"),
+        (lambda a: (a.pop("settings"), a.update(scenario="{}")), "`twin plot` and `twin render`"),
     ],
 )
 def test_foreign_damaged_and_newer_stores_are_told(
