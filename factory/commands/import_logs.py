@@ -57,6 +57,9 @@ class ImportLogs(JsonOption):
             cache=self.cache,
         )
         write_store(dataset, self.out, overwrite=self.overwrite)
+        for entry in report.entries:
+            if entry.action == "suspect":
+                console.warn(f"{entry.subject}: {entry.detail}")
         console.table(report.table(), title="what was done to the logs")
         console.pairs(
             {

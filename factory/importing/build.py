@@ -12,6 +12,7 @@ import numpy as np
 
 from factory.importing.dataset import FRAMES, Row, rows_dataset
 from factory.importing.log import Array, Channel, Log
+from factory.importing.physics import check_signs
 from factory.importing.resample import grid, on_grid
 from factory.importing.seawater import depth_of, pressure_of
 from factory.importing.segments import Rules, Segment, cut
@@ -51,6 +52,7 @@ def build(
     for log in sorted(logs, key=lambda one: (one.span[0], one.deployment)):
         log = with_depth(log, tally)
         depth = log.channel("measured_depth")
+        check_signs(log, tally)
         if not len(log.fixes):
             lacking.setdefault("GPS fixes", []).append(log.deployment)
         for name in WANTED:

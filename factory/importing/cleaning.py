@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.log import Channel
+from factory.importing.physics import FASTEST, SLOWEST, speed_along_pitch
 from factory.importing.tally import Tally
 from twin.errors import InputError
 
@@ -117,6 +118,25 @@ def from_degrees(values: Array, subject: str, tally: Tally, *, flying: bool) -> 
     return values
 
 
+_LITRES = 5.0
+"""[cm3] No pump moves so little in a log: a range below is litres, a thousandth of it m3."""
+_STILL = 1e-5
+"""A pump that does not move says nothing about its unit."""
+
+
+def to_cm3(values: Array, subject: str, tally: Tally) -> Array:
+    """Pumped volume in cm3; litres and m3 by their range are converted, counted."""
+    good = values[np.isfinite(values)]
+    if good.size < 20:
+        return values
+    span = float(np.ptp(np.percentile(good, [1.0, 99.0])))
+    if _STILL < span < _LITRES:
+        factor, unit = (1e3, "litres") if span > _LITRES * 1e-3 else (1e6, "m3")
+        tally.add("repaired", subject, good.size, f"was in {unit} where cm3 is native")
+        return values * factor
+    return values
+
+
 _DBAR_PER = {"bar": 10.0, "dbar": 1.0, "Pa": 1e-4, "kPa": 0.1, "psi": 0.689476}
 _NEAR = 0.12
 """A pressure unit is recognised when the ratio to depth is within this of 1."""
@@ -151,6 +171,20 @@ def to_dbar(
                     f"was in {unit} where {native} is native",
                 )  # fmt: skip
     return values * _DBAR_PER[unit]
+
+
+def pressure_by_flight(pressure: Channel, pitch: Channel, subject: str, tally: Tally) -> Channel:
+    """Pressure [dbar] whose scale the flight contradicts by a factor of ten, corrected; counted.
+
+    Without a depth beside it, bar and dbar are told apart by the speed that depth and pitch give.
+    """
+    speed = speed_along_pitch(pressure, pitch)
+    for factor, unit in ((0.1, "dbar where bar"), (10.0, "bar where dbar")):
+        wrong = speed > FASTEST if factor < 1.0 else speed < SLOWEST
+        if wrong and SLOWEST < factor * speed < FASTEST:
+            tally.add("repaired", subject, len(pressure), f"was in {unit} is native, by its speed")
+            return Channel(pressure.time, pressure.values * factor)
+    return pressure
 
 
 def degrees_minutes(values: Array) -> Array:

@@ -98,9 +98,36 @@ def expand(kind: str, paths: Sequence[Path], tally: Tally) -> list[Path]:
     for path in unique:
         if path.stat().st_size == 0:
             raise InputError(f"{path} is empty")
+        _check_container(kind, path)
     if not unique:
         raise InputError(f"no files to import; name {kind} logs or a folder that holds them")
     return unique
+
+
+_CONTAINERS = (b"CDF", b"\x89HDF")
+_TABLE_KINDS = frozenset({"slocum", "seaexplorer"})
+"""Kinds whose logs are never netCDF or HDF5."""
+
+
+def _check_container(kind: str, path: Path) -> None:
+    """Refuse netCDF where tables are expected and the other way round, naming the likely kind."""
+    with path.open("rb") as file:
+        start = file.read(600)
+    holds_arrays = start.startswith(_CONTAINERS) or start[512:516] == b"\x89HDF"
+    if holds_arrays and kind in _TABLE_KINDS:
+        with open_netcdf(path) as data:
+            raise wrong_kind(path, [*data.variables, *data.groups], kind)
+    if holds_arrays and kind == "seaglider" and path.suffix.lower() != ".nc":
+        with open_netcdf(path) as data:
+            names = [*data.variables, *data.groups]
+        if likely_kind(names) == kind:
+            raise InputError(f"{path.name} is a netCDF file: rename it to end in .nc")
+        raise wrong_kind(path, names, kind)
+    if kind == "og1" and path.suffix.lower() in _TABLES and not holds_arrays:
+        from factory.importing.table import read_table
+
+        table = read_table(path)
+        raise wrong_kind(path, [*table.columns, *table.texts], kind)
 
 
 def open_netcdf(path: Path) -> Any:

@@ -157,7 +157,7 @@ def _csv(path: Path) -> dict[str, Series]:
     """The simulator's csv: each value is a number and the text of its unit."""
     table = read_table(path)
     names = [*table.columns, *table.texts]
-    if "EpochSeconds" not in table.columns and "Timestamp" not in table.texts:
+    if "depth" not in names or not {"EpochSeconds", "Timestamp"} & set(names):
         raise wrong_kind(path, names, "lrauv")
     time = table.columns.get("EpochSeconds")
     if time is None:

@@ -14,7 +14,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.cleaning import clean, from_degrees, positions, to_dbar
+from factory.importing.cleaning import (
+    clean,
+    from_degrees,
+    positions,
+    pressure_by_flight,
+    to_cm3,
+    to_dbar,
+)
 from factory.importing.files import wrong_kind
 from factory.importing.log import EMPTY, NO_FIXES, Channel, Fixes, Log
 from factory.importing.seawater import ctd_channels
@@ -180,6 +187,12 @@ def _channels(
             values = samples[column]
             if column == "pitch_deg":
                 values = from_degrees(values, column, tally, flying=flying)
+            elif "gc_roll_ad" in samples and _rolls_in_radian(values, samples["gc_roll_ad"]):
+                tally.add(
+                    "repaired", column, int(np.isfinite(values).sum()),
+                    "was in radian where degrees are native",
+                )  # fmt: skip
+                values = np.degrees(values)
             channels[target] = clean(target, time, values, tally, subject=column)
     if "head_mag_deg" in samples:
         if not len(variation):
@@ -198,6 +211,8 @@ def _channels(
     ):
         if column in samples:
             values = factor * samples[column]
+            if target == "measured_pump":
+                values = to_cm3(values, column, tally)
             channels[target] = clean(target, time, values, tally, subject=column)
     channels |= _shift(time, samples, dives, tally)
     if "pressure_dbar" in samples:
@@ -205,6 +220,11 @@ def _channels(
         channels["measured_pressure"] = clean(
             "measured_pressure", time, dbar, tally, subject="pressure_dbar"
         )
+        if depth is None:
+            pitch = channels.get("measured_pitch", EMPTY)
+            channels["measured_pressure"] = pressure_by_flight(
+                channels["measured_pressure"], pitch, "pressure_dbar", tally
+            )
     elif depth is not None:
         channels["measured_depth"] = clean("measured_depth", time, depth, tally)
     return channels
@@ -247,6 +267,18 @@ def _ctd(
 _CTD = ("temp_c", "sal_psu")
 _FLYING = 20.0
 """[m] A log that goes so deep pitched more than 1.5 degree."""
+
+
+_TURNS, _ROLLS = 500.0, 1.5
+"""[counts, degree] A roll mass that moves so far rolls the glider by more than this."""
+
+
+def _rolls_in_radian(roll: Array, counts: Array) -> bool:
+    both = np.isfinite(roll) & np.isfinite(counts) & (counts > 0.0)
+    if both.sum() < 100:
+        return False
+    moved = np.ptp(np.percentile(counts[both], [5.0, 95.0]))
+    return bool(moved > _TURNS and np.ptp(np.percentile(roll[both], [5.0, 95.0])) < _ROLLS)
 
 
 def heading_degrees(values: Array, subject: str, tally: Tally) -> Array:

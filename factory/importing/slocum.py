@@ -12,7 +12,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.cleaning import clean, positions, to_dbar, to_degrees
+from factory.importing.cleaning import (
+    clean,
+    positions,
+    pressure_by_flight,
+    to_cm3,
+    to_dbar,
+    to_degrees,
+)
 from factory.importing.geodesy import turn
 from factory.importing.log import EMPTY, NO_FIXES, Channel, Fixes, Log
 from factory.importing.seawater import ctd_channels, siemens
@@ -99,7 +106,8 @@ def slocum_log(
             for name, target in ((measured, "measured_pump"), (commanded, "commanded_pump")):
                 if name in native:
                     one = native[name]
-                    channels[target] = clean(target, one.time, one.values, tally, subject=name)
+                    volume = to_cm3(one.values, name, tally)
+                    channels[target] = clean(target, one.time, volume, tally, subject=name)
             break
     for name, target in (("m_battpos", "measured_shift"), ("c_battpos", "commanded_shift")):
         if name in native:
@@ -107,6 +115,11 @@ def slocum_log(
             shift = _metres(one.values, name, tally)
             channels[target] = clean(target, one.time, shift, tally, subject=name)
     channels |= _pressure(native, tally)
+    if "measured_pressure" in channels and not len(native.get("m_depth", EMPTY)):
+        pitch = channels.get("measured_pitch", EMPTY)
+        channels["measured_pressure"] = pressure_by_flight(
+            channels["measured_pressure"], pitch, "pressure", tally
+        )
     if "measured_pressure" not in channels and "m_depth" in native:
         one = native["m_depth"]
         channels["measured_depth"] = clean(

@@ -81,6 +81,11 @@ def read_slocum_binary(
         if not any(len(native.get(n, ())) for n in ("m_depth", "m_pressure", "m_water_pressure")):
             tally.add("note", vehicle, len(files[vehicle]), "no flight file: depth by the CTD")
             if not len(native.get("sci_water_pressure", ())):
+                if any("truncated" in e.detail for e in tally.entries()):
+                    raise InputError(
+                        f"{', '.join(files[vehicle][:4])}: truncated before the first sample of "
+                        "depth or pressure"
+                    )
                 raise InputError(
                     f"{vehicle}: neither depth nor pressure in {', '.join(files[vehicle][:4])}; "
                     "add the flight files (.dbd or .sbd)"

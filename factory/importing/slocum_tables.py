@@ -177,7 +177,7 @@ def _attach(which: str, table: Table, groups: list[Parts], tally: Tally) -> None
         unknown = np.full(len(time), np.nan)
         status = columns.get("status", columns.get("m_gps_status", unknown))
         fixes = gps_fixes(time, latitude, longitude, status, tally=tally)
-        _same_place(subject, fixes, parts)
+        fixes = _same_place(subject, fixes, parts, tally)
         parts.fixes.append(fixes)
         for name in ("mag_var_rad", "m_gps_mag_var"):
             if name in columns and np.isfinite(columns[name]).any():
@@ -241,32 +241,30 @@ def _common_start(a: str, b: str) -> str:
     return a[: min(len(a), len(b))]
 
 
-def _same_place(subject: str, fixes: Fixes, parts: Parts) -> None:
-    """Refuse fixes far from where the vehicle itself says it was."""
+def _same_place(subject: str, fixes: Fixes, parts: Parts, tally: Tally) -> Fixes:
+    """Refuse fixes far from where the vehicle itself says it was; swapped ones are repaired."""
     latitude, longitude = joined(parts.native.get("m_lat", [])), joined(
         parts.native.get("m_lon", [])
     )  # fmt: skip
     if not len(latitude) or not len(longitude) or not len(fixes):
-        return
-    north, east = offset(
-        fixes.latitude,
-        fixes.longitude,
-        float(np.median(latitude.values)),
-        float(np.median(longitude.values)),
-    )
-    away = float(np.median(np.hypot(north, east)))
-    spread_north, spread_east = offset(
+        return fixes
+    middle = float(np.median(latitude.values)), float(np.median(longitude.values))
+    spread = offset(
         np.array([latitude.values.min(), latitude.values.max()]),
         np.array([longitude.values.min(), longitude.values.max()]),
-        float(np.median(latitude.values)),
-        float(np.median(longitude.values)),
+        *middle,
     )
-    reach = _FAR + float(np.hypot(np.ptp(spread_north), np.ptp(spread_east)))
-    if away > reach:
-        raise InputError(
-            f"{subject}: its fixes are {away / 1e3:.0f} km from where {parts.name} says it was; "
-            "they are another vehicle's"
-        )
+    reach = _FAR + float(np.hypot(np.ptp(spread[0]), np.ptp(spread[1])))
+    away = float(np.median(np.hypot(*offset(fixes.latitude, fixes.longitude, *middle))))
+    if away <= reach:
+        return fixes
+    if float(np.median(np.hypot(*offset(fixes.longitude, fixes.latitude, *middle)))) <= reach:
+        tally.add("repaired", subject, len(fixes), "latitude and longitude were swapped")
+        return Fixes(fixes.time, fixes.longitude, fixes.latitude)
+    raise InputError(
+        f"{subject}: its fixes are {away / 1e3:.0f} km from where {parts.name} says it was; "
+        "they are another vehicle's"
+    )
 
 
 def joined(pieces: Sequence[Channel]) -> Channel:

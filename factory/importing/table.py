@@ -194,7 +194,9 @@ def tidy(
     tally.add("removed", subject, repeated, "rows that repeat a time")
     out: dict[str, Array] = {}
     for name, values in columns.items():
-        ordered = values[known]
+        infinite = np.isinf(values)
+        tally.add("removed", name, int(infinite.sum()), "infinite")
+        ordered = np.where(infinite, np.nan, values)[known]
         if repeated:
             # of each time, rows with a value come first
             best = np.lexsort((np.arange(time.size), ~np.isfinite(ordered), time))

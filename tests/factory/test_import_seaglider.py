@@ -154,6 +154,11 @@ def test_a_netcdf_file_of_another_kind_is_named(tmp_path: Path) -> None:
             file.createVariable(name, "f8", ("N_MEASUREMENTS",))
     with pytest.raises(InputError, match="looks like og1"):
         import_logs("seaglider", [path])
+    with pytest.raises(InputError, match="looks like og1"):
+        import_logs("slocum", [path])
+    table = write_seaglider(tmp_path, FLIGHT)[0]
+    with pytest.raises(InputError, match="looks like seaglider"):
+        import_logs("og1", [table])
 
 
 @needs_sg171

@@ -141,6 +141,54 @@ def test_swapped_units_are_repaired_and_counted(
         assert np.allclose(dataset[name], right[name], atol=2e-4, equal_nan=True), name
 
 
+def test_a_pressure_alone_is_scaled_by_the_speed_that_it_gives(tmp_path: Path) -> None:
+    right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_depth=None))
+    dbar = slocum_columns(FLIGHT)["m_pressure"] * 10.0
+    paths = write_slocum(tmp_path, FLIGHT, m_depth=None, m_pressure=dbar)
+    dataset, report = import_logs("slocum", paths)
+    assert report.count("repaired", "pressure") == len(FLIGHT.time)
+    assert np.allclose(dataset["measured_depth"], right["measured_depth"], equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("column", "subject"),
+    [("m_pitch", "measured_pitch"), ("m_ballast_pumped", "measured_pump")],
+)
+def test_a_sign_that_contradicts_the_dives_is_suspect(
+    tmp_path: Path, column: str, subject: str
+) -> None:
+    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    assert report.count("suspect") == 0
+    changed = {column: -slocum_columns(FLIGHT)[column]}
+    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **changed))
+    assert report.count("suspect", subject) == report.count("suspect") == len(FLIGHT.time)
+
+
+def test_litres_infinities_and_swapped_positions(tmp_path: Path) -> None:
+    right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    columns = slocum_columns(FLIGHT)
+    latitude, longitude = FLIGHT.position(FLIGHT.time)
+    roll = columns["m_roll"].copy()
+    roll[7] = np.inf
+    paths = write_slocum(
+        tmp_path,
+        FLIGHT,
+        m_ballast_pumped=columns["m_ballast_pumped"] / 1000.0,
+        m_roll=roll,
+        m_lat=latitude,
+        m_lon=longitude,
+    )
+    gps = gps_columns(FLIGHT)
+    gps["lat"], gps["lon"] = gps["lon"], gps["lat"]
+    write_csv(paths[1], gps)
+    dataset, report = import_logs("slocum", paths)
+    assert report.count("repaired", "m_ballast_pumped") == len(FLIGHT.time)
+    assert report.count("removed", "m_roll") == 1
+    assert report.count("repaired", "unit1_gps.csv") == len(gps["time"])
+    assert np.allclose(dataset["measured_pump"], right["measured_pump"], equal_nan=True)
+    assert np.allclose(dataset["displacement_north"], right["displacement_north"])
+
+
 def test_a_pressure_that_fits_no_unit_is_refused(tmp_path: Path) -> None:
     paths = write_slocum(tmp_path, FLIGHT, m_pressure=slocum_columns(FLIGHT)["m_pressure"] * 37.0)
     with pytest.raises(InputError, match=r"m_pressure: pressure and depth do not belong together"):
