@@ -14,7 +14,7 @@ from factory.parameters import PARAMETERS
 from factory.plan import SPLITS
 from factory.stored import StoredRun
 from twin.errors import StoreError
-from twin.store import UNFINISHED
+from twin.store import UNFINISHED, open_store
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,6 +24,13 @@ class Unfinished:
     store: Path
     settings: dict[str, Any]
     missions_kept: int
+
+
+def is_log_store(path: Path) -> bool:
+    """True for a store that `factory import` wrote."""
+    if not (path / "zarr.json").is_file():
+        return False
+    return "import_report" in open_store(path).attrs
 
 
 def unfinished(path: Path) -> Unfinished | None:

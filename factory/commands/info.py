@@ -18,9 +18,39 @@ class Info(JsonOption):
     store: Annotated[Path, tyro.conf.Positional]
     """the store"""
 
+    def _logs(self, console: Console) -> int:
+        """A store of real logs: what was imported, and the report of it."""
+        import json
+
+        from factory.info import stored_bytes
+        from twin.store import open_store
+
+        dataset = open_store(self.store)
+        report = json.loads(dataset.attrs["import_report"])
+        size = stored_bytes(self.store)
+        console.pairs(
+            {
+                "store": str(self.store),
+                "logs": f"{report['kind']}: {', '.join(report['deployments'])}",
+                "platform": dataset.attrs["platform"],
+                "rows": f"{report['rows']}, {report['rows_with_fixes']} from GPS fix to GPS fix",
+                "time": f"{report['hours']:.4g} h every {report['period']:g} s",
+                "signals": len(report["channels"]),
+                "size": f"{size / 1e6:.1f} MB",
+                "history": dataset.attrs["history"],
+            }
+        )
+        entries = [
+            {"what": e["action"], "of": e["subject"], "count": e["count"], "why": e["detail"]}
+            for e in report["entries"]
+        ]
+        console.table(entries, title="\nwhat was done to the logs")
+        console.answer(store=self.store, complete=True, bytes=size, report=report)
+        return 0
+
     def run(self, console: Console) -> int:
         """Print what the store holds."""
-        from factory.info import drawn_rows, split_rows, stored_bytes, unfinished
+        from factory.info import drawn_rows, is_log_store, split_rows, stored_bytes, unfinished
         from factory.stored import StoredRun
 
         begun = unfinished(self.store)
@@ -42,6 +72,8 @@ class Info(JsonOption):
                 missions_kept=begun.missions_kept,
             )
             return 0
+        if is_log_store(self.store):
+            return self._logs(console)
         run = StoredRun(self.store)
         size, splits, drawn = stored_bytes(self.store), split_rows(run), drawn_rows(run)
         versions = ", ".join(f"{name} {v}" for name, v in run.settings["versions"].items())

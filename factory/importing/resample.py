@@ -52,14 +52,19 @@ def on_grid(
     names further channels that keep their last value.
     """
     signals: dict[str, Array] = {}
-    margin = 600.0  # [s] a row's ends may need the samples just outside it
     for name, channel in log.channels.items():
+        if name in HELD:
+            if channel.time[0] <= times[-1]:
+                signals[name] = _hold(channel, times)
+            continue
+        # the samples just outside belong to the row's ends, those of other dives do not
+        margin = max(period, _GAP_FACTOR * channel.spacing if len(channel) > 1 else 0.0)
         near = channel.within(times[0] - margin, times[-1] + margin)
         if not len(near):
             continue
         if name in SPARSE:
             values = _close(near, times, 0.5 * period)
-        elif name in HELD or name in held:
+        elif name in held:
             values = _hold(near, times)
         elif name in ANGLES:
             turned = np.degrees(np.unwrap(np.radians(near.values)))

@@ -170,3 +170,20 @@ def test_channels_cut_with_both_ends() -> None:
     assert channel.within(2.0, 4.0).time.tolist() == [2.0, 3.0, 4.0]
     assert channel.within(2.5, 4.5).time.tolist() == [3.0, 4.0]
     assert len(channel.within(20.0, 30.0)) == 0
+
+
+def test_a_store_of_logs_can_be_described_and_drawn(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from twin.__main__ import PROGRAM as TWIN
+
+    write_slocum(tmp_path, FLIGHT)
+    out = tmp_path / "real.zarr"
+    assert run(capsys, "import", "slocum", tmp_path, "--out", out)[0] == 0
+    code, said, _ = run(capsys, "info", out)
+    assert code == 0
+    assert "slocum: unit1" in said
+    assert "measured_density" in said
+    picture = tmp_path / "log.png"
+    assert TWIN.main(["plot", str(out), "--mission", "1", "--out", str(picture)]) == 0
+    assert picture.stat().st_size > 10_000

@@ -34,7 +34,8 @@ class Plot:
     """index of the mission in the store"""
 
     figure: str = "overview"
-    """overview, track, track_3d, section, velocity, actuator, sensor, current, or all"""
+    """overview, track, track_3d, section, velocity, actuator, sensor, current, log (what a real
+    vehicle measured; drawn for overview where there is no truth), or all"""
 
     out: Path | None = None
     """file (.png, .pdf or .svg) [default: FIGURE.png]; with --figure all a folder, made if need
@@ -60,7 +61,10 @@ class Plot:
         if self.tracks is not None:
             tracks = choose_tracks(read_tracks(self.tracks, self.mission), self.only)
         if self.figure != ALL:
-            self._save(self._draw(self.figure, trajectory, tracks), out, console)
+            name = self.figure
+            if name == "overview" and "true_depth" not in trajectory.signals:
+                name = "log"
+            self._save(self._draw(name, trajectory, tracks), out, console)
             return 0
         missing = []
         for name in FIGURES:

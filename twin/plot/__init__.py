@@ -8,6 +8,7 @@ from collections.abc import Callable
 from matplotlib.figure import Figure
 
 from twin.plot.current import current_figure
+from twin.plot.log import log_figure
 from twin.plot.overview import overview_figure
 from twin.plot.section import section_figure
 from twin.plot.sensors import sensor_figure
@@ -23,6 +24,7 @@ FIGURES: dict[str, Callable[..., Figure]] = {
     "actuator": actuator_figure,
     "sensor": sensor_figure,
     "current": current_figure,
+    "log": log_figure,
 }
 """Every figure by the name that the command line uses."""
 
@@ -30,6 +32,7 @@ __all__ = [
     "FIGURES",
     "actuator_figure",
     "current_figure",
+    "log_figure",
     "overview_figure",
     "section_figure",
     "sensor_figure",
