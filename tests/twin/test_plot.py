@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 
-import matplotlib
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -158,7 +157,7 @@ def test_a_dvl_is_judged_by_what_it_sees(trajectory):
 
 def test_all_figures_go_into_a_folder(capsys, store, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(matplotlib.rcParams, "savefig.dpi", 40)
+    monkeypatch.setattr("twin.commands.plot.PRINT_DPI", 40)
     few = {name: FIGURES[name] for name in ("track", "track_3d", "sensor")}
     monkeypatch.setattr("twin.plot.FIGURES", few)
     code, out, err = call(capsys, "plot", store, "--mission", 1, "--figure", "all")

@@ -116,6 +116,18 @@ def test_what_is_to_come_is_not_drawn_as_flown(subject):
 
 
 @needs_gl
+def test_the_running_end_of_the_ribbon_has_the_colour_of_its_time(subject):
+    at = (30.0, 200.0)
+    with painter_of(subject, at=at) as painter:
+        model, line = painter.stage.model, painter.stage.lines[0]
+        first, count = (a[line.head.mesh] for a in (model.mesh_texcoordadr, model.mesh_texcoordnum))
+        for index, time in enumerate(at):
+            painter.paint(index)
+            along = model.mesh_texcoord[first : first + count, 0]
+            assert along.max() == pytest.approx(float(line.ribbon.along(np.array(time))), abs=1e-6)
+
+
+@needs_gl
 def test_a_frame_depends_on_its_index_only(subject):
     for camera in ("orbit", "chase"):
         with painter_of(subject, at=np.linspace(50.0, 60.0, 12), camera=camera) as painter:

@@ -77,7 +77,7 @@ class Graphics:
         return np.ascontiguousarray(self._buffer[::-1])
 
     def reshape(self, mesh: int, shape: Shape) -> None:
-        """Give a mesh new vertices and normals, in the frame of its geom; its faces stay."""
+        """Give a mesh new vertices, normals and texture coordinates, in the frame of its geom."""
         write_mesh(self.model, mesh, shape)
         mujoco.mjr_uploadMesh(self.model, self._renderer, mesh)
 
@@ -91,11 +91,14 @@ class Graphics:
 
 
 def write_mesh(model: mujoco.MjModel, mesh: int, shape: Shape) -> None:
-    """Give a mesh of the model new vertices and normals; the graphics are not told."""
+    """Give a mesh new vertices, normals and texture coordinates; the graphics are not told."""
     first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     model.mesh_vert[first : first + count] = shape.vertices
     first, count = model.mesh_normaladr[mesh], model.mesh_normalnum[mesh]
     model.mesh_normal[first : first + count] = shape.normals
+    if shape.coordinates is not None:
+        first, count = model.mesh_texcoordadr[mesh], model.mesh_texcoordnum[mesh]
+        model.mesh_texcoord[first : first + count] = shape.coordinates
 
 
 def aim(scene: mujoco.MjvScene, view: View) -> None:

@@ -17,7 +17,7 @@ from twin.render.stage import Stage
 
 Array = NDArray[np.float64]
 Reshape = Callable[[int, Shape], None]
-"""Gives the mesh of this id new vertices and normals, in the frame of its geom; faces stay"""
+"""Gives the mesh of this id a new shape, in the frame of its geom; the faces stay"""
 
 TAIL = 0.47
 """Where the ribbon ends behind the glider's middle, chase camera, over the hull's length"""
