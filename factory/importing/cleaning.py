@@ -118,6 +118,15 @@ def from_degrees(values: Array, subject: str, tally: Tally, *, flying: bool) -> 
     return values
 
 
+def heading_degrees(values: Array, subject: str, tally: Tally) -> Array:
+    """Heading in degrees; one that turns and never leaves 0 to 2 pi was in radian, counted."""
+    good = values[np.isfinite(values)]
+    if good.size > 20 and np.ptp(good) > 1.0 and np.abs(good).max() < 1.01 * 2.0 * np.pi:
+        tally.add("repaired", subject, good.size, "was in radian where degrees are native")
+        return np.degrees(values)
+    return values
+
+
 _LITRES = 5.0
 """[cm3] No pump moves so little in a log: a range below is litres, a thousandth of it m3."""
 _STILL = 1e-5

@@ -16,12 +16,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.cleaning import clean, degrees_minutes, from_degrees
+from factory.importing.cleaning import clean, degrees_minutes, from_degrees, heading_degrees
 from factory.importing.files import wrong_kind
 from factory.importing.log import EMPTY, NO_FIXES, Channel, Fixes, Log
-from factory.importing.seaglider import heading_degrees, stacked
 from factory.importing.seawater import ctd_channels, pressure_of
-from factory.importing.table import Table, parse_stamps, read_table, tidy, unix_seconds
+from factory.importing.table import Table, parse_stamps, read_table, stacked, tidy, unix_seconds
 from factory.importing.tally import Tally
 from twin.errors import InputError
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from factory.importing.cleaning import (
     clean,
     from_degrees,
+    heading_degrees,
     positions,
     pressure_by_flight,
     to_cm3,
@@ -24,8 +25,9 @@ from factory.importing.cleaning import (
 )
 from factory.importing.files import wrong_kind
 from factory.importing.log import EMPTY, NO_FIXES, Channel, Fixes, Log
+from factory.importing.seaglider_adcp import adcp_truth
 from factory.importing.seawater import ctd_channels
-from factory.importing.table import Table, read_table, tidy, unix_seconds
+from factory.importing.table import Table, read_table, stacked, tidy, unix_seconds
 from factory.importing.tally import Tally
 from twin.errors import InputError
 
@@ -34,9 +36,6 @@ Columns = dict[str, Array]
 
 CM = 0.01
 """[m]"""
-ADCP_DEPTH = 1.5
-"""[m] Shallower the inverse solution is the constraint that a drifting glider moves with the
-water, not a measurement."""
 SAMPLE_COLUMNS = (
     "time", "dive", "depth_m", "pressure_dbar", "pitch_deg", "roll_deg", "head_mag_deg", "vbd_cc",
     "gc_pitch_ctl_cm", "gc_vbd_ctl_cc", "gc_pitch_ad", "gc_roll_ad", "rotation_deg", "temp_c",
@@ -123,17 +122,6 @@ def _table(table: Table, gliders: dict[str, Glider], tally: Tally) -> None:
             glider.files.append(subject)
 
 
-def stacked(pieces: Sequence[Columns], names: Sequence[str]) -> Columns:
-    """The named columns of all pieces one after the other; NaN where a piece lacks one."""
-    present = [name for name in names if any(name in piece for piece in pieces)]
-    return {
-        name: np.concatenate(
-            [p.get(name, np.full(len(next(iter(p.values()))), np.nan)) for p in pieces]
-        )
-        for name in present
-    }
-
-
 def _log(glider: Glider, variation_deg: float | None, tally: Tally) -> Log:
     samples = stacked(glider.samples, SAMPLE_COLUMNS)
     time = unix_seconds(samples.pop("time"), f"{glider.name} samples", tally)
@@ -154,7 +142,7 @@ def _log(glider: Glider, variation_deg: float | None, tally: Tally) -> Log:
         auxiliary["dive"] = Channel(time[there], samples["dive"][there])
     for axis in ("north", "east"):
         auxiliary[f"dac_{axis}"] = _per_dive(dives, f"depth_avg_curr_{axis}", at="gpsE_time")
-    auxiliary |= _adcp(glider, tally)
+    auxiliary |= adcp_truth(glider.name, glider.adcp, tally)
     flown = set(samples["dive"][np.isfinite(samples["dive"])]) if "dive" in samples else set()
     if flown and "dive" in dives:
         lacking = [int(d) for d in dives["dive"] if np.isfinite(d) and d not in flown]
@@ -281,15 +269,6 @@ def _rolls_in_radian(roll: Array, counts: Array) -> bool:
     return bool(moved > _TURNS and np.ptp(np.percentile(roll[both], [5.0, 95.0])) < _ROLLS)
 
 
-def heading_degrees(values: Array, subject: str, tally: Tally) -> Array:
-    """Heading in degrees; one that turns and never leaves 0 to 2 pi was in radian, counted."""
-    good = values[np.isfinite(values)]
-    if good.size > 20 and np.ptp(good) > 1.0 and np.abs(good).max() < 1.01 * 2.0 * np.pi:
-        tally.add("repaired", subject, good.size, "was in radian where degrees are native")
-        return np.degrees(values)
-    return values
-
-
 def _shift(time: Array, samples: Columns, dives: Columns, tally: Tally) -> dict[str, Channel]:
     """Battery position [m] forward, from the encoder and each dive's calibration."""
     needed = ("dive", "log_C_PITCH", "log_PITCH_CNV")
@@ -344,34 +323,3 @@ def _fixes(dives: Columns, name: str, tally: Tally) -> Fixes:
     # the fix after a dive is also the first one of the next
     unique, first = np.unique(time, return_index=True)
     return Fixes(unique, latitude[first], longitude[first])
-
-
-def _adcp(glider: Glider, tally: Tally) -> dict[str, Channel]:
-    """Velocity through the water and current of the on-board ADCP's inverse solution [m/s]."""
-    if not glider.adcp:
-        return {}
-    names = ("time", "depth_m", "u_ttw", "v_ttw", "w_ttw", "u_ocn", "v_ocn")
-    columns = stacked(glider.adcp, names)
-    subject = f"{glider.name} ADCP"
-    time = unix_seconds(columns.pop("time"), subject, tally)
-    time, columns = tidy(time, columns, subject, tally)
-    good = np.all([np.isfinite(columns[n]) for n in ("u_ttw", "v_ttw", "w_ttw")], axis=0)
-    if "depth_m" in columns:
-        shallow = good & ~(columns["depth_m"] > ADCP_DEPTH)
-        tally.add(
-            "left out", subject, int(shallow.sum()),
-            f"shallower than {ADCP_DEPTH:g} m: a constraint of the inverse, no measurement",
-        )  # fmt: skip
-        good &= ~shallow
-    tally.add("read", subject, int(good.sum()), "truth samples")
-    found = {
-        "velocity_east": Channel(time[good], columns["u_ttw"][good]),
-        "velocity_north": Channel(time[good], columns["v_ttw"][good]),
-        # w_ttw is upward: it is opposite to the depth rate
-        "velocity_down": Channel(time[good], -columns["w_ttw"][good]),
-    }
-    for column, target in (("u_ocn", "current_east"), ("v_ocn", "current_north")):
-        if column in columns:
-            there = good & np.isfinite(columns[column])
-            found[target] = Channel(time[there], columns[column][there])
-    return found

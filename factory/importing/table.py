@@ -206,5 +206,16 @@ def tidy(
     return unique, out
 
 
+def stacked(pieces: Sequence[Mapping[str, Array]], names: Sequence[str]) -> dict[str, Array]:
+    """The named columns of all pieces one after the other; NaN where a piece lacks one."""
+    present = [name for name in names if any(name in piece for piece in pieces)]
+    return {
+        name: np.concatenate(
+            [p.get(name, np.full(len(next(iter(p.values()))), np.nan)) for p in pieces]
+        )
+        for name in present
+    }
+
+
 def _line(error: BaseException) -> str:
     return " ".join(str(error).split())[:160] or type(error).__name__
