@@ -24,6 +24,11 @@ PROGRAM = Program(
             loader="twin.commands.check:Check",
         ),
         Command(
+            name="identify",
+            summary="parameters of a vehicle from its own logs; a new vehicle file",
+            loader="twin.commands.identify:Identify",
+        ),
+        Command(
             name="bench",
             summary="cost of the physics, side by side in one run",
             loader="twin.commands.bench:Bench",

@@ -45,6 +45,8 @@ FINE: dict[str, Any] = {"max_nfev": 12, "xtol": 1e-4, "ftol": 1e-5, "x_scale": "
 """Ends of a search: offsets are in spreads, and a deviation is hardly below a hundredth of one."""
 STEP = 1e-4
 """Spreads of the finite differences: far above rounding, far below any curvature."""
+AT_BOUND = 1e-3
+"""Spreads from its bound at which a parameter is called bounded."""
 LEAST_PAIRS = 6
 """Pairs of missions with fixes below which fixes are not used."""
 LEAST_CURRENT_CHANGE = 0.01
@@ -72,7 +74,7 @@ class Estimate:
     """Standard deviation known beforehand, in `unit`."""
     determined: bool
     note: str = ""
-    """Why it was kept at nominal."""
+    """Why it was kept at nominal, or that it lies at its bound."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -208,20 +210,20 @@ class _Problem:
         calibration = self.calibration(x)
         motions = self.motions(calibration)
         rates = self.depth_rates(calibration, motions)
-        scale = _robust_scale(np.concatenate(rates))
+        scale = robust_scale(np.concatenate(rates))
         shares = [1.0 / (1.0 + (r / (OUTLIER * scale)) ** 2) for r in rates]
         total = sum(float(s.sum()) for s in shares)
         square = sum(float((s * r * r).sum()) for s, r in zip(shares, rates, strict=True))
         deviation = float(np.sqrt(square / total))
         period = self.logs[0].period
-        samples = _correlation_samples(
+        samples = correlation_samples(
             [np.sqrt(s) * r for s, r in zip(shares, rates, strict=True)],
             round(LONGEST_CORRELATION / period),
         )
         self.weights = [np.sqrt(s / samples) / deviation for s in shares]
         changes = self.current_changes(calibration, motions)
         if changes.size:
-            spread = max(_robust_scale(changes), LEAST_CURRENT_CHANGE)
+            spread = max(robust_scale(changes), LEAST_CURRENT_CHANGE)
             # Differences of one series: each current enters two of them, hence twice the variance.
             self.pair_weights = 1.0 / (
                 np.sqrt(2.0) * spread * np.sqrt(1.0 + (changes / (OUTLIER * spread)) ** 2)
@@ -362,7 +364,8 @@ def _solve(
         statistics = problem.reweight(x)
         report((k + 1) / passes)
     jacobian = problem.jacobian(x)
-    return x, np.linalg.inv(jacobian.T @ jacobian), statistics
+    covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian), np.float64)
+    return x, covariance, statistics
 
 
 def _result(
@@ -395,6 +398,7 @@ def _result(
                     deviation=parameter.deviation(value, float(deviation[k])),
                     spread=known,
                     determined=True,
+                    note="at its lower bound" if x[k] < problem.lowest[k] + AT_BOUND else "",
                 )
             )
         else:
@@ -440,12 +444,12 @@ def _unweighted(problem: _Problem, calibration: Calibration) -> tuple[Array, flo
     return np.concatenate(problem.depth_rates(calibration, motions)), median
 
 
-def _robust_scale(values: Array) -> float:
+def robust_scale(values: Array) -> float:
     """Standard deviation about zero from the median, as for normal values."""
     return float(1.4826 * np.median(np.abs(values)) + 1e-12)
 
 
-def _correlation_samples(series: list[Array], longest: int) -> float:
+def correlation_samples(series: list[Array], longest: int) -> float:
     """Integrated autocorrelation time in samples, at least 1: 1 + 2 sum rho(k), up to the first
     lag at which rho is no longer positive (Geyer 1992)."""
     longest = min(longest, max(len(s) for s in series) - 1)

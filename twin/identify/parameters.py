@@ -70,7 +70,7 @@ def _set_drag(calibration: Calibration, value: float) -> Calibration:
 
 
 def _set_mass(calibration: Calibration, value: float) -> Calibration:
-    """The static block takes the change; its inertia and the water that moves along grow with it."""
+    """The static block takes the change; inertia and added mass grow with it."""
     vehicle = calibration.vehicle
     scale = value / vehicle.mass
     return _vehicle(

@@ -1,0 +1,231 @@
+"""Identification: the flight equations, the vehicle file, logs that cannot be used, the command."""
+
+import importlib.util
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from twin.__main__ import PROGRAM
+from twin.errors import InputError, StoreError, VehicleError
+from twin.identify import (
+    estimate_speed,
+    fly,
+    identify,
+    load_calibration,
+    load_logs,
+    motion_of,
+    store_hash,
+)
+from twin.identify.balance import balance
+from twin.identify.figure import residual_figure
+from twin.identify.parameters import PARAMETERS, choose
+from twin.identify.vehicle_file import vehicle_xml, write_vehicle
+from twin.scenario import Scenario
+from twin.schedule import Schedule
+from twin.simulate import simulate
+from twin.store import write_store
+from twin.vehicle import load_vehicle, parse_vehicle
+
+_SPEC = importlib.util.spec_from_file_location(
+    "identify_logs", Path(__file__).with_name("identify_logs.py")
+)
+simulated = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(simulated)
+
+VEHICLE = load_vehicle("glider")
+
+
+@pytest.fixture(scope="module")
+def run():
+    """One dive of a vehicle with a drag that its file does not have."""
+    return simulated.flown(simulated.changed(VEHICLE, drag=1.3), 7)
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory, run):
+    return simulated.stored(tmp_path_factory.mktemp("identify") / "log.zarr", [run])
+
+
+def level(value, samples=400):
+    return np.full(samples, float(value))
+
+
+@pytest.mark.parametrize(("net", "pitch"), [(0.3, -0.6), (-0.3, 0.5), (0.15, -0.3)])
+def test_flight_settles_into_the_balance_of_forces(net, pitch):
+    rates = np.zeros((3, 400))
+    motion = fly(
+        VEHICLE,
+        period=0.5,
+        net_mass=level(net),
+        immersion=level(1),
+        roll=level(0.05),
+        pitch=level(pitch),
+        rates=rates,
+    )
+    speed, alpha, beta, gliding = balance(VEHICLE, level(net), level(0.05), level(pitch), rates)
+    assert gliding.all()
+    # the balance is a fixed point iteration that ends with this error at 17 degrees of pitch
+    assert motion.speed[-1] == pytest.approx(speed[-1], abs=3e-5)
+    assert motion.angle_of_attack[-1] == pytest.approx(alpha[-1], abs=1e-4)
+    assert np.arcsin(motion.sway[-1] / motion.speed[-1]) == pytest.approx(beta[-1], abs=1e-4)
+
+
+def test_flight_gives_the_velocities_of_the_twin(run):
+    """The same vehicle with the true attitude, density and pump: moments apart, the same."""
+    vehicle = simulated.changed(VEHICLE, drag=1.3)
+    signals = {name: run[f"true_{name}"] for name in ("roll", "pitch", "depth", "net_mass")}
+    rates = np.stack([run[f"true_{n}_rate"] for n in ("roll", "pitch", "yaw")])
+    motion = fly(
+        vehicle,
+        period=simulated.PERIOD,
+        net_mass=np.where(signals["depth"] < 0.5, 0.0, signals["net_mass"]),
+        immersion=np.clip(run["true_immersion"], 0.3, 1.0),
+        roll=np.deg2rad(signals["roll"]),
+        pitch=np.deg2rad(signals["pitch"]),
+        rates=rates,
+    )
+    deep = signals["depth"] > 10.0
+    for name, most in (("surge", 0.004), ("sway", 0.002), ("heave", 0.004)):
+        error = (getattr(motion, name) - run[f"true_{name}"])[deep]
+        assert np.sqrt(np.mean(error**2)) < most
+
+
+def test_speed_after_calibration_is_better_than_with_the_nominal_vehicle(store, run):
+    found = identify(load_logs(store), load_calibration("glider"))
+    true = np.sqrt(sum(run[f"true_{n}"] ** 2 for n in ("surge", "sway", "heave")))
+
+    def error(vehicle):
+        one = estimate_speed(store, 0, vehicle)
+        return np.sqrt(np.mean((one.speed - true[: len(one.speed)])[one.use] ** 2))
+
+    assert error(found.calibration) < 0.012 < 0.02 < error("glider")
+
+
+def test_lift_is_kept_at_nominal_without_fixes_unless_asked_for(store):
+    found = identify(load_logs(store), load_calibration("glider"))
+    kept = found["lift_ratio"]
+    assert not kept.determined
+    assert kept.value == kept.nominal == VEHICLE.lift[1] / VEHICLE.drag[0]
+    assert "fixes" in kept.note
+    assert not found["thermal_lag"].determined
+    assert "temperature" in found["thermal_lag"].note
+
+
+@pytest.mark.parametrize("name", [p.name for p in PARAMETERS])
+def test_parameters_read_back_what_was_set(name):
+    (parameter,) = choose([name])
+    nominal = load_calibration("glider")
+    value = parameter.value(parameter.get(nominal) or 1.0, 0.3)
+    assert parameter.get(parameter.set(nominal, value)) == pytest.approx(value, rel=1e-12)
+
+
+def test_unknown_parameter_names_the_nearest(store):
+    with pytest.raises(InputError, match="did you mean 'drag'"):
+        identify(load_logs(store), load_calibration("glider"), parameters=["drga"])
+
+
+@pytest.mark.parametrize("name", ["slocum", "glider", "rogue"])
+def test_written_vehicle_loads_flies_and_says_where_it_comes_from(tmp_path, name):
+    calibration = load_calibration(name, pitch_scale=0.9, pitch_offset=0.01)
+    for parameter in PARAMETERS:
+        nominal = parameter.get(calibration)
+        calibration = parameter.at(calibration, nominal, 0.2)
+    moved = calibration.vehicle.movable_neutral_x + 0.002
+    calibration = calibration.replace(vehicle=calibration.vehicle.replace(movable_neutral_x=moved))
+    path = write_vehicle(calibration, tmp_path / "mine.xml", {"store": 'a "log" & <more>'})
+    again = load_calibration(path)
+    for parameter in PARAMETERS:
+        assert parameter.get(again) == pytest.approx(parameter.get(calibration), rel=1e-8)
+    assert again.vehicle.movable_neutral_x == pytest.approx(moved, rel=1e-9)
+    np.testing.assert_allclose(again.vehicle.added_mass, calibration.vehicle.added_mass, rtol=1e-8)
+    np.testing.assert_allclose(
+        again.vehicle.static_inertia, calibration.vehicle.static_inertia, rtol=1e-8
+    )
+    model = mujoco.MjModel.from_xml_path(str(path))
+    assert mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, 0) == "identification"
+    heavy = Schedule(times=[0.0], commands=[[0.01, 0.0, -150.0]])
+    dive = simulate(Scenario(vehicle=again.vehicle, plan=heavy, duration=60.0))
+    assert dive["true_depth"][-1] > 2.0
+    second = vehicle_xml(again, {"store": "another"})
+    assert second.count('name="identification"') == second.count('name="sensor_errors"') == 1
+    assert parse_vehicle(second, path).drag == again.vehicle.drag
+    with pytest.raises(InputError, match="exists already"):
+        write_vehicle(calibration, path, {})
+
+
+def test_damaged_sensor_errors_are_named(tmp_path):
+    path = write_vehicle(load_calibration("slocum"), tmp_path / "a.xml", {})
+    text = path.read_text()
+    head = text.index('name="sensor_errors" data="') + len('name="sensor_errors" data="')
+    path.write_text(text[:head] + "x " + text[head:])
+    with pytest.raises(VehicleError, match="sensor_errors"):
+        load_calibration(path)
+
+
+def test_store_hash_follows_the_content(store, tmp_path, run):
+    assert store_hash(store) == store_hash(store)
+    other = simulated.flown(VEHICLE, 8, max_depth=40.0, yos=1)
+    assert store_hash(simulated.stored(tmp_path / "b.zarr", [other])) != store_hash(store)
+
+
+def test_logs_that_cannot_be_used_are_named(tmp_path, store, run):
+    import xarray as xr
+
+    dataset = xr.open_zarr(store).load()
+    for drop in ("measured_pump", "measured_pitch"):
+        path = tmp_path / f"no_{drop}.zarr"
+        write_store(dataset.drop_vars(drop), path)
+        with pytest.raises(StoreError, match=drop):
+            load_logs(path)
+    shallow = dataset.copy()
+    shallow["measured_depth"] = shallow["measured_depth"] * 0.01
+    write_store(shallow, tmp_path / "shallow.zarr")
+    with pytest.raises(StoreError, match="no dive"):
+        load_logs(tmp_path / "shallow.zarr")
+    with pytest.raises(StoreError, match="no mission 5; it holds 0 to 0"):
+        load_logs(store, [5])
+    short = dataset.isel(time=slice(0, 80))
+    short["n_samples"] = short["n_samples"] * 0 + 80
+    write_store(short, tmp_path / "short.zarr")
+    with pytest.raises(InputError, match="at least 100"):
+        identify(load_logs(tmp_path / "short.zarr"), load_calibration("glider"))
+
+
+def test_figure_draws(store):
+    logs = load_logs(store)
+    found = identify(logs, load_calibration("glider"), parameters=["neutral_density", "drag"])
+    figure = residual_figure(found, logs)
+    assert len(figure.axes) == 4
+    assert "RMSE" in figure.axes[2].get_title(loc="left")
+
+
+def test_command_writes_vehicle_and_one_json_object(tmp_path, store, capsys):
+    out = tmp_path / "mine.xml"
+    arguments = ["identify", str(store), "--vehicle", "glider", "--out", str(out), "--json"]
+    assert PROGRAM.main(arguments) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["parameters"]["drag"]["determined"] is True
+    assert load_vehicle(out).drag[0] == pytest.approx(answer["parameters"]["drag"]["value"])
+    assert motion_of(load_logs(store)[0], load_calibration(out)).speed.max() < 1.0
+    assert PROGRAM.main(arguments) == 2
+    assert "use --overwrite" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (["--out", "a.txt"], "must end in .xml"),
+        (["--missions", "1-x"], "numbers such as 0-11,14"),
+        (["--pitch-scale", "7"], "between 0.5 and 2"),
+        (["--parameters", "lift"], "unknown parameter 'lift'"),
+        (["--vehicle", "slocm"], "did you mean 'slocum'"),
+    ],
+)
+def test_command_refuses_bad_input_in_one_line(store, more, message, capsys):
+    assert PROGRAM.main(["identify", str(store), *more]) == 2
+    error = capsys.readouterr().err.strip()
+    assert message in error
+    assert "\n" not in error

@@ -1,0 +1,194 @@
+"""`twin identify`: a vehicle's parameters from its own logs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from twin.console import Console, JsonOption
+
+if TYPE_CHECKING:
+    from twin.identify import Identification
+
+
+@dataclass(frozen=True, kw_only=True)
+class Identify(JsonOption):
+    """Estimate trim, drag, lift, hull and sensor errors from depth, attitude, pump and density."""
+
+    store: Annotated[Path, tyro.conf.Positional]
+    """store of logs, as `factory import` writes it; a simulated one with sensors will do too"""
+    vehicle: str = "slocum"
+    """vehicle to start from: shipped name, or the path of an MJCF file"""
+    out: Path | None = None
+    """write the calibrated vehicle here (.xml)"""
+    overwrite: bool = False
+    """replace an existing --out"""
+    plot: Path | None = None
+    """write a figure of the residuals here (.png, .pdf or .svg)"""
+    model: Literal["flight", "steady", "twin"] = "flight"
+    """flight: attitude as logged, with inertia; steady: forces in balance, off inflections; twin:
+    flight, then full rollouts of the MuJoCo twin on the logged actuator positions"""
+    parameters: tuple[str, ...] = ()
+    """what to estimate; all that the log may determine when not given"""
+    missions: str = "all"
+    """missions of the store to fit, such as 0-11,14"""
+    fixes: bool = True
+    """compare the current between GPS fixes too; without it only the depth rate is used"""
+    pitch_scale: float | None = None
+    """known error of the pitch sensor: true pitch = scale * measured + offset"""
+    pitch_offset: float | None = None
+    """known offset of the pitch sensor [deg]"""
+
+    def run(self, console: Console) -> int:
+        """Fit, report, write."""
+        import math
+
+        from twin.commands.simulate import check_plot_path
+        from twin.errors import InputError
+        from twin.identify import identify, load_calibration, load_logs
+
+        check_plot_path(self.plot)
+        if self.out is not None and self.out.suffix.lower() != ".xml":
+            raise InputError(f"--out {str(self.out)!r} must end in .xml")
+        if self.out is not None and self.out.exists() and not self.overwrite:
+            raise InputError(f"{self.out} exists already; use --overwrite or another --out")
+        for name, value in (("scale", self.pitch_scale), ("offset", self.pitch_offset)):
+            if value is not None and not math.isfinite(value):
+                raise InputError(f"--pitch-{name} must be a finite number, not {value}")
+        if self.pitch_scale is not None and not 0.5 <= self.pitch_scale <= 2.0:
+            raise InputError(f"--pitch-scale must be between 0.5 and 2, not {self.pitch_scale:g}")
+        offset = None if self.pitch_offset is None else math.radians(self.pitch_offset)
+        nominal = load_calibration(self.vehicle, pitch_scale=self.pitch_scale, pitch_offset=offset)
+        logs = load_logs(self.store, parse_rows(self.missions))
+        with console.progress(total=1.0, label="identify", unit="") as progress:
+            done = 0.0
+
+            def report(part: float) -> None:
+                nonlocal done
+                progress.update(part - done)
+                done = part
+
+            found = identify(
+                logs,
+                nominal,
+                parameters=self.parameters or None,
+                model="steady" if self.model == "steady" else "flight",
+                fixes=self.fixes,
+                progress=report,
+            )
+        refined = None
+        if self.model == "twin":
+            from twin.identify.rollout import refine
+
+            refined = refine(logs, found)
+            found = refined.identification
+        self._say(console, found, len(logs))
+        if self.out is not None:
+            from twin.identify.provenance import provenance_of
+            from twin.identify.vehicle_file import write_vehicle
+
+            write_vehicle(
+                found.calibration,
+                self.out,
+                provenance_of(found, self.store),
+                overwrite=self.overwrite,
+            )
+            console.say(f"vehicle: {self.out}")
+        if self.plot is not None:
+            from twin.identify.figure import residual_figure
+
+            try:
+                residual_figure(found, logs).savefig(self.plot)
+            except OSError as error:
+                raise InputError(f"cannot write plot {self.plot}: {error}") from error
+            console.say(f"plot: {self.plot}")
+        if refined is not None:
+            console.answer(**refined.describe())
+        return 0
+
+    def _say(self, console: Console, found: Identification, missions: int) -> None:
+        rows = [
+            {
+                "parameter": e.name,
+                "unit": e.unit,
+                "nominal": e.nominal,
+                "estimate": e.value,
+                "deviation": e.deviation,
+                "known before": e.spread,
+                "": e.note if e.determined else f"kept: {e.note}",
+            }
+            for e in found.estimates
+        ]
+        console.table(rows, title=f"{found.nominal.vehicle.name}: {missions} missions", digits=6)
+        changes = {}
+        if found.current_change is not None and found.nominal_current_change is not None:
+            changes = {
+                "change of current between missions, median": (
+                    f"{100 * found.current_change:.2f} cm/s "
+                    f"(nominal vehicle {100 * found.nominal_current_change:.2f})"
+                )
+            }
+        console.pairs(
+            {
+                "model": found.model,
+                "flight compared": f"{found.hours:.2f} h, {found.samples} samples",
+                "depth rate, RMSE": (
+                    f"{100 * found.depth_rate_rmse:.2f} cm/s "
+                    f"(nominal vehicle {100 * found.nominal_depth_rate_rmse:.2f})"
+                ),
+                "depth rate, outliers weighted down": f"{100 * found.robust_deviation:.2f} cm/s",
+                "correlation time": f"{found.correlation_time:.0f} s",
+                **changes,
+            }
+        )
+        console.answer(
+            vehicle=found.nominal.vehicle.name,
+            store=self.store,
+            out=self.out,
+            plot=self.plot,
+            model=found.model,
+            missions=missions,
+            samples=found.samples,
+            hours=found.hours,
+            depth_rate_rmse_m_s=found.depth_rate_rmse,
+            nominal_depth_rate_rmse_m_s=found.nominal_depth_rate_rmse,
+            robust_deviation_m_s=found.robust_deviation,
+            correlation_time_s=found.correlation_time,
+            current_change_m_s=found.current_change,
+            parameters={
+                e.name: {
+                    "value": e.value,
+                    "deviation": e.deviation,
+                    "nominal": e.nominal,
+                    "unit": e.unit,
+                    "determined": e.determined,
+                    "note": e.note,
+                }
+                for e in found.estimates
+            },
+        )
+
+
+def parse_rows(text: str) -> list[int] | None:
+    """Mission numbers of a text such as "0-11,14"; None for "all".
+
+    Raises:
+      InputError: it is no such text.
+    """
+    from twin.errors import InputError
+
+    if text.strip() == "all":
+        return None
+    rows: list[int] = []
+    try:
+        for part in text.split(","):
+            first, _, last = part.strip().partition("-")
+            rows += range(int(first), int(last or first) + 1)
+    except ValueError:
+        rows = []
+    if not rows:
+        raise InputError(f"--missions {text!r} must be all, or numbers such as 0-11,14")
+    return list(dict.fromkeys(rows))

@@ -1,0 +1,322 @@
+"""Rollout: the full MuJoCo twin on logged actuator positions, refined by batched least squares.
+
+The flight model takes the attitude from the log; the twin makes its own. Parts of the log are
+flown again from the state that the flight model finds at their beginning, with the logged battery
+and pump as commands, and the depth rate and the pitch that come out are compared with the logged
+ones. That adds what only the moments tell: where the battery's neutral position lies. All windows
+and all steps of the finite differences fly side by side in one `twin.fleet.Fleet`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.density import DensityProfile
+from twin.errors import InputError, SimulationUnstable
+from twin.fleet import make_batch
+from twin.identify.calibration import Calibration
+from twin.identify.fit import Estimate, Identification, correlation_samples, robust_scale
+from twin.identify.log import Log
+from twin.identify.parameters import Parameter, choose
+from twin.identify.speed import motion_of
+from twin.scenario import Scenario, Start
+from twin.schedule import Schedule
+
+Array = NDArray[np.float64]
+
+WINDOW_S = 400.0
+"""[s] of one rollout: longer, and the twin's depth leaves the water that the log was in."""
+SETTLE_S = 30.0
+"""[s] at its start that are not compared: the start is an estimate."""
+MOST_WINDOWS = 12
+LEAST_DEPTH = 10.0
+"""[m] where a window may start."""
+REFINED = ("neutral_density", "drag", "lift_ratio", "compressibility")
+"""Parameters of `twin.identify.parameters` that the twin flies with."""
+ITERATIONS = 4
+"""Gauss-Newton steps: it starts at the flight model's answer."""
+STEP = 0.02
+"""Spreads of the finite differences: well above what the time step leaves."""
+PROMPT_LAG, PROMPT_RATE = 0.2, 1e4
+"""[s] and units per second of actuators that follow the logged positions."""
+PITCH_BIAS = np.deg2rad(0.3)
+"""[rad] of bias that the attitude sensor may have from one window to the next."""
+MOST_PITCH = np.deg2rad(3.0)
+"""[rad] of pitch that a refined twin may be off: more, and its drag answers for the wrong angle."""
+DENSITY_STEP = 2.0
+"""[m] of the density profile taken from the log."""
+
+SHIFT_OFFSET = Parameter(
+    name="shift_offset",
+    unit="mm",
+    meaning="battery position less the vehicle file's, at encoder zero",
+    spread=10.0,  # encoders are zeroed in the workshop, the centre of gravity is trimmed at sea
+    get=lambda c: 1e3 * c.vehicle.movable_neutral_x,
+    set=lambda c, x: c.replace(vehicle=c.vehicle.replace(movable_neutral_x=1e-3 * x)),
+)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Refinement:
+    """The identification with the twin's answers in place of the flight model's."""
+
+    identification: Identification
+    flight: Identification
+    depth_rate_rmse: float
+    """[m/s] of the twin in the windows."""
+    pitch_rmse: float
+    """[rad] of the twin in the windows."""
+    windows: int
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able figures."""
+        return {
+            "twin_windows": self.windows,
+            "twin_depth_rate_rmse_m_s": self.depth_rate_rmse,
+            "twin_pitch_rmse_deg": float(np.rad2deg(self.pitch_rmse)),
+        }
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Window:
+    log: Log
+    first: int
+    last: int
+    density: DensityProfile
+
+    @property
+    def compared(self) -> slice:
+        skip = round(SETTLE_S / self.log.period)
+        return slice(self.first + skip, self.last)
+
+
+def refine(logs: Sequence[Log], flight: Identification) -> Refinement:
+    """Fit the twin to windows of the logs, from what `identify` found.
+
+    Raises:
+      InputError: no window with battery positions, or the twin does not fly them.
+    """
+    windows = _windows(logs, flight.calibration)
+    names = [name for name in flight.determined if name in REFINED]
+    parameters = (*choose(names), SHIFT_OFFSET)
+    nominal = flight.nominal
+    centres = np.array([p.get(nominal) for p in parameters])
+    x = np.array(
+        [_offset(p, c, flight.calibration) for p, c in zip(parameters, centres, strict=True)]
+    )
+
+    def calibrated(offsets: Array) -> Calibration:
+        out = flight.calibration
+        for parameter, centre, offset in zip(parameters, centres, offsets, strict=True):
+            out = parameter.at(out, float(centre), float(offset))
+        return out
+
+    for _ in range(ITERATIONS):
+        points = [x] + [x + STEP * unit for unit in np.eye(len(x))]
+        flown = _fly(windows, [calibrated(point) for point in points])
+        rates = [_rate_residual(w, f) for w, f in zip(windows, flown[0], strict=True)]
+        pitches = [
+            _pitch_residual(w, f, calibrated(x)) for w, f in zip(windows, flown[0], strict=True)
+        ]
+        scales = [
+            _scale(rates, windows[0].log.period, 0.0),
+            _scale(pitches, windows[0].log.period, PITCH_BIAS),
+        ]
+
+        def stacked(results: list[_Flown], calibration: Calibration, scales: Any = scales) -> Array:
+            parts = [
+                _rate_residual(w, f) / scales[0] for w, f in zip(windows, results, strict=True)
+            ]
+            parts += [
+                _pitch_residual(w, f, calibration) / scales[1]
+                for w, f in zip(windows, results, strict=True)
+            ]
+            return np.concatenate(parts)
+
+        base = stacked(flown[0], calibrated(x))
+        columns = [
+            (stacked(f, calibrated(p)) - base) / STEP
+            for f, p in zip(flown[1:], points[1:], strict=True)
+        ]
+        jacobian = np.stack(columns, axis=1)
+        hessian = jacobian.T @ jacobian + np.eye(len(x))
+        x = x - np.linalg.solve(hessian, jacobian.T @ base + x)
+    covariance = np.asarray(np.linalg.inv(hessian), np.float64)
+    final = calibrated(x)
+    results = _fly(windows, [final])[0]
+    rate = np.concatenate([_rate_residual(w, f) for w, f in zip(windows, results, strict=True)])
+    pitch = np.concatenate(
+        [_pitch_residual(w, f, final) for w, f in zip(windows, results, strict=True)]
+    )
+    deviation: Array = np.sqrt(np.diag(covariance))
+    pitch_rmse = float(np.sqrt(np.mean(pitch**2)))
+    if pitch_rmse > MOST_PITCH:
+        raise InputError(
+            f"the twin does not pitch as this log says (RMSE {np.rad2deg(pitch_rmse):.1f} deg): "
+            f"vehicle {final.vehicle.name!r} pitches by its battery alone, against the righting "
+            "moment of its file; use --model flight, which takes the pitch from the log"
+        )
+    return Refinement(
+        identification=_merged(flight, final, parameters, centres, deviation, covariance),
+        flight=flight,
+        depth_rate_rmse=float(np.sqrt(np.mean(rate**2))),
+        pitch_rmse=pitch_rmse,
+        windows=len(windows),
+    )
+
+
+def _offset(parameter: Parameter, centre: float, calibration: Calibration) -> float:
+    value = parameter.get(calibration)
+    if parameter.logarithmic:
+        return float(np.log(value / centre) / parameter.spread)
+    return (value - centre) / parameter.spread
+
+
+def _windows(logs: Sequence[Log], calibration: Calibration) -> list[_Window]:
+    """Parts of the logs under water with battery positions, spread over all of them."""
+    found = []
+    for log in logs:
+        if log.shift is None:
+            continue
+        length = round(WINDOW_S / log.period)
+        profile = _density(log, calibration)
+        for first in range(0, len(log.depth) - length, length):
+            part = slice(first, first + length + 1)
+            deep = log.depth[first] > LEAST_DEPTH and log.depth[part].min() > 0.5 * LEAST_DEPTH
+            if deep and log.use[part].all():
+                found.append(_Window(log=log, first=first, last=first + length, density=profile))
+    if not found:
+        raise InputError(
+            f"no {WINDOW_S:g} s under water with battery positions in these logs; "
+            "use --model flight"
+        )
+    chosen = np.unique(np.linspace(0, len(found) - 1, MOST_WINDOWS).round().astype(int))
+    return [found[k] for k in chosen]
+
+
+def _density(log: Log, calibration: Calibration) -> DensityProfile:
+    if log.density is None:
+        return DensityProfile.constant(calibration.water_density)
+    bins = np.maximum(np.round(log.depth / DENSITY_STEP), 0).astype(int)
+    used = np.unique(bins)
+    values = np.array([np.median(log.density[bins == k]) for k in used])
+    return DensityProfile(depth=used * DENSITY_STEP, values=values)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Flown:
+    depth: Array
+    pitch: Array
+
+
+def _fly(windows: Sequence[_Window], calibrations: Sequence[Calibration]) -> list[list[_Flown]]:
+    """Every window with every calibration, in one batch."""
+    scenarios = [_scenario(w, c) for c in calibrations for w in windows]
+    results = make_batch(scenarios, threads=1).run()
+    flown: list[_Flown] = []
+    for result in results:
+        if isinstance(result, SimulationUnstable):
+            raise InputError(f"the twin does not fly this log: {result}; use --model flight")
+        flown.append(_Flown(depth=result["true_depth"], pitch=np.deg2rad(result["true_pitch"])))
+    n = len(windows)
+    return [flown[k * n : (k + 1) * n] for k in range(len(calibrations))]
+
+
+def _scenario(window: _Window, calibration: Calibration) -> Scenario:
+    log, first, last = window.log, window.first, window.last
+    part = slice(first, last + 1)
+    assert log.shift is not None
+    rotation = np.zeros_like(log.shift) if log.rotation is None else log.rotation
+    commands = np.stack([log.shift[part], rotation[part], log.pump[part]], axis=1)
+    # Half a sample early: a held position then lags the logged one by nothing on average.
+    times = np.maximum(log.period * (np.arange(len(commands)) - 0.5), 0.0)
+    times[0] = -log.period
+    motion = motion_of(log, calibration)
+    vehicle = calibration.vehicle
+    reach = 10.0 * (vehicle.actuator_max - vehicle.actuator_min)
+    return Scenario(
+        vehicle=vehicle.replace(
+            actuator_lag=np.full(3, PROMPT_LAG),
+            actuator_rate=np.full(3, PROMPT_RATE),
+            actuator_min=vehicle.actuator_min - reach,
+            actuator_max=vehicle.actuator_max + reach,
+        ),
+        plan=Schedule(times=times, commands=commands),
+        duration=log.period * (last - first),
+        sample_period=log.period,
+        density=window.density,
+        start=Start(
+            depth=float(log.depth[first]),
+            roll=float(log.roll[first]),
+            pitch=float(calibration.true_pitch(log.pitch)[first]),
+            heading=float(log.heading[first] % (2 * np.pi)),
+            v_rel=(
+                float(motion.surge[first]),
+                float(motion.sway[first]),
+                float(motion.heave[first]),
+            ),
+            rates=(float(log.rates[0, first]), float(log.rates[1, first]), 0.0),
+            actuators=(float(commands[0, 0]), float(commands[0, 1]), float(commands[0, 2])),
+        ),
+    )
+
+
+def _rate_residual(window: _Window, flown: _Flown) -> Array:
+    log = window.log
+    skip = round(SETTLE_S / log.period)
+    rate = log.filtered(np.gradient(flown.depth, log.period))
+    return (rate[skip:-1] - log.depth_rate[window.compared])[: -log.window]
+
+
+def _pitch_residual(window: _Window, flown: _Flown, calibration: Calibration) -> Array:
+    skip = round(SETTLE_S / window.log.period)
+    measured = calibration.true_pitch(window.log.pitch)[window.compared]
+    return flown.pitch[skip:-1] - measured
+
+
+def _scale(series: list[Array], period: float, least: float) -> float:
+    """Deviation to divide residuals by so that they count as independent ones.
+
+    `least` is an error that a whole window shares, such as a sensor's bias.
+    """
+    scale = robust_scale(np.concatenate(series))
+    samples = correlation_samples(series, round(WINDOW_S / period))
+    length = float(np.mean([len(s) for s in series]))
+    return float(max(scale * np.sqrt(samples), least * np.sqrt(length)))
+
+
+def _merged(
+    flight: Identification,
+    calibration: Calibration,
+    parameters: tuple[Parameter, ...],
+    centres: Array,
+    deviation: Array,
+    covariance: Array,
+) -> Identification:
+    """The flight model's identification with the refined estimates in their places."""
+    refined = {
+        p.name: Estimate(
+            name=p.name,
+            unit=p.unit,
+            meaning=p.meaning,
+            nominal=float(c),
+            value=p.get(calibration),
+            deviation=p.deviation(p.get(calibration), float(d)),
+            spread=p.deviation(float(c), 1.0),
+            determined=True,
+        )
+        for p, c, d in zip(parameters, centres, deviation, strict=True)
+    }
+    kept = tuple(refined.pop(e.name, e) for e in flight.estimates)
+    return dataclasses.replace(
+        flight,
+        calibration=calibration,
+        model="twin",
+        estimates=(*kept, *refined.values()),
+        correlation=covariance / np.outer(deviation, deviation),
+    )

@@ -1,0 +1,149 @@
+"""Vehicle file: a calibration written back into the MJCF text that it started from.
+
+Only the attributes that changed are touched; comments, meshes and cameras of the file stay. What
+was fitted, from which store and how surely, goes into a `<text>` element, so that the file says
+for itself where its numbers come from.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+from twin.errors import InputError, VehicleError
+from twin.identify.calibration import HULL_NUMERIC, SENSOR_NUMERIC, Calibration
+from twin.vehicle import Vehicle, parse_vehicle
+
+PROVENANCE = "identification"
+"""Name of the `<text>` element."""
+DIGITS = 10
+"""Significant digits of a written number: far finer than any parameter is known."""
+
+
+def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
+    """MJCF text of the calibrated vehicle; loads as the same `Vehicle`, and in MuJoCo.
+
+    Raises:
+      VehicleError: the file has the elements in a form that cannot be edited.
+    """
+    vehicle = calibration.vehicle
+    xml = vehicle.xml
+    original = parse_vehicle(xml, vehicle.path)
+    xml = _numeric(xml, "reference_density", [vehicle.reference_density], vehicle)
+    xml = _numeric(xml, "hull_compressibility", [vehicle.hull_compressibility], vehicle)
+    xml = _numeric(xml, "drag", vehicle.drag, vehicle)
+    xml = _numeric(xml, "lift", vehicle.lift, vehicle)
+    if vehicle.mass != original.mass:
+        xml = _numeric(xml, "added_mass", vehicle.added_mass.ravel(), vehicle)
+        xml = _hull_inertial(xml, vehicle, vehicle.mass / original.mass)
+    if vehicle.movable_neutral_x != original.movable_neutral_x:
+        xml = _battery_place(xml, vehicle, vehicle.movable_neutral_x - original.movable_neutral_x)
+    for name in (HULL_NUMERIC, SENSOR_NUMERIC):
+        xml = re.sub(rf"[ \t]*<numeric name={name!r}[^>]*/>\n?".replace("'", '"'), "", xml)
+    xml = re.sub(rf'[ \t]*<text name="{PROVENANCE}"[^>]*/>\n?', "", xml)
+    hull = [calibration.water_density, calibration.thermal_expansion, calibration.thermal_lag]
+    sensors = [
+        calibration.pitch_scale,
+        calibration.pitch_offset,
+        calibration.heading_offset,
+        *calibration.heading_cycles,
+    ]
+    note = quoteattr(json.dumps(dict(provenance), sort_keys=True))
+    added = (
+        "    <!-- identified: water in a log without CTD [kg/m3], thermal expansion [1/K] and\n"
+        "         thermal lag [s] of the hull; read by identification only -->\n"
+        f'    <numeric name="{HULL_NUMERIC}" data="{_text(hull)}"/>\n'
+        "    <!-- identified: true pitch = scale * measured + offset [rad]; true less measured\n"
+        "         heading [rad]: mean, cos, sin, cos and sin of twice the heading -->\n"
+        f'    <numeric name="{SENSOR_NUMERIC}" data="{_text(sensors)}"/>\n'
+        f'    <text name="{PROVENANCE}" data={note}/>\n'
+    )
+    xml = re.sub(r"    <!-- identified: .*?-->\n", "", xml, flags=re.DOTALL)
+    if xml.count("</custom>") != 1:
+        raise VehicleError(f"vehicle file {vehicle.path}: needs exactly one <custom> element")
+    xml = re.sub(r"[ \t]*</custom>", lambda match: added + match.group(0), xml)
+    _check(xml, vehicle)
+    return xml
+
+
+def write_vehicle(
+    calibration: Calibration,
+    path: str | Path,
+    provenance: Mapping[str, Any],
+    *,
+    overwrite: bool = False,
+) -> Path:
+    """Write the calibrated vehicle.
+
+    Raises:
+      InputError: the file exists and `overwrite` is False, or the disk refuses.
+    """
+    path = Path(path)
+    text = vehicle_xml(calibration, provenance)
+    if path.exists() and not overwrite:
+        raise InputError(f"{path} exists already; use --overwrite or another --out")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+    return path
+
+
+def _text(values: Any) -> str:
+    return " ".join(f"{float(value):.{DIGITS}g}" for value in values)
+
+
+def _substitute(xml: str, pattern: str, replacement: str, what: str, vehicle: Vehicle) -> str:
+    found, count = re.subn(
+        pattern, lambda m: m.group(1) + replacement + m.group(2), xml, flags=re.DOTALL
+    )
+    if count != 1:
+        raise VehicleError(
+            f"vehicle file {vehicle.path}: found {count} places to write {what}, needs exactly 1"
+        )
+    return found
+
+
+def _numeric(xml: str, name: str, values: Any, vehicle: Vehicle) -> str:
+    pattern = rf'(<numeric\s+name="{name}"\s+data=")[^"]*(")'
+    return _substitute(xml, pattern, _text(values), f"<numeric name={name!r}>", vehicle)
+
+
+def _hull_inertial(xml: str, vehicle: Vehicle, scale: float) -> str:
+    """Mass and inertia of the hull; its inertia grows with the mass."""
+    head = r'(<body\s+name="hull".*?<inertial\b[^>]*?\bmass=")[^"]*(")'
+    xml = _substitute(xml, head, _text([vehicle.static_mass]), "the hull's mass", vehicle)
+    pattern = re.compile(
+        r'(<body\s+name="hull".*?<inertial\b[^>]*?\b(?:diag|full)inertia=")([^"]*)(")', re.DOTALL
+    )
+    return pattern.sub(
+        lambda m: m.group(1) + _text(scale * float(x) for x in m.group(2).split()) + m.group(3),
+        xml,
+        count=1,
+    )
+
+
+def _battery_place(xml: str, vehicle: Vehicle, moved: float) -> str:
+    pattern = re.compile(r'(<body\s+name="battery"\s+pos=")([^"]*)(")')
+    found = pattern.search(xml)
+    if found is None:
+        raise VehicleError(f"vehicle file {vehicle.path}: <body name='battery' pos=...> is missing")
+    x, y, z = (float(word) for word in found.group(2).split())
+    return pattern.sub(lambda m: m.group(1) + _text([x + moved, y, z]) + m.group(3), xml, count=1)
+
+
+def _check(xml: str, vehicle: Vehicle) -> None:
+    """What was written must read back as the vehicle that was meant."""
+    again = parse_vehicle(xml, vehicle.path)
+    for name in ("reference_density", "mass", "drag", "lift", "movable_neutral_x"):
+        mine, theirs = getattr(vehicle, name), getattr(again, name)
+        pairs = zip(mine, theirs, strict=True) if isinstance(mine, tuple) else [(mine, theirs)]
+        if any(abs(a - b) > 1e-8 * max(abs(a), 1.0) for a, b in pairs):
+            raise VehicleError(
+                f"vehicle file {vehicle.path}: {name} reads back as {theirs}, not {mine}"
+            )
