@@ -163,6 +163,16 @@ def _lengths(dataset: Any, store: str | Path) -> NDArray[np.int64]:
 
 
 @dataclasses.dataclass(frozen=True)
+class Mirror:
+    """Port taken for starboard: a glider is as symmetric as its image is a glider."""
+
+    inputs: Floats
+    """Sign of each feature, (features,), 1 or -1; features of sign -1 are normalised about zero."""
+    target: float
+    """Sign of the target: 1 for surge, -1 for sway."""
+
+
+@dataclasses.dataclass(frozen=True)
 class Sequences:
     """Missions as a network of one target sees them: normalised inputs and target."""
 
@@ -172,6 +182,8 @@ class Sequences:
     """(time,) of each mission."""
     weights: list[Floats]
     """(time,) of each mission: 1 where the sample counts, else 0."""
+    mirror: Mirror | None = None
+    """How missions are mirrored; None where that is not wanted."""
 
     @property
     def lengths(self) -> NDArray[np.int64]:
@@ -204,7 +216,7 @@ def sample_split(lengths: Iterable[int], seed: int) -> list[list[Floats]]:
 
 @dataclasses.dataclass(frozen=True)
 class Windows:
-    """Pieces of missions: rows of (mission, start, wash-in, length), see `cut_windows`."""
+    """Pieces of missions, (mission, start, wash-in, length, mirrored), see `cut_windows`."""
 
     table: NDArray[np.int64]
 
@@ -218,13 +230,15 @@ def cut_windows(
     length: int,
     washin: int,
     rng: np.random.Generator | None = None,
+    mirror: bool = False,
 ) -> Windows:
     """Cut missions into pieces whose counted samples tile every mission exactly once.
 
     A piece counts `length` samples (the last of a mission fewer) and starts up to `washin` samples
     earlier, so that a network has found its state when counting begins. The first piece starts at
     the launch with no wash-in: the launch from rest counts. With `rng` the cuts are moved by a
-    random amount, so that epochs differ.
+    random amount, so that epochs differ. With `mirror` every other piece, at random, is the mirror
+    image; without `rng` every piece comes both ways.
     """
     rows = []
     for mission, total in enumerate(lengths):
@@ -233,9 +247,14 @@ def cut_windows(
         while begin < total:
             end = min(first if begin == 0 else begin + length, total)
             start = max(0, begin - washin)
-            rows.append((mission, start, begin - start, end - begin))
+            rows.append((mission, start, begin - start, end - begin, 0))
             begin = end
-    return Windows(np.array(rows, np.int64).reshape(-1, 4))
+    table = np.array(rows, np.int64).reshape(-1, 5)
+    if mirror and rng is not None:
+        table[:, 4] = rng.integers(0, 2, len(table))
+    elif mirror:
+        table = np.concatenate([table, table + np.array([0, 0, 0, 0, 1])])
+    return Windows(table)
 
 
 def pack_windows(sequences: Sequences, windows: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
@@ -250,11 +269,15 @@ def pack_windows(sequences: Sequences, windows: NDArray[np.int64]) -> tuple[Floa
     x = np.zeros((longest, batch, features), np.float32)
     y = np.zeros((longest, batch), np.float32)
     w = np.zeros((longest, batch), np.float32)
-    for column, (mission, start, skip, count) in enumerate(windows):
+    for column, (mission, start, skip, count, _) in enumerate(windows):
         end = start + skip + count
         x[: skip + count, column] = sequences.inputs[mission][start:end]
         y[: skip + count, column] = sequences.targets[mission][start:end]
         w[skip : skip + count, column] = sequences.weights[mission][start + skip : end]
+    if sequences.mirror is not None:
+        turned = windows[:, 4] == 1
+        x[:, turned] *= sequences.mirror.inputs
+        y[:, turned] *= np.float32(sequences.mirror.target)
     return x, y, w
 
 

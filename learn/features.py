@@ -41,6 +41,8 @@ class Feature:
     unit: str
     compute: Callable[[Channels, float], Array] = dataclasses.field(repr=False)
     """From channels (time,) and the sample period [s] to values (time,)."""
+    odd: bool = False
+    """Whether it changes its sign when the vehicle is mirrored, port for starboard."""
 
 
 def trailing_slope(values: Array, samples: int, period: float) -> Array:
@@ -77,16 +79,51 @@ def _glide_speed(depth_rate: Array, pitch: Array) -> Array:
 
     The regularised quotient -z' s / (s^2 + FLAT_SINE^2) has no pole at an inflection.
     """
-    sine = np.sin(np.deg2rad(pitch))
+    return _damped_quotient(depth_rate, np.sin(np.deg2rad(pitch)))
+
+
+def _damped_quotient(depth_rate: Array, sine: Array) -> Array:
     return -depth_rate * sine / (sine**2 + FLAT_SINE**2)
 
 
-def _plain(name: str, group: str, channel: str, unit: str) -> Feature:
-    return Feature(name, group, (channel,), unit, lambda c, _: c[channel])
+_FORCES = (
+    "measured_specific_force_x",
+    "measured_specific_force_y",
+    "measured_specific_force_z",
+)
 
 
-def _of_angle(name: str, group: str, channel: str, function: Callable[[Array], Array]) -> Feature:
-    return Feature(name, group, (channel,), "1", lambda c, _: function(np.deg2rad(c[channel])))
+def _gravity_sine(c: Channels, samples: int) -> Array:
+    """Sine of the pitch from the direction of the mean specific force, nose up.
+
+    A glider hardly accelerates, so its accelerometer is an inclinometer without the slow errors of
+    an attitude filter.
+    """
+    x, y, z = (trailing_mean(c[name], samples) for name in _FORCES)
+    size = np.sqrt(x**2 + y**2 + z**2)
+    return np.divide(x, size, out=np.zeros_like(x), where=size > 0.0)
+
+
+def _gravity_glide(name: str, *, slow: bool = False) -> Feature:
+    def compute(c: Channels, period: float) -> Array:
+        samples = _window(period) if slow else 2
+        rate = trailing_slope(c["measured_depth"], samples, period)
+        return _damped_quotient(rate, _gravity_sine(c, samples))
+
+    return Feature(name, "gravity", (*_FORCES, "measured_depth"), "m s-1", compute)
+
+
+def _plain(name: str, group: str, channel: str, unit: str, *, odd: bool = False) -> Feature:
+    return Feature(name, group, (channel,), unit, lambda c, _: c[channel], odd)
+
+
+def _of_angle(
+    name: str, group: str, channel: str, function: Callable[[Array], Array], *, odd: bool = False
+) -> Feature:
+    def compute(c: Channels, _: float) -> Array:
+        return function(np.deg2rad(c[channel]))
+
+    return Feature(name, group, (channel,), "1", compute, odd)
 
 
 def _rate(name: str, group: str, channel: str, unit: str, *, slow: bool = False) -> Feature:
@@ -96,18 +133,20 @@ def _rate(name: str, group: str, channel: str, unit: str, *, slow: bool = False)
     return Feature(name, group, (channel,), unit, compute)
 
 
-def _angle_rate(name: str, group: str, channel: str, *, slow: bool = False) -> Feature:
+def _angle_rate(
+    name: str, group: str, channel: str, *, slow: bool = False, odd: bool = False
+) -> Feature:
     def compute(c: Channels, period: float) -> Array:
         return trailing_slope(_turned(c[channel]), _window(period) if slow else 2, period)
 
-    return Feature(name, group, (channel,), "rad s-1", compute)
+    return Feature(name, group, (channel,), "rad s-1", compute, odd)
 
 
-def _slow_sine(name: str, group: str, channel: str) -> Feature:
+def _slow_sine(name: str, group: str, channel: str, *, odd: bool = False) -> Feature:
     def compute(c: Channels, period: float) -> Array:
         return trailing_mean(np.sin(np.deg2rad(c[channel])), _window(period))
 
-    return Feature(name, group, (channel,), "1", compute)
+    return Feature(name, group, (channel,), "1", compute, odd)
 
 
 def _compute_glide_speed(c: Channels, period: float) -> Array:
@@ -123,38 +162,49 @@ def _compute_glide_speed_slow(c: Channels, period: float) -> Array:
 _GLIDE = ("measured_depth", "measured_pitch")
 
 _TABLE: tuple[Feature, ...] = (
-    _of_angle("sin_roll", "attitude", "measured_roll", np.sin),
+    _of_angle("sin_roll", "attitude", "measured_roll", np.sin, odd=True),
     _of_angle("cos_roll", "attitude", "measured_roll", np.cos),
     _of_angle("sin_pitch", "attitude", "measured_pitch", np.sin),
     _of_angle("cos_pitch", "attitude", "measured_pitch", np.cos),
-    _slow_sine("sin_roll_slow", "attitude_slow", "measured_roll"),
+    _slow_sine("sin_roll_slow", "attitude_slow", "measured_roll", odd=True),
     _slow_sine("sin_pitch_slow", "attitude_slow", "measured_pitch"),
-    _angle_rate("roll_change", "attitude_rate", "measured_roll"),
+    _angle_rate("roll_change", "attitude_rate", "measured_roll", odd=True),
     _angle_rate("pitch_change", "attitude_rate", "measured_pitch"),
-    _angle_rate("heading_change", "attitude_rate", "measured_heading"),
-    _angle_rate("roll_change_slow", "attitude_rate_slow", "measured_roll", slow=True),
+    _angle_rate("heading_change", "attitude_rate", "measured_heading", odd=True),
+    _angle_rate("roll_change_slow", "attitude_rate_slow", "measured_roll", slow=True, odd=True),
     _angle_rate("pitch_change_slow", "attitude_rate_slow", "measured_pitch", slow=True),
-    _angle_rate("heading_change_slow", "attitude_rate_slow", "measured_heading", slow=True),
-    _plain("roll_rate", "imu", "measured_roll_rate", "rad s-1"),
+    _angle_rate(
+        "heading_change_slow", "attitude_rate_slow", "measured_heading", slow=True, odd=True
+    ),
+    _plain("roll_rate", "imu", "measured_roll_rate", "rad s-1", odd=True),
     _plain("pitch_rate", "imu", "measured_pitch_rate", "rad s-1"),
-    _plain("yaw_rate", "imu", "measured_yaw_rate", "rad s-1"),
+    _plain("yaw_rate", "imu", "measured_yaw_rate", "rad s-1", odd=True),
     _plain("specific_force_x", "accelerometer", "measured_specific_force_x", "m s-2"),
-    _plain("specific_force_y", "accelerometer", "measured_specific_force_y", "m s-2"),
+    _plain("specific_force_y", "accelerometer", "measured_specific_force_y", "m s-2", odd=True),
     _plain("specific_force_z", "accelerometer", "measured_specific_force_z", "m s-2"),
     _rate("depth_rate", "depth_rate", "measured_depth", "m s-1"),
     _rate("depth_rate_slow", "depth_rate_slow", "measured_depth", "m s-1", slow=True),
     Feature("glide_speed", "glide_speed", _GLIDE, "m s-1", _compute_glide_speed),
     Feature("glide_speed_slow", "glide_speed_slow", _GLIDE, "m s-1", _compute_glide_speed_slow),
+    Feature(
+        "gravity_pitch_sine",
+        "gravity",
+        _FORCES,
+        "1",
+        lambda c, period: _gravity_sine(c, _window(period)),
+    ),
+    _gravity_glide("gravity_glide_speed"),
+    _gravity_glide("gravity_glide_speed_slow", slow=True),
     _plain("depth", "depth", "measured_depth", "m"),
     _plain("shift", "controls", "measured_shift", "m"),
-    _of_angle("sin_rotation", "controls", "measured_rotation", np.sin),
+    _of_angle("sin_rotation", "controls", "measured_rotation", np.sin, odd=True),
     _of_angle("cos_rotation", "controls", "measured_rotation", np.cos),
     _plain("pump", "controls", "measured_pump", "cm3"),
     _rate("shift_change", "control_rate", "measured_shift", "m s-1"),
-    _angle_rate("rotation_change", "control_rate", "measured_rotation"),
+    _angle_rate("rotation_change", "control_rate", "measured_rotation", odd=True),
     _rate("pump_change", "control_rate", "measured_pump", "cm3 s-1"),
     _plain("shift_command", "commands", "commanded_shift", "m"),
-    _of_angle("sin_rotation_command", "commands", "commanded_rotation", np.sin),
+    _of_angle("sin_rotation_command", "commands", "commanded_rotation", np.sin, odd=True),
     _of_angle("cos_rotation_command", "commands", "commanded_rotation", np.cos),
     _plain("pump_command", "commands", "commanded_pump", "cm3"),
 )
@@ -168,9 +218,22 @@ GROUPS: dict[str, tuple[str, ...]] = {
 }
 """Names of the features of each group."""
 
-DEFAULT_GROUPS = ("attitude", "imu", "depth_rate", "glide_speed", "controls")
-"""Groups of the default inputs. With `glide_speed`, the kinematic speed of the depth rate, ten
-hours of missions train a surge network a hundred times better than without."""
+INPUT_SETS: dict[str, tuple[str, ...]] = {
+    "full": (
+        *("attitude", "imu", "depth_rate", "depth_rate_slow"),
+        *("glide_speed", "gravity", "controls"),
+    ),
+    "glider": (
+        *("attitude", "depth_rate", "depth_rate_slow", "glide_speed", "glide_speed_slow"),
+        *("shift", "pump"),
+    ),
+}
+"""Inputs by name. `full` needs gyroscopes and accelerometers; `glider` is what every glider's log
+has. With `glide_speed`, the kinematic speed of the depth rate, ten hours of missions train a surge
+network a hundred times better than without."""
+
+DEFAULT_GROUPS = INPUT_SETS["full"]
+"""Groups of the default inputs."""
 
 
 def select_features(
@@ -202,6 +265,11 @@ def select_features(
     if not left:
         raise InputError("no input feature is left; choose more features or mask fewer")
     return tuple(name for name in FEATURES if name in left)
+
+
+def mirror_signs(features: Iterable[str]) -> NDArray[np.float32]:
+    """-1 for features that the mirror port to starboard turns round, 1 for the others."""
+    return np.array([-1.0 if FEATURES[name].odd else 1.0 for name in features], np.float32)
 
 
 def channels_of(features: Iterable[str]) -> tuple[str, ...]:
@@ -257,6 +325,7 @@ def fit_normalisation(
     *,
     features: Sequence[str],
     target: str,
+    centred: Iterable[str] = (),
 ) -> Normalisation:
     """Means and standard deviations over all samples of the training missions.
 
@@ -266,10 +335,15 @@ def fit_normalisation(
     Args:
       matrices: features (time, features) of each training mission.
       targets: the target (time,) of each.
+      centred: features and target whose mean is taken as zero, because the training shows every
+        mission with its mirror image, where they have the other sign.
     """
     values = np.concatenate(matrices).astype(np.float64)
     wanted = np.concatenate(targets).astype(np.float64)
-    mean, deviation = values.mean(0), values.std(0)
+    zero = np.isin(features, list(centred))
+    mean = np.where(zero, 0.0, values.mean(0))
+    deviation = np.sqrt(np.square(values - mean).mean(0))
+    target_mean = 0.0 if target in centred else float(wanted.mean())
     constant = deviation <= 1e-6 * np.maximum(np.abs(mean), 1e-6)
     scale = np.where(constant, 1.0, deviation)
     return Normalisation(
@@ -277,6 +351,6 @@ def fit_normalisation(
         mean=tuple(map(float, mean)),
         scale=tuple(map(float, scale)),
         target=target,
-        target_mean=float(wanted.mean()),
-        target_scale=float(wanted.std()) or 1.0,
+        target_mean=target_mean,
+        target_scale=float(np.sqrt(np.square(wanted - target_mean).mean())) or 1.0,
     )

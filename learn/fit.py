@@ -54,6 +54,8 @@ class FitConfig:
     """Networks per velocity; their spread is an uncertainty."""
     division: Division = "missions"
     """`missions`: the store's split. `samples`: the paper's random 70/15/15, which leaks."""
+    mirror: bool = True
+    """Whether the training shows every mission mirrored, port for starboard, too."""
 
     def __post_init__(self) -> None:
         if self.members < 1:
@@ -149,6 +151,7 @@ def train(job: Job, folder: Path, report: Callable[[Report], None]) -> Report | 
         features=config.features,
         division=config.division,
         seed=config.training.seed,
+        mirror=config.mirror,
     )
     from learn.predictor import Predictor
 

@@ -36,7 +36,7 @@ class TrainingConfig:
     optimiser: Literal["soap", "adam", "scg"] = "soap"
     """soap or adam with a cosine schedule, or scg (scaled conjugate gradients, the paper's)."""
     seconds: float = 180.0
-    """[s] budget of one network; 0 leaves it to `epochs`."""
+    """[s] of computing for one network, whatever else the machine does; 0 leaves it to `epochs`."""
     epochs: int = 0
     """Budget in passes over the training missions (scg: iterations); 0 leaves it to `seconds`."""
     rate: float = 3e-3
@@ -123,11 +123,11 @@ class Clock:
 
     def __init__(self, config: TrainingConfig, spent: float = 0.0) -> None:
         self.config = config
-        self._start = time.monotonic() - spent
+        self._start = time.thread_time() - spent
 
     def seconds(self) -> float:
-        """[s] since the start of the training, earlier runs included."""
-        return time.monotonic() - self._start
+        """[s] of computing since the start of the training, earlier runs included."""
+        return time.thread_time() - self._start
 
     def share(self, epochs: float) -> float:
         """Share of the budget spent after `epochs`, at most 1."""
@@ -230,7 +230,11 @@ class Trainer:
         while share < 1.0 and not self.stopped:
             rng = np.random.default_rng([config.seed, epoch])
             windows = cut_windows(
-                self.train_data.lengths, length=config.window, washin=config.washin, rng=rng
+                self.train_data.lengths,
+                length=config.window,
+                washin=config.washin,
+                rng=rng,
+                mirror=self.train_data.mirror is not None,
             )
             groups = batches(windows, config.batch, rng)
             while position < len(groups):
@@ -283,7 +287,10 @@ class Trainer:
     def _scg(self, saved: dict[str, Any] | None) -> None:
         config, network = self.config, self.network
         windows = cut_windows(
-            self.train_data.lengths, length=config.full_window, washin=config.washin
+            self.train_data.lengths,
+            length=config.full_window,
+            washin=config.washin,
+            mirror=self.train_data.mirror is not None,
         )
         groups = batches(windows, 64)
         parameters = list(network.parameters())

@@ -40,8 +40,10 @@ class Fit(JsonOption):
     """hidden layers [default: 3]"""
     delays: int | None = None
     """elman: past outputs that a hidden layer is fed back [default: 5]"""
+    inputs: Literal["full", "glider"] = "full"
+    """full needs gyroscopes and accelerometers, glider is what every glider's log has"""
     features: tuple[str, ...] = ()
-    """inputs, features or groups [default: attitude imu depth_rate glide_speed controls]"""
+    """features or groups instead of a set of --inputs, such as attitude depth_rate glide_speed"""
     without: tuple[str, ...] = ()
     """features or groups to leave out, such as imu for a vehicle that logs no raw IMU"""
     optimiser: Literal["soap", "adam", "scg"] | None = None
@@ -56,6 +58,8 @@ class Fit(JsonOption):
     """networks per velocity; with more than one their spread is an uncertainty"""
     division: Literal["missions", "samples"] = "missions"
     """missions: the store's split; samples: the paper's random 70/15/15, which leaks"""
+    mirror: bool = True
+    """show every mission mirrored too, port for starboard; wrong for a lopsided vehicle"""
     device: Literal["auto", "cpu", "cuda"] = "cpu"
     """auto takes a GPU when there is one"""
     workers: int | None = None
@@ -104,7 +108,7 @@ class Fit(JsonOption):
         return EXIT_OK
 
     def _config(self) -> FitConfig:
-        from learn.features import DEFAULT_GROUPS, select_features
+        from learn.features import INPUT_SETS, select_features
         from learn.fit import FitConfig
         from learn.networks import NetworkConfig
         from learn.training import TrainingConfig
@@ -117,11 +121,12 @@ class Fit(JsonOption):
         settings = {"optimiser": self.optimiser, "seed": self.seed, "device": self.device, **budget}
         return FitConfig(
             store=str(self.store),
-            features=select_features(self.features or DEFAULT_GROUPS, self.without),
+            features=select_features(self.features or INPUT_SETS[self.inputs], self.without),
             network=NetworkConfig(**{k: v for k, v in chosen.items() if v is not None}),  # type: ignore[arg-type]
             training=TrainingConfig(**{k: v for k, v in settings.items() if v is not None}),  # type: ignore[arg-type]
             members=self.members,
             division=self.division,
+            mirror=self.mirror,
         )
 
     def _folder(self) -> Path:

@@ -11,7 +11,6 @@ from navigation import add_fixes, trimmed_mission, write_store
 from factory.commands.generate import DEFAULT_OUT
 from learn.__main__ import PROGRAM
 from learn.baselines import BASELINES
-from learn.features import DEFAULT_GROUPS
 from learn.fit import FitConfig, fit
 from learn.networks import NetworkConfig
 from learn.run import DEFAULT_STORE, newest_run, open_run
@@ -232,7 +231,7 @@ def test_the_help_of_fit_names_the_defaults_that_apply(here, capsys):
     code, out, _ = call(capsys, "fit", "--help")
     assert code == 0
     words = " ".join(re.sub(r"[│\n]", " ", out).split())
-    assert f"[default: {' '.join(DEFAULT_GROUPS)}]" in words
+    assert "--inputs {full,glider}" in words
     network, training = NetworkConfig(), TrainingConfig()
     for value, label in (
         (network.kind, "kind of network"),

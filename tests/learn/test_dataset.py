@@ -53,7 +53,7 @@ def test_words_and_numbers_name_the_same_split(tmp_path, small_store):
 
 def test_preparation_fits_scales_on_training_missions_only(small_store, tmp_path):
     features = select_features()
-    data = prepare(small_store, target="surge", features=features)
+    data = prepare(small_store, target="surge", features=features, mirror=False)
     assert len(data.train.inputs) == 5
     assert len(data.validation.inputs) == 2
     stacked = np.concatenate(data.train.inputs)
@@ -67,7 +67,7 @@ def test_preparation_fits_scales_on_training_missions_only(small_store, tmp_path
     other = write_synthetic_store(
         tmp_path / "other.zarr", lengths, [0, 0, 1, 0, 2, 0, 1, 0], edit=louder
     )
-    again = prepare(other, target="surge", features=features)
+    again = prepare(other, target="surge", features=features, mirror=False)
     assert again.normalisation == data.normalisation
 
 
@@ -92,7 +92,8 @@ def test_windows_count_every_sample_exactly_once(lengths, length, washin, seed):
     rng = None if seed is None else np.random.default_rng(seed)
     windows = cut_windows(lengths, length=length, washin=washin, rng=rng)
     counted = [np.zeros(n, int) for n in lengths]
-    for mission, start, skip, count in windows.table:
+    for mission, start, skip, count, mirrored in windows.table:
+        assert not mirrored
         assert start >= 0
         assert skip == min(washin, start + skip)
         counted[mission][start + skip : start + skip + count] += 1
@@ -116,13 +117,31 @@ def test_packed_windows_are_the_missions_own_samples():
     x, y, w = pack_windows(sequences, windows.table)
     assert x.shape == (11, len(windows), 2)
     assert w.sum() == 35
-    for column, (mission, start, skip, count) in enumerate(windows.table):
+    for column, (mission, start, skip, count, _) in enumerate(windows.table):
         span = skip + count
         assert np.array_equal(x[:span, column], inputs[mission][start : start + span])
         assert not w[:skip, column].any()
         assert w[skip:span, column].all()
         assert not w[span:, column].any()
         assert np.array_equal(y[skip:span, column], targets[mission][start + skip : start + span])
+
+
+def test_mirrored_windows_are_the_mirror_image(small_store):
+    features = ("sin_roll", "cos_roll", "yaw_rate", "depth_rate")
+    data = prepare(small_store, target="sway", features=features).train
+    windows = cut_windows(data.lengths, length=200, washin=20, mirror=True).table
+    seen, image = np.split(windows, 2)
+    x, y, w = pack_windows(data, seen)
+    x_image, y_image, w_image = pack_windows(data, image)
+    assert np.array_equal(x_image, x * np.array([-1.0, 1.0, -1.0, 1.0], np.float32))
+    assert np.array_equal(y_image, -y)
+    assert np.array_equal(w_image, w)
+    drawn = cut_windows(
+        data.lengths, length=20, washin=20, rng=np.random.default_rng(0), mirror=True
+    )
+    assert 0.3 < drawn.table[:, 4].mean() < 0.7
+    plain = prepare(small_store, target="sway", features=features, mirror=False).train
+    assert np.array_equal(pack_windows(plain, image)[1], pack_windows(plain, seen)[1])
 
 
 def test_a_missing_store_says_how_to_make_one(tmp_path):

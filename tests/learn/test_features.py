@@ -10,15 +10,20 @@ from learn.features import (
     DEFAULT_GROUPS,
     FEATURES,
     GROUPS,
+    INPUT_SETS,
     channels_of,
     feature_matrix,
     fit_normalisation,
+    mirror_signs,
     select_features,
     trailing_mean,
     trailing_slope,
 )
 from twin.errors import InputError, StoreError
+from twin.scenario import Scenario
+from twin.schedule import Schedule
 from twin.schema import VARIABLES
+from twin.simulate import simulate
 
 
 def test_no_feature_reads_the_truth():
@@ -109,15 +114,40 @@ def test_heading_rate_has_no_jump_at_north():
 
 
 def test_masks_take_groups_and_names_and_keep_the_order():
-    chosen = select_features([*DEFAULT_GROUPS, "glide_speed"], without=["imu", "cos_roll"])
+    chosen = select_features(
+        [*DEFAULT_GROUPS, "glide_speed"], without=["imu", "cos_roll", "gravity"]
+    )
     assert chosen == (
         "sin_roll",
         "sin_pitch",
         "cos_pitch",
         "depth_rate",
+        "depth_rate_slow",
         "glide_speed",
         *GROUPS["controls"],
     )
+
+
+def test_the_inputs_of_every_glider_need_no_raw_imu():
+    channels = channels_of(select_features(INPUT_SETS["glider"]))
+    assert not [name for name in channels if "rate" in name or "force" in name]
+    assert {"measured_pitch", "measured_depth", "measured_pump"} <= set(channels)
+
+
+def test_pitch_from_gravity_is_that_of_a_resting_vehicle():
+    samples, pitch, roll = 60, np.deg2rad(-27.0), np.deg2rad(12.0)
+    direction = [np.sin(pitch), -np.cos(pitch) * np.sin(roll), -np.cos(pitch) * np.cos(roll)]
+    signals = {
+        f"measured_specific_force_{axis}": np.full(samples, 9.81 * part)
+        for axis, part in zip("xyz", direction, strict=True)
+    }
+    signals["measured_depth"] = 0.2 * PERIOD * np.arange(samples)
+    signals["measured_pitch"] = np.full(samples, np.rad2deg(pitch))
+    assert FEATURES["gravity_pitch_sine"].compute(signals, PERIOD) == pytest.approx(np.sin(pitch))
+    known = FEATURES["glide_speed"].compute(signals, PERIOD)
+    assert FEATURES["gravity_glide_speed"].compute(signals, PERIOD) == pytest.approx(known)
+    falling = {name: np.zeros(samples) for name in signals}
+    assert not FEATURES["gravity_pitch_sine"].compute(falling, PERIOD).any()
 
 
 def test_wrong_masks_are_explained():
@@ -148,3 +178,26 @@ def test_normalisation_gives_unit_inputs_and_leaves_constants_alone():
     assert np.allclose(values.std(0), [1.0, 1.0, 0.0], atol=1e-4)
     assert found.scale[2] == 1.0
     assert found.target_scale == pytest.approx(0.1, rel=0.1)
+
+
+def test_a_mirrored_flight_has_the_signs_of_the_features():
+    """The twin flown with the rotation of its battery reversed is the mirror image."""
+    chosen = [name for name in FEATURES if FEATURES[name].group != "commands"]
+    flights = []
+    for side in (1.0, -1.0):
+        rows = [[0.0, 0.01, side * 0.5, -150.0], [150.0, -0.01, side * 0.5, 200.0]]
+        table = np.array(rows)
+        plan = Schedule(times=table[:, 0], commands=table[:, 1:])
+        flights.append(simulate(Scenario(plan=plan, duration=300.0)).signals)
+    seen, image = (
+        feature_matrix(
+            {name.replace("true", "measured"): flight[name] for name in flight}, chosen, 0.5, 0
+        )
+        for flight in flights
+    )
+    largest = np.abs(seen).max(0)
+    assert largest.min() > 0.0
+    assert (np.abs(image - seen * mirror_signs(chosen)) <= 1e-5 * largest).all()
+    assert np.allclose(flights[0]["true_surge"], flights[1]["true_surge"], atol=1e-6)
+    assert np.allclose(flights[0]["true_sway"], -flights[1]["true_sway"], atol=1e-6)
+    assert np.abs(flights[0]["true_sway"]).max() > 0.005

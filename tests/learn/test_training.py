@@ -17,7 +17,7 @@ from twin.errors import InputError, StoreError
 
 SMALL = NetworkConfig(hidden=10, layers=2)
 SOAP = TrainingConfig(
-    seconds=0, epochs=40, rate=5e-3, batch=16, window=64, washin=16, validations=6
+    seconds=0, epochs=60, rate=5e-3, batch=16, window=64, washin=16, validations=6
 )
 ADAM = dataclasses.replace(SOAP, optimiser="adam", epochs=40)
 SCG = TrainingConfig(optimiser="scg", seconds=0, epochs=80, full_window=256, washin=32)
@@ -56,7 +56,7 @@ def test_scg_never_raises_the_training_error(surge):
 
 @pytest.mark.parametrize("kind", ["lstm", "gru", "tcn", "mlp"])
 def test_every_network_trains(surge, kind):
-    config = dataclasses.replace(ADAM, epochs=5, validations=1)
+    config = dataclasses.replace(ADAM, epochs=10, validations=1)
     network = NetworkConfig(kind=kind, hidden=8, layers=2)
     before = trainer(surge, config, network).network
     start = mean_squared_error(before, surge.validation)
@@ -140,12 +140,13 @@ def test_the_schedule_rises_then_falls_to_zero():
 
 
 def test_a_time_budget_is_kept(surge):
+    """The budget is computing time of the training itself, so a busy machine changes nothing."""
     import time
 
     config = dataclasses.replace(ADAM, seconds=1.0, epochs=0)
-    start = time.monotonic()
+    start = time.thread_time()
     trained = trainer(surge, config).run()
-    assert 0.9 < time.monotonic() - start < 4.0
+    assert 0.9 < time.thread_time() - start < 4.0
     assert trained.history[-1].share == 1.0
 
 
