@@ -21,7 +21,7 @@ from twin.identify import (
 )
 from twin.identify.balance import balance
 from twin.identify.figure import residual_figure
-from twin.identify.parameters import PARAMETERS, choose
+from twin.identify.parameters import PARAMETERS, choose, with_known
 from twin.identify.vehicle_file import vehicle_xml, write_vehicle
 from twin.scenario import Scenario
 from twin.schedule import Schedule
@@ -120,6 +120,13 @@ def test_parameters_read_back_what_was_set(name):
     nominal = load_calibration("glider")
     value = parameter.value(parameter.get(nominal) or 1.0, 0.3)
     assert parameter.get(parameter.set(nominal, value)) == pytest.approx(value, rel=1e-12)
+
+
+def test_known_values_are_not_estimated(store):
+    nominal = with_known(load_calibration("glider"), {"mass": 70.0})
+    found = identify(load_logs(store), nominal, known=["mass"])
+    assert found.calibration.vehicle.mass == pytest.approx(70.0)
+    assert found["mass"].note == "given as known"
 
 
 def test_unknown_parameter_names_the_nearest(store):
@@ -222,6 +229,8 @@ def test_command_writes_vehicle_and_one_json_object(tmp_path, store, capsys):
         (["--pitch-scale", "7"], "between 0.5 and 2"),
         (["--parameters", "lift"], "unknown parameter 'lift'"),
         (["--vehicle", "slocm"], "did you mean 'slocum'"),
+        (["--known", "mass"], "such as mass=70"),
+        (["--known", "mass=-3"], "must be above 0"),
     ],
 )
 def test_command_refuses_bad_input_in_one_line(store, more, message, capsys):

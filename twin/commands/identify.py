@@ -33,6 +33,8 @@ class Identify(JsonOption):
     flight, then full rollouts of the MuJoCo twin on the logged actuator positions"""
     parameters: tuple[str, ...] = ()
     """what to estimate; all that the log may determine when not given"""
+    known: tuple[str, ...] = ()
+    """values that are known and not to be estimated, such as mass=70 lift_ratio=48"""
     missions: str = "all"
     """missions of the store to fit, such as 0-11,14"""
     fixes: bool = True
@@ -49,6 +51,7 @@ class Identify(JsonOption):
         from twin.commands.simulate import check_plot_path
         from twin.errors import InputError
         from twin.identify import identify, load_calibration, load_logs
+        from twin.identify.parameters import with_known
 
         check_plot_path(self.plot)
         if self.out is not None and self.out.suffix.lower() != ".xml":
@@ -62,6 +65,8 @@ class Identify(JsonOption):
             raise InputError(f"--pitch-scale must be between 0.5 and 2, not {self.pitch_scale:g}")
         offset = None if self.pitch_offset is None else math.radians(self.pitch_offset)
         nominal = load_calibration(self.vehicle, pitch_scale=self.pitch_scale, pitch_offset=offset)
+        known = parse_known(self.known)
+        nominal = with_known(nominal, known)
         logs = load_logs(self.store, parse_rows(self.missions))
         with console.progress(total=1.0, label="identify", unit="") as progress:
             done = 0.0
@@ -75,6 +80,7 @@ class Identify(JsonOption):
                 logs,
                 nominal,
                 parameters=self.parameters or None,
+                known=tuple(known),
                 model="steady" if self.model == "steady" else "flight",
                 fixes=self.fixes,
                 progress=report,
@@ -192,3 +198,26 @@ def parse_rows(text: str) -> list[int] | None:
     if not rows:
         raise InputError(f"--missions {text!r} must be all, or numbers such as 0-11,14")
     return list(dict.fromkeys(rows))
+
+
+def parse_known(texts: tuple[str, ...]) -> dict[str, float]:
+    """Values of texts such as "mass=70".
+
+    Raises:
+      InputError: a text is not a name and a finite number.
+    """
+    import math
+
+    from twin.errors import InputError
+
+    known = {}
+    for text in texts:
+        name, _, number = text.partition("=")
+        try:
+            value = float(number)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise InputError(f"--known {text!r} must be a parameter and its value, such as mass=70")
+        known[name.strip()] = value
+    return known

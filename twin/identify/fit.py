@@ -236,6 +236,7 @@ def identify(
     nominal: Calibration,
     *,
     parameters: Sequence[str] | None = None,
+    known: Sequence[str] = (),
     model: FlightModel = "flight",
     fixes: bool = True,
     progress: Callable[[float], None] | None = None,
@@ -246,7 +247,9 @@ def identify(
       logs: missions of one vehicle, of one sample period.
       nominal: vehicle file to start from, with the sensors' known errors.
       parameters: names to estimate, all that the logs may determine by default.
-      model: "flight", with inertia, on all samples; "steady", forces in balance, off inflections.
+      known: names whose nominal value is known; not estimated.
+      model: "flight", with inertia; "steady", forces in balance. Both are compared with the log
+        where pump and pitch rest: an inflection says more about the pump than about the hull.
       fixes: compare the currents between fixes too. Without it nothing but the depth rate is used.
       progress: called with the part done, 0 to 1.
 
@@ -255,7 +258,9 @@ def identify(
     """
     wanted = choose(list(parameters)) if parameters is not None else PARAMETERS
     report = progress or (lambda part: None)
-    nominal = _centred(logs, nominal)
+    if "neutral_density" not in known:
+        nominal = _centred(logs, nominal)
+    choose(list(known))
     notes: dict[str, str] = {}
     problem = _Problem(logs, nominal, (), model, fixes)
     samples = sum(int(mask.sum()) for mask in problem.masks)
@@ -265,7 +270,9 @@ def identify(
             f"{len(logs)} missions; identification needs at least {LEAST_SAMPLES}"
         )
     for parameter in wanted:
-        lacking = _lacking(parameter, logs, problem, asked=parameters is not None)
+        lacking = "given as known"
+        if parameter.name not in known:
+            lacking = _lacking(parameter, logs, problem, asked=parameters is not None)
         if lacking:
             notes[parameter.name] = lacking
     free = tuple(p for p in wanted if p.name not in notes)

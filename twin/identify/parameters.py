@@ -235,3 +235,21 @@ def choose(names: Mapping[str, object] | tuple[str, ...] | list[str]) -> tuple[P
         if name not in NAMES:
             raise InputError(unknown_name("parameter", name, NAMES))
     return tuple(parameter for parameter in PARAMETERS if parameter.name in names)
+
+
+def with_known(calibration: Calibration, known: Mapping[str, float]) -> Calibration:
+    """The calibration with these values, in the parameters' units.
+
+    Raises:
+      InputError: an unknown name, or a value that there cannot be.
+    """
+    for parameter in choose(known):
+        value = known[parameter.name]
+        least = 0.0 if parameter.logarithmic else parameter.least
+        if least is not None and (value < least or (parameter.logarithmic and value == 0.0)):
+            raise InputError(
+                f"{parameter.name} = {value:g} {parameter.unit} must be "
+                + ("above 0" if parameter.logarithmic else f"at least {least:g}")
+            )
+        calibration = parameter.set(calibration, value)
+    return calibration
