@@ -24,6 +24,8 @@ class Soap(torch.optim.Optimizer):
       betas: decay of the gradient's mean and of its squares.
       shampoo_beta: decay of the row and column moments.
       every: steps between two updates of the eigenbases.
+      weight_decay: share of every weight matrix taken off per step and unit of `lr`, apart from the
+        gradient (decoupled, as in AdamW).
     """
 
     def __init__(
@@ -34,6 +36,7 @@ class Soap(torch.optim.Optimizer):
         shampoo_beta: float = 0.95,
         eps: float = 1e-8,
         every: int = 10,
+        weight_decay: float = 0.0,
     ) -> None:
         defaults = {
             "lr": lr,
@@ -41,6 +44,7 @@ class Soap(torch.optim.Optimizer):
             "shampoo_beta": shampoo_beta,
             "eps": eps,
             "every": every,
+            "weight_decay": weight_decay,
         }
         super().__init__(parameters, defaults)
 
@@ -69,6 +73,8 @@ class Soap(torch.optim.Optimizer):
         correction = (1.0 - beta2 ** state["step"]) ** 0.5 / (1.0 - beta1 ** state["step"])
         scale = state["square"].sqrt().add_(group["eps"])
         update = _rotate_back(state, _rotate(state, state["mean"]) / scale)
+        if gradient.dim() == 2:
+            parameter.mul_(1.0 - group["lr"] * group["weight_decay"])
         parameter.add_(update, alpha=-group["lr"] * correction)
         if gradient.dim() == 2:
             _follow(state, gradient, group["shampoo_beta"], state["step"] % group["every"] == 0)

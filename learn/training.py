@@ -53,6 +53,9 @@ class TrainingConfig:
     """soap, adam: longest gradient, in units of the normalised loss."""
     full_window: int = 1024
     """scg: counted samples of a window; the batch is always all windows."""
+    weight_decay: float = 0.1
+    """soap: share of the weights taken off per step and unit of the step size. Few missions are
+    learned by heart without it."""
     patience: int = 0
     """Validations without improvement after which training stops; 0 uses the whole budget. The
     weights that were best on validation are kept in either case."""
@@ -75,7 +78,7 @@ class TrainingConfig:
         for name in ("batch", "window", "full_window", "validations", "threads"):
             if getattr(self, name) < 1:
                 raise InputError(f"training {name} must be at least 1, not {getattr(self, name)}")
-        for name in ("seconds", "epochs", "washin", "patience", "seed"):
+        for name in ("seconds", "epochs", "washin", "patience", "seed", "weight_decay"):
             if not getattr(self, name) >= 0:
                 raise InputError(f"training {name} must not be negative: {getattr(self, name)}")
         for name in ("rate", "clip"):
@@ -214,8 +217,11 @@ class Trainer:
 
     def _stochastic(self, saved: dict[str, Any] | None) -> None:
         config, network = self.config, self.network
-        kind = Soap if config.optimiser == "soap" else torch.optim.Adam
-        optimiser: torch.optim.Optimizer = kind(network.parameters(), lr=config.rate)
+        optimiser: torch.optim.Optimizer
+        if config.optimiser == "soap":
+            optimiser = Soap(network.parameters(), lr=config.rate, weight_decay=config.weight_decay)
+        else:
+            optimiser = torch.optim.Adam(network.parameters(), lr=config.rate)
         epoch = position = step = 0
         passed = 0.0
         clock = Clock(config)

@@ -94,3 +94,14 @@ def test_zero_gradients_are_harmless():
         weights.grad = torch.zeros(3, 4)
         optimiser.step()
     assert weights.detach().numpy() == pytest.approx(1.0)
+
+
+def test_weight_decay_shrinks_matrices_and_spares_biases():
+    weights, bias = torch.ones(3, 4, requires_grad=True), torch.ones(3, requires_grad=True)
+    optimiser = Soap([weights, bias], lr=0.1, weight_decay=0.5)
+    for _ in range(5):
+        weights.grad, bias.grad = torch.zeros(3, 4), torch.zeros(3)
+        optimiser.step()
+    # the first gradient only shows the directions
+    assert weights.detach().numpy() == pytest.approx(0.95**4)
+    assert bias.detach().numpy() == pytest.approx(1.0)

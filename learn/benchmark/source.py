@@ -1,0 +1,152 @@
+"""Source: the logs of a folder, imported, and the truth that stands beside them as recorded."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from factory.importing import import_logs
+from factory.importing.importer import PERIODS
+from factory.importing.table import Table, read_table
+from learn.dead_reckoning import Array
+from twin.errors import InputError, TwinError
+from twin.identify import Log, load_logs
+from twin.store import open_store, write_store
+
+PREFIXES = {"slocum": "slocum", "seaglider": "seaglider", "seaexplorer": "seaexplorer"}
+"""Kind of log by the first word of a folder's name."""
+NOT_JUDGED = {
+    "lrauv": "a propelled vehicle without attitude and buoyancy in its shore logs: no task for it",
+    "currents": "model fields, no logs",
+}
+TABLES = frozenset({".csv", ".gz", ".parquet"})
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Deployment:
+    """The dives of one vehicle in an imported store."""
+
+    name: str
+    kind: str
+    folder: Path
+    store: Path
+    rows: tuple[int, ...]
+    """Of the store, in order of time."""
+    starts: tuple[float, ...]
+    """[s] unix time of each row's first sample."""
+    ends: tuple[float, ...]
+
+    def logs(self, rows: Sequence[int] | None = None) -> list[Log]:
+        """What identification reads of these rows; rows without a dive are left out."""
+        return load_logs(self.store, list(self.rows if rows is None else rows))
+
+    def clock(self, log: Log) -> Array:
+        """Unix time [s] of a log's samples."""
+        start = self.starts[self.rows.index(log.index)]
+        return start + log.period * np.arange(len(log.depth))
+
+
+@dataclasses.dataclass(frozen=True)
+class Skipped:
+    """A folder, or a part of it, that is not judged."""
+
+    name: str
+    why: str
+
+
+def gather(
+    root: Path, work: Path, say: Callable[[str], None]
+) -> tuple[list[Deployment], list[Skipped]]:
+    """Import every folder of logs below `root` into stores below `work`.
+
+    Args:
+      root: laid out as folders whose names begin with the kind of log.
+      work: an existing folder for the stores.
+      say: told what is being imported.
+
+    Raises:
+      InputError: no such folder, or none of logs in it.
+    """
+    if not root.is_dir():
+        raise InputError(f"no folder {root}; give one that holds slocum_..., seaglider_... folders")
+    folders = sorted(path for path in root.iterdir() if path.is_dir())
+    found: list[Deployment] = []
+    skipped: list[Skipped] = []
+    for folder in folders:
+        word = folder.name.split("_")[0].lower()
+        if word not in PREFIXES:
+            skipped.append(Skipped(folder.name, NOT_JUDGED.get(word, "of no kind that is judged")))
+            continue
+        say(f"importing {folder.name}")
+        try:
+            found += imported(folder, PREFIXES[word], work)
+        except TwinError as error:
+            skipped.append(Skipped(folder.name, str(error)))
+    if not found:
+        names = ", ".join(sorted(PREFIXES))
+        why = f" ({skipped[0].name}: {skipped[0].why})" if skipped else ""
+        raise InputError(
+            f"{root} holds no logs to judge{why}; its folders must begin with one of {names}"
+        )
+    return found, skipped
+
+
+def imported(folder: Path, kind: str, work: Path) -> list[Deployment]:
+    """The deployments of one folder; errors as `import_logs`."""
+    dataset, _ = import_logs(kind, [folder], period=PERIODS[kind])
+    store = work / f"{folder.name}.zarr"
+    write_store(dataset, store, overwrite=True)
+    loaded = open_store(store)
+    names = np.array([str(name) for name in loaded["deployment"].values])
+    start = loaded["start_time"].values.astype("datetime64[ns]").astype("i8") * 1e-9
+    length = loaded["n_samples"].values.astype(float) - 1.0
+    end = start + PERIODS[kind] * length
+    loaded.close()
+    deployments = []
+    for name in dict.fromkeys(names):
+        rows = np.flatnonzero(names == name)
+        deployments.append(
+            Deployment(
+                name=str(name),
+                kind=kind,
+                folder=folder,
+                store=store,
+                rows=tuple(int(r) for r in rows),
+                starts=tuple(float(t) for t in start[rows]),
+                ends=tuple(float(t) for t in end[rows]),
+            )
+        )
+    return deployments
+
+
+def tables_with(deployment: Deployment, *columns: str) -> list[Table]:
+    """Tables of the deployment's folder with these columns, whose times its rows overlap.
+
+    Where the name of a table begins with another deployment's name, it is that one's.
+    """
+    found = []
+    for path in sorted(deployment.folder.iterdir()):
+        if path.suffix not in TABLES or not path.is_file():
+            continue
+        try:
+            table = read_table(path)
+        except InputError:
+            continue  # the import has said so
+        if not table.has("time", *columns):
+            continue
+        if "glider" in table.texts:
+            mine = {str(word).lower() for word in table.texts["glider"]}
+            if deployment.name.lower() not in mine:
+                continue
+        time = table.columns["time"]
+        if time.size and time.max() >= deployment.starts[0] and time.min() <= deployment.ends[-1]:
+            found.append(table)
+    return found
+
+
+def at_times(clock: Array, values: Array, times: Array) -> Array:
+    """Values on the grid interpolated to times; NaN outside it."""
+    return np.interp(times, clock, values, left=np.nan, right=np.nan)
