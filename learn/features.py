@@ -176,9 +176,9 @@ _TABLE: tuple[Feature, ...] = (
     _angle_rate(
         "heading_change_slow", "attitude_rate_slow", "measured_heading", slow=True, odd=True
     ),
-    _plain("roll_rate", "imu", "measured_roll_rate", "rad s-1", odd=True),
-    _plain("pitch_rate", "imu", "measured_pitch_rate", "rad s-1"),
-    _plain("yaw_rate", "imu", "measured_yaw_rate", "rad s-1", odd=True),
+    _plain("roll_rate", "gyroscope", "measured_roll_rate", "rad s-1", odd=True),
+    _plain("pitch_rate", "gyroscope", "measured_pitch_rate", "rad s-1"),
+    _plain("yaw_rate", "gyroscope", "measured_yaw_rate", "rad s-1", odd=True),
     _plain("specific_force_x", "accelerometer", "measured_specific_force_x", "m s-2"),
     _plain("specific_force_y", "accelerometer", "measured_specific_force_y", "m s-2", odd=True),
     _plain("specific_force_z", "accelerometer", "measured_specific_force_z", "m s-2"),
@@ -220,7 +220,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
 
 INPUT_SETS: dict[str, tuple[str, ...]] = {
     "full": (
-        *("attitude", "imu", "depth_rate", "depth_rate_slow"),
+        *("attitude", "gyroscope", "depth_rate", "depth_rate_slow"),
         *("glide_speed", "gravity", "controls"),
     ),
     "glider": (
@@ -236,32 +236,47 @@ DEFAULT_GROUPS = INPUT_SETS["full"]
 """Groups of the default inputs."""
 
 
+_CONTROLS = ("shift", "rotation", "pump")
+
+SENSORS: dict[str, tuple[str, ...]] = {
+    "imu": (*(f"measured_{axis}_rate" for axis in ("roll", "pitch", "yaw")), *_FORCES),
+    "attitude": ("measured_roll", "measured_pitch", "measured_heading"),
+    "controls": tuple(f"{kind}_{name}" for kind in ("measured", "commanded") for name in _CONTROLS),
+}
+"""Channels of what a vehicle may lack; a mask of such a name takes out all that reads one."""
+
+
+def features_of(sensor: str) -> tuple[str, ...]:
+    """Features that read a sensor of `SENSORS`, by the sensor's name."""
+    return tuple(f.name for f in _TABLE if set(f.channels) & set(SENSORS[sensor]))
+
+
 def select_features(
     chosen: Iterable[str] = DEFAULT_GROUPS, without: Iterable[str] = ()
 ) -> tuple[str, ...]:
     """Names of features from names of features or groups, in the table's order.
 
     Args:
-      chosen: features and groups to use.
-      without: features and groups to leave out, e.g. `imu` for a vehicle without gyroscopes.
+      chosen: features, groups and `imu` to use.
+      without: features, groups and sensors (see `SENSORS`) to leave out, e.g. `imu` for a vehicle
+        that logs neither gyroscopes nor accelerometers.
 
     Raises:
       InputError: an unknown name, or nothing is left.
     """
 
-    def names(entries: Iterable[str]) -> set[str]:
+    def names(entries: Iterable[str], known: Mapping[str, Iterable[str]]) -> set[str]:
         found: set[str] = set()
         for entry in entries:
-            if entry in GROUPS:
-                found.update(GROUPS[entry])
-            elif entry in FEATURES:
-                found.add(entry)
-            else:
-                allowed = [*FEATURES, *GROUPS]
-                raise InputError(unknown_name("feature or feature group", entry, allowed))
+            if entry not in known:
+                raise InputError(unknown_name("feature or feature group", entry, known))
+            found.update(known[entry])
         return found
 
-    left = names(chosen) - names(without)
+    sensors = {name: features_of(name) for name in SENSORS}
+    single = {name: (name,) for name in FEATURES}
+    known, masks = {**sensors, **single, **GROUPS}, {**GROUPS, **single, **sensors}
+    left = names(chosen, known) - names(without, masks)
     if not left:
         raise InputError("no input feature is left; choose more features or mask fewer")
     return tuple(name for name in FEATURES if name in left)

@@ -45,7 +45,7 @@ class Fit(JsonOption):
     features: tuple[str, ...] = ()
     """features or groups instead of a set of --inputs, such as attitude depth_rate glide_speed"""
     without: tuple[str, ...] = ()
-    """features or groups to leave out, such as imu for a vehicle that logs no raw IMU"""
+    """features, groups or sensors (imu, attitude, controls) that the vehicle lacks"""
     optimiser: Literal["soap", "adam", "scg"] | None = None
     """soap or adam with a schedule, or scg, the paper's conjugate gradients [default: soap]"""
     seconds: float | None = None
@@ -65,7 +65,7 @@ class Fit(JsonOption):
     workers: int | None = None
     """processes [default: the CPUs that this process may use]"""
     ablation: bool = False
-    """train again without each group of inputs, for a table in the report (takes much longer)"""
+    """train again without IMU, attitude and controls, for a table in the report (takes longer)"""
     tensorboard: bool = False
     """write TensorBoard events into the run too (needs the extra `tensorboard`)"""
     resume: bool = False

@@ -70,7 +70,7 @@ def build_page(folder: Path, contents: Contents) -> Path:
         page.section("Ablation over inputs")
         page.table(
             tables.ablation_rows(test.figures, contents.ablation),
-            "Networks of the same kind and training budget, each without one group of inputs.",
+            "Networks of the same kind and training budget, for a vehicle without that sensor.",
         )
     _training(page, contents)
     if contents.provenance:

@@ -177,7 +177,8 @@ def test_members_have_a_spread_and_the_papers_division_is_labelled_as_leaking(he
 def test_ablation_trains_without_each_group(here, capsys):
     code, _, err = call(
         capsys,
-        *("fit", "--name", "ablated", "--overwrite", "--ablation", "--features", "imu", "controls"),
+        *("fit", "--name", "ablated", "--overwrite", "--ablation"),
+        *("--features", "gyroscope", "controls"),
         *QUICK,
     )
     assert code == 0, err

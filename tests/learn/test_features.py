@@ -11,6 +11,7 @@ from learn.features import (
     FEATURES,
     GROUPS,
     INPUT_SETS,
+    SENSORS,
     channels_of,
     feature_matrix,
     fit_normalisation,
@@ -114,9 +115,7 @@ def test_heading_rate_has_no_jump_at_north():
 
 
 def test_masks_take_groups_and_names_and_keep_the_order():
-    chosen = select_features(
-        [*DEFAULT_GROUPS, "glide_speed"], without=["imu", "cos_roll", "gravity"]
-    )
+    chosen = select_features([*DEFAULT_GROUPS, "glide_speed"], without=["imu", "cos_roll"])
     assert chosen == (
         "sin_roll",
         "sin_pitch",
@@ -126,6 +125,15 @@ def test_masks_take_groups_and_names_and_keep_the_order():
         "glide_speed",
         *GROUPS["controls"],
     )
+
+
+def test_a_vehicle_without_a_sensor_reads_none_of_its_channels():
+    for sensor, channels in SENSORS.items():
+        left = channels_of(select_features(FEATURES, without=[sensor]))
+        assert left
+        assert not set(left) & set(channels), sensor
+        assert set(channels) <= set(VARIABLES)
+    assert "glide_speed" not in select_features(without=["attitude"])
 
 
 def test_the_inputs_of_every_glider_need_no_raw_imu():
