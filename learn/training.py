@@ -35,7 +35,7 @@ class TrainingConfig:
 
     optimiser: Literal["soap", "adam", "scg"] = "soap"
     """soap or adam with a cosine schedule, or scg (scaled conjugate gradients, the paper's)."""
-    seconds: float = 180.0
+    seconds: float = 120.0
     """[s] of computing for one network, whatever else the machine does; 0 leaves it to `epochs`."""
     epochs: int = 0
     """Budget in passes over the training missions (scg: iterations); 0 leaves it to `seconds`."""

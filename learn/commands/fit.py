@@ -49,7 +49,7 @@ class Fit(JsonOption):
     optimiser: Literal["soap", "adam", "scg"] | None = None
     """soap or adam with a schedule, or scg, the paper's conjugate gradients [default: soap]"""
     seconds: float | None = None
-    """time in training of each network; two are trained side by side [default: 180]"""
+    """time in training of each network; two are trained side by side [default: 120]"""
     epochs: int | None = None
     """passes over the training missions instead of a time (scg: iterations); repeatable"""
     seed: int = 0
@@ -58,8 +58,8 @@ class Fit(JsonOption):
     """networks per velocity; with more than one their spread is an uncertainty"""
     division: Literal["missions", "samples"] = "missions"
     """missions: the store's split; samples: the paper's random 70/15/15, which leaks"""
-    mirror: bool = True
-    """show every mission mirrored too, port for starboard; wrong for a lopsided vehicle"""
+    no_mirror: bool = False
+    """do not show every mission mirrored too, port for starboard: for a lopsided vehicle"""
     device: Literal["auto", "cpu", "cuda"] = "cpu"
     """auto takes a GPU when there is one"""
     workers: int | None = None
@@ -126,7 +126,7 @@ class Fit(JsonOption):
             training=TrainingConfig(**{k: v for k, v in settings.items() if v is not None}),  # type: ignore[arg-type]
             members=self.members,
             division=self.division,
-            mirror=self.mirror,
+            mirror=not self.no_mirror,
         )
 
     def _folder(self) -> Path:
