@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -165,7 +165,8 @@ def pick_device(name: str) -> torch.device:
 class Trainer:
     """One training with its budget, best weights and checkpoint.
 
-    Sequences are normalised; `target_scale` turns normalised errors into m/s.
+    Sequences are normalised; `target_scale` turns normalised errors into m/s. `start` are weights
+    to go on from, in place of random ones; they count as the best until validation says otherwise.
     """
 
     def __init__(
@@ -178,6 +179,7 @@ class Trainer:
         target_scale: float,
         checkpoint: Path | None = None,
         report: Callable[[Report], None] | None = None,
+        start: Mapping[str, Tensor] | None = None,
     ) -> None:
         if not train.inputs:
             raise StoreError("there are no training missions")
@@ -189,12 +191,23 @@ class Trainer:
         self.device = pick_device(config.device)
         torch.manual_seed(config.seed)
         self.network = build_network(self.network_config).to(self.device)
+        if start is not None:
+            self._take(start)
         self.history: list[Report] = []
         self.best = math.inf
         self.best_state = _copy(self.network)
         self.bad = 0
         self.stopped = False
         self._seen: list[tuple[float, float]] = []
+
+    def _take(self, start: Mapping[str, Tensor]) -> None:
+        try:
+            self.network.load_state_dict(dict(start))
+        except RuntimeError as error:
+            raise InputError(
+                "the weights to start from belong to a network of another kind, size or inputs; "
+                "give the same --kind, --hidden, --layers, --delays and inputs"
+            ) from error
 
     def run(self) -> Trained:
         """Train until the budget is spent or validation stops improving; resumes a checkpoint.

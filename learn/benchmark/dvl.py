@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
-from learn.benchmark.public import fit_steady, density_of, kinematic
+from learn.benchmark.public import density_of, fit_steady, kinematic
 from learn.benchmark.row import Row, rmse
 from learn.benchmark.source import Deployment, at_times, tables_with
 from learn.dead_reckoning import Array
@@ -94,7 +95,7 @@ def judge(deployment: Deployment) -> list[Row]:
     nominal = load_calibration(
         VEHICLE, pitch_scale=truth.pitch_scale, pitch_offset=truth.pitch_offset
     )
-    pitch = f"pitch = {truth.pitch_scale:.3f} logged {truth.pitch_offset:+.4f} rad, as the truth's author"
+    pitch = f"pitch {truth.pitch_scale:.3f} logged {truth.pitch_offset:+.4f} rad as its author"
     if (truth.pitch_scale, truth.pitch_offset) == (1.0, 0.0):
         pitch = "pitch as logged"
 
@@ -156,7 +157,7 @@ def score(deployment: Deployment, logs: list[Log], speeds: list[Array], truth: T
 
 
 def published(
-    name: str, figures: dict[str, tuple[tuple[str, float], ...]]
+    name: str, figures: Mapping[str, tuple[tuple[str, float], ...]]
 ) -> tuple[tuple[str, float], ...]:
     """Published figures of a deployment by the beginning of its name."""
     for word, rows in figures.items():

@@ -1,19 +1,20 @@
 """Fixes: depth rate, and dead reckoning from one GPS fix to the next, of any buoyancy glider.
 
 Everything is tuned on other dives than those it is scored on: the deployment's dives are held out
-in four blocks of consecutive ones. Dead reckoning adds the depth-averaged current of the dive before
-(by the same method), if that dive ended less than an hour ago; its error is the distance between
-the reckoned and the received fix, per hour between the fixes.
+in four blocks of consecutive ones. Dead reckoning adds the depth-averaged current of the dive
+before (by the same method), if that dive ended less than an hour ago; its error is the distance
+between the reckoned and the received fix, per hour between the fixes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
-from learn.benchmark.folds import LEAST_ROWS, Fitted, FoldJob, fold_of, jobs
 from learn.benchmark.dvl import published
+from learn.benchmark.folds import LEAST_ROWS, Fitted, FoldJob, fold_of, jobs
 from learn.benchmark.public import density_of, kinematic
 from learn.benchmark.row import Row, rmse
 from learn.benchmark.source import Deployment, at_times, tables_with
@@ -63,13 +64,15 @@ def judge(deployment: Deployment, fitted: Sequence[Fitted]) -> list[Row]:
     return [*_rates(deployment, logs, fitted), *_tracks(deployment, logs, fitted)]
 
 
-# --- depth rate -------------------------------------------------------------------------------------
+# --- depth rate ---------------------------------------------------------------------------------
 
 
 def _rates(deployment: Deployment, logs: list[Log], fitted: Sequence[Fitted]) -> list[Row]:
     name = deployment.name
 
-    def row(method: str, kind: str, errors: list[Array], note: str, goal: float | None = None) -> Row:
+    def row(
+        method: str, kind: str, errors: list[Array], note: str, goal: float | None = None
+    ) -> Row:
         every = np.concatenate(errors)
         return Row(
             task=RATE,
@@ -118,9 +121,7 @@ def _factory(
     """Errors [m/s] of the factory's model and of the twin at the samples of the table."""
     theirs, ours = [], []
     for table in tables_with(deployment, FACTORY_RATE, "depth_m"):
-        time, depth, speed = (
-            table.columns[n] for n in ("time", "depth_m", FACTORY_RATE)
-        )
+        time, depth, speed = (table.columns[n] for n in ("time", "depth_m", FACTORY_RATE))
         for log in logs:
             clock = deployment.clock(log)
             inside = (time >= clock[0]) & (time <= clock[-1]) & np.isfinite(depth)
@@ -142,14 +143,14 @@ def _factory(
     return (first_errors[both], second_errors[both]) if both.any() else None
 
 
-# --- dead reckoning ---------------------------------------------------------------------------------
+# --- dead reckoning -----------------------------------------------------------------------------
 
 
 def pairs(logs: Sequence[Log]) -> list[tuple[Log, Log]]:
     """Dives with fixes and the one before each, where it ended shortly before."""
     return [
         (before, log)
-        for before, log in zip(logs[:-1], logs[1:], strict=True)
+        for before, log in itertools.pairwise(logs)
         if log.follows and log.displacement is not None and before.displacement is not None
     ]
 
@@ -182,7 +183,6 @@ def track_row(
 ) -> Row:
     """Median over dives of the error per hour."""
     errors = errors_per_hour(couples, tracks)
-    spread = f"mean {errors.mean():.0f}, p90 {np.percentile(errors, 90):.0f}"
     return Row(
         task=TRACK,
         data=deployment.name,
@@ -192,7 +192,7 @@ def track_row(
         unit="m h-1",
         samples=errors.size,
         goal=goal,
-        note=f"{note}; {spread}",
+        note=f"{note}; {_spread(errors)}",
     )
 
 
@@ -201,7 +201,14 @@ def _tracks(deployment: Deployment, logs: list[Log], fitted: Sequence[Fitted]) -
     if len(couples) < LEAST_DIVES - 1:
         return []
     rows = [
-        Row(task=TRACK, data=deployment.name, method=method, kind="published", value=value, unit="m h-1")
+        Row(
+            task=TRACK,
+            data=deployment.name,
+            method=method,
+            kind="published",
+            value=value,
+            unit="m h-1",
+        )
         for method, value in published(deployment.name, TRACK_PUBLISHED)
     ]
     goal = next((g for n, g in TRACK_GOALS.items() if deployment.name.startswith(n)), None)
@@ -210,7 +217,9 @@ def _tracks(deployment: Deployment, logs: list[Log], fitted: Sequence[Fitted]) -
         rows.append(own)
     simple = {log.index: level_track(log, kinematic(log, log.pitch).level) for log in logs}
     rows.append(
-        track_row(deployment, couples, simple, "w/tan(pitch + 3 deg)", "public method", "nothing tuned")
+        track_row(
+            deployment, couples, simple, "w/tan(pitch + 3 deg)", "public method", "nothing tuned"
+        )
     )
     steady: Tracks = {}
     twin: Tracks = {}
@@ -242,10 +251,14 @@ def _tracks(deployment: Deployment, logs: list[Log], fitted: Sequence[Fitted]) -
             unit="m h-1",
             samples=found.size,
             goal=goal,
-            note=f"tuned on other dives; mean {found.mean():.0f}, p90 {np.percentile(found, 90):.0f}",
+            note=f"tuned on other dives; {_spread(found)}",
         )
     )
     return rows
+
+
+def _spread(errors: Array) -> str:
+    return f"mean {errors.mean():.0f}, p90 {np.percentile(errors, 90):.0f}"
 
 
 def _onboard(deployment: Deployment, couples: Sequence[tuple[Log, Log]]) -> Row | None:
@@ -274,6 +287,3 @@ def _onboard(deployment: Deployment, couples: Sequence[tuple[Log, Log]]) -> Row 
         samples=len(errors),
         note=f"its own current; mean {np.mean(errors):.0f}",
     )
-
-
-Say = Callable[[str], None]

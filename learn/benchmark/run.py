@@ -1,0 +1,246 @@
+"""Run: all tasks of a folder, the long work side by side in processes."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import dataclasses
+import math
+import multiprocessing
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+from learn.benchmark import adcp, dvl, fixes, surge_networks
+from learn.benchmark.folds import fit_fold
+from learn.benchmark.row import Row
+from learn.benchmark.source import Deployment, gather
+from twin.errors import TwinError
+
+Say = Callable[[str], None]
+Done = Callable[[float], None]
+Input = TypeVar("Input")
+Output = TypeVar("Output")
+
+SHARES = {"import": 0.05, "speed": 0.05, "fixes": 0.4, "simulate": 0.2, "surge": 0.3}
+"""Parts of the whole time, roughly, for the progress."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Failure:
+    """Why a job gave nothing."""
+
+    why: str
+
+
+class Pool:
+    """Processes of one thread each; one worker works in this process."""
+
+    def __init__(self, workers: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._pool = (
+            concurrent.futures.ProcessPoolExecutor(workers, mp_context=context)
+            if workers > 1
+            else None
+        )
+
+    def run(
+        self, function: Callable[[Input], Output], jobs: Sequence[Input], done: Done
+    ) -> list[Output | Failure]:
+        """Results in the order of the jobs; `done` is told each job's part of the whole."""
+        if self._pool is None:
+            found = []
+            for job in jobs:
+                found.append(_guarded(function, job))
+                done(1.0 / len(jobs))
+            return found
+        futures = [self._pool.submit(_guarded, function, job) for job in jobs]
+        for _ in concurrent.futures.as_completed(futures):
+            done(1.0 / len(jobs))
+        return [future.result() for future in futures]
+
+    def close(self) -> None:
+        """End the processes; what is not begun is not done."""
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+
+def _guarded(function: Callable[[Any], Any], job: Any) -> Any:
+    try:
+        return function(job)
+    except TwinError as error:
+        return Failure(str(error))
+
+
+@contextmanager
+def _pool(workers: int) -> Iterator[Pool]:
+    pool = Pool(workers)
+    try:
+        yield pool
+    finally:
+        pool.close()
+
+
+def run_benchmark(
+    root: Path,
+    *,
+    workers: int = 1,
+    networks: bool = True,
+    say: Say = lambda text: None,
+    progress: Done = lambda part: None,
+) -> list[Row]:
+    """Every row that the logs below a folder allow.
+
+    Args:
+      root: folders of logs, see `learn.benchmark.source`.
+      workers: processes.
+      networks: train and judge networks too; without, it takes a third of the time.
+      say: told what is being done.
+      progress: told parts of the whole, which add up to 1.
+
+    Raises:
+      InputError: no such folder, or no logs in it.
+    """
+    with tempfile.TemporaryDirectory(prefix="glider-benchmark-") as work, _pool(workers) as pool:
+        deployments, skipped = gather(root, Path(work), say)
+        progress(SHARES["import"])
+        rows = [
+            Row(task="skipped", data=part.name, method="", kind="skipped", note=part.why)
+            for part in skipped
+        ]
+        rows += _speeds(deployments, pool, say, progress)
+        rows += _fixes(deployments, pool, say, progress)
+        rows += _surges(deployments, Path(work), pool, workers, networks, say, progress)
+    order = {name: place for place, name in enumerate(TASKS)}
+    return sorted(rows, key=lambda row: order.get(row.task, len(order)))
+
+
+TASKS = (dvl.TASK, adcp.TASK, fixes.RATE, fixes.TRACK, "skipped")
+"""Order of the tables."""
+
+
+def failed(task: str, deployment: Deployment, why: str) -> Row:
+    """A row that says why there is no figure."""
+    return Row(task=task, data=deployment.name, method="", kind="skipped", note=why)
+
+
+def _speeds(deployments: Sequence[Deployment], pool: Pool, say: Say, progress: Done) -> list[Row]:
+    say("speed through the water against a DVL")
+    chosen = [d for d in deployments if d.kind == "slocum"]
+    found = pool.run(dvl.judge, chosen, lambda part: progress(part * SHARES["speed"]))
+    if not chosen:
+        progress(SHARES["speed"])
+    rows: list[Row] = []
+    for deployment, result in zip(chosen, found, strict=True):
+        if isinstance(result, Failure):
+            rows.append(failed(dvl.TASK, deployment, result.why))
+        else:
+            rows += result
+    return rows
+
+
+def _fixes(deployments: Sequence[Deployment], pool: Pool, say: Say, progress: Done) -> list[Row]:
+    say("depth rate and dead reckoning: the twin identified without the dives that are judged")
+    rows: list[Row] = []
+    work = []
+    for deployment in deployments:
+        try:
+            jobs = fixes.fold_jobs(deployment)
+        except TwinError as error:
+            rows.append(failed(fixes.RATE, deployment, str(error)))
+            continue
+        if not jobs:
+            why = f"{len(deployment.rows)} dives: too few to hold some out"
+            rows.append(failed(fixes.RATE, deployment, why))
+        work += [(deployment, job) for job in jobs]
+    results = pool.run(
+        fit_fold, [job for _, job in work], lambda part: progress(part * SHARES["fixes"])
+    )
+    if not work:
+        progress(SHARES["fixes"])
+    for deployment in deployments:
+        mine = [r for (d, _), r in zip(work, results, strict=True) if d is deployment]
+        bad = [r for r in mine if isinstance(r, Failure)]
+        good = [r for r in mine if not isinstance(r, Failure)]
+        if bad:
+            rows.append(failed(fixes.RATE, deployment, bad[0].why))
+        elif good:
+            rows += fixes.judge(deployment, good)
+    return rows
+
+
+def _surges(
+    deployments: Sequence[Deployment],
+    work: Path,
+    pool: Pool,
+    workers: int,
+    networks: bool,
+    say: Say,
+    progress: Done,
+) -> list[Row]:
+    chosen = []
+    rows: list[Row] = []
+    for deployment in deployments:
+        try:
+            if adcp.fold_jobs(deployment, None):
+                chosen.append(deployment)
+        except TwinError as error:
+            rows.append(failed(adcp.TASK, deployment, str(error)))
+    if not chosen:
+        progress(SHARES["simulate"] + SHARES["surge"])
+        return rows
+    pretrained = None
+    if networks:
+        say(f"simulating {surge_networks.HOURS:g} h of missions and training on them")
+        store = surge_networks.simulate(work, workers=workers)
+        progress(0.5 * SHARES["simulate"])
+        pretrained = _pretrained(store, pool, progress)
+    else:
+        progress(SHARES["simulate"])
+    say("surge against the ADCP, each dive by what was tuned on the others")
+    jobs = [(d, job) for d in chosen for job in adcp.fold_jobs(d, pretrained)]
+    results = pool.run(
+        adcp.run_fold, [job for _, job in jobs], lambda part: progress(part * SHARES["surge"])
+    )
+    for deployment in chosen:
+        mine = [r for (d, _), r in zip(jobs, results, strict=True) if d is deployment]
+        bad = [r for r in mine if isinstance(r, Failure)]
+        good = [r for r in mine if not isinstance(r, Failure)]
+        if bad:
+            rows.append(failed(adcp.TASK, deployment, bad[0].why))
+        else:
+            rows += adcp.judge(deployment, good)
+    return rows
+
+
+def _pretrained(store: Path, pool: Pool, progress: Done) -> surge_networks.Pretrained:
+    found = pool.run(
+        surge_networks.simulated_samples,
+        surge_networks.sample_jobs(store),
+        lambda part: progress(0.25 * part * SHARES["simulate"]),
+    )
+    dives = tuple(d for part in found if not isinstance(part, Failure) for d in part)
+    jobs = [
+        surge_networks.PretrainJob(dives, kind, member)
+        for kind in surge_networks.INPUTS
+        for member in range(surge_networks.MEMBERS)
+    ]
+    trained = pool.run(
+        surge_networks.pretrain, jobs, lambda part: progress(0.25 * part * SHARES["simulate"])
+    )
+    pretrained: surge_networks.Pretrained = {}
+    for job, weights in zip(jobs, trained, strict=True):
+        if isinstance(weights, Failure):
+            raise TwinError(f"training on simulation failed: {weights.why}")
+        pretrained.setdefault(job.kind, []).append(weights)
+    return pretrained
+
+
+def summary(rows: Sequence[Row]) -> dict[str, int]:
+    """How many goals are reached, of those that have a figure."""
+    judged = [row for row in rows if row.goal is not None and math.isfinite(row.value)]
+    return {
+        "goals": len(judged),
+        "reached": sum(1 for row in judged if row.goal is not None and row.value <= row.goal),
+    }

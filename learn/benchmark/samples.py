@@ -1,0 +1,98 @@
+"""Samples: what ridge regression and networks see of a dive, averaged as a profiler averages.
+
+A current profiler's velocity is a mean over about a minute, so inputs are means over that time,
+centred, one sample for each of the profiler's. The same is done to simulated missions, whose truth
+is known at every sample.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from learn.dead_reckoning import Array
+from learn.features import feature_matrix, select_features
+from twin.identify import Calibration, Log, estimate
+
+AVERAGE = 60.0
+"""[s] that inputs are averaged over"""
+GLIDER = select_features(
+    ("attitude", "depth_rate", "depth_rate_slow", "glide_speed", "glide_speed_slow", "pump")
+)
+"""Inputs that need nothing but a log; the battery, whose zero differs from vehicle to vehicle, is
+left out."""
+TWIN = ("twin_level", "twin_sink", "twin_rise", "twin_net_mass")
+"""Inputs of the identified flight model: horizontal speed, downward speed, depth rate less that
+[m/s] and net buoyancy [kg]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Samples:
+    """One dive."""
+
+    row: int
+    inputs: dict[str, Array]
+    """By name, each (samples,)."""
+    level: Array
+    """[m/s] true horizontal velocity through the water along the heading, (samples,)"""
+
+    def matrix(self, names: Sequence[str]) -> Array:
+        """Inputs (samples, names)."""
+        return np.stack([self.inputs[name] for name in names], axis=1)
+
+
+def level_speed(surge: Array, sway: Array, heave: Array, roll: Array, pitch: Array) -> Array:
+    """Horizontal velocity along the heading [m/s] of a velocity in body axes FRD; angles in rad."""
+    across = sway * np.sin(roll) + heave * np.cos(roll)
+    return surge * np.cos(pitch) + across * np.sin(pitch)
+
+
+def signals_of(log: Log) -> dict[str, Array]:
+    """Channels of a log by schema name, degrees, without gaps."""
+    return {
+        "measured_depth": log.depth,
+        "measured_pitch": np.rad2deg(log.pitch),
+        "measured_roll": np.rad2deg(log.roll),
+        "measured_heading": np.rad2deg(log.heading),
+        "measured_pump": log.pump,
+    }
+
+
+def sample(log: Log, calibration: Calibration, times: Array, level: Array) -> Samples:
+    """Inputs of one dive at times [s] since its first sample.
+
+    Args:
+      level: truth at these times.
+    """
+    signals = signals_of(log)
+    features = feature_matrix(signals, GLIDER, log.period, log.index)
+    raw = {name: features[:, k].astype(float) for k, name in enumerate(GLIDER)}
+    found = estimate(log, calibration)
+    motion, pitch = found.motion, calibration.true_pitch(log.pitch)
+    density = log.density
+    if density is None:
+        density = np.full_like(log.depth, calibration.water_density)
+    warming = log.hull_warming(calibration.thermal_lag)
+    raw |= {
+        "twin_level": level_speed(motion.surge, motion.sway, motion.heave, log.roll, pitch),
+        "twin_sink": found.sink_rate,
+        "twin_rise": found.water_rise,
+        "twin_net_mass": calibration.net_mass(density, log.depth, log.pump, warming),
+        "depth": log.depth,
+        "roll": log.roll,
+        "pitch": log.pitch,
+        "rate": log.depth_rate,
+    }
+    inputs = {name: averaged(values, log.period, times) for name, values in raw.items()}
+    return Samples(log.index, inputs, level)
+
+
+def averaged(values: Array, period: float, times: Array) -> Array:
+    """Means over `AVERAGE` about each time [s]; shorter at the ends."""
+    total = np.concatenate([[0.0], np.cumsum(values)]) * period
+    edges = period * (np.arange(len(values) + 1) - 0.5)
+    low = np.clip(times - 0.5 * AVERAGE, edges[0], edges[-1] - period)
+    high = np.clip(times + 0.5 * AVERAGE, edges[0] + period, edges[-1])
+    return (np.interp(high, edges, total) - np.interp(low, edges, total)) / (high - low)

@@ -1,0 +1,60 @@
+"""`learn benchmark`: public methods, the twin and networks on real logs with truth."""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from twin.console import Console, JsonOption
+from twin.program import EXIT_OK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Benchmark(JsonOption):
+    """Judge the twin and the networks on real logs with truth, public methods on the same samples.
+
+    Nothing is tuned on the dives that it is scored on, except to depth rate where speed is scored.
+    """
+
+    data: Annotated[Literal["real"], tyro.conf.Positional, tyro.conf.arg(metavar="real")]
+    """real: logs of vehicles at sea"""
+    folder: Annotated[Path, tyro.conf.Positional]
+    """holds folders slocum_..., seaglider_..., seaexplorer_... with logs; those there are judged"""
+    workers: int | None = None
+    """processes [default: the CPUs that this process may use]"""
+    no_networks: bool = False
+    """leave the networks out, and with them the simulation that they are trained on"""
+
+    def run(self, console: Console) -> int:
+        """Import, identify, train, judge, print."""
+        os.environ.setdefault("OMP_NUM_THREADS", "1")
+        from learn.benchmark.row import table
+        from learn.benchmark.run import TASKS, run_benchmark, summary
+        from twin.errors import InputError
+
+        if self.workers is not None and self.workers < 1:
+            raise InputError(f"--workers must be at least 1, not {self.workers}")
+        begin = time.monotonic()
+        with console.progress(total=100.0, label="benchmark", unit="%") as progress:
+            rows = run_benchmark(
+                self.folder,
+                workers=self.workers or len(os.sched_getaffinity(0)),
+                networks=not self.no_networks,
+                say=progress.note,
+                progress=lambda part: progress.update(100.0 * part),
+            )
+        seconds = time.monotonic() - begin
+        for task in TASKS:
+            for unit in dict.fromkeys(row.unit for row in rows if row.task == task):
+                chosen = [row for row in rows if row.task == task and row.unit == unit]
+                console.table(table(chosen), title=task, digits=3)
+                console.say()
+        goals = summary(rows)
+        console.say(f"{goals['reached']} of {goals['goals']} goals reached, {seconds:.0f} s")
+        console.answer(folder=self.folder, rows=rows, seconds=seconds, **goals)
+        return EXIT_OK
