@@ -45,7 +45,9 @@ def ablate(
         part = fit(
             settings, run.path / f"without-{sensor}", resume=True, workers=workers, watch=watch
         )
-        evaluation = evaluate(part.networks(), run.store, split=split, baselines=())
+        evaluation = evaluate(
+            part.networks(), run.store, split=split, baselines=(), period=run.period
+        )
         figures[f"without {sensor}"] = to_json(evaluation.to_json())
     (run.path / ABLATION).write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     return figures

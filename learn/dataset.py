@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.features import feature_matrix
+from learn.features import FEATURES, feature_matrix
+from learn.logs import SPEED, LogRow, filled, is_real, log_rows
 from twin.errors import StoreError, unknown_name
 from twin.schema import MISSION, TIME
 from twin.store import open_store
@@ -36,6 +37,8 @@ class Mission:
     """[s] between samples."""
     signals: Mapping[str, NDArray[np.float64]]
     """By schema name, each (time,)."""
+    row: LogRow | None = None
+    """What a store of real logs says of it; None in a simulated one."""
 
     @property
     def samples(self) -> int:
@@ -47,12 +50,21 @@ class Mission:
         return feature_matrix(self.signals, names, self.period, self.index)
 
     def target(self, name: str) -> Floats:
-        """`surge` or `sway` [m/s], (time,).
+        """`surge` or `sway` [m/s], (time,); NaN where a real log has no truth.
+
+        Where a log's only truth is the speed through the water, surge is that speed and sway zero:
+        at a glider's angles of attack and sideslip, below 5 degrees, surge is less by 0.4 %.
 
         Raises:
-          StoreError: the mission lacks it or it is not finite.
+          StoreError: the mission lacks it or, in a simulated store, it is not finite.
         """
         channel = TARGETS[name]
+        if self.row is not None:
+            values = self.signals.get(channel, np.full(self.samples, np.nan))
+            if SPEED in self.signals and not np.isfinite(values).any():
+                speed = self.signals[SPEED]
+                values = speed if name == "surge" else np.where(np.isfinite(speed), 0.0, np.nan)
+            return values.astype(np.float32)
         if channel not in self.signals:
             raise StoreError(f"mission {self.index} has no channel {channel}")
         values = self.signals[channel].astype(np.float32)
@@ -71,6 +83,7 @@ def load_missions(
     *,
     split: str = "all",
     limit: int | None = None,
+    period: float | None = None,
 ) -> list[Mission]:
     """Missions of one part of a store with the named channels.
 
@@ -79,10 +92,11 @@ def load_missions(
       channels: schema names to read.
       split: train, validation, test or all.
       limit: read at most so many missions.
+      period: [s] between samples, a multiple of the store's; None takes all samples.
 
     Raises:
-      StoreError: no store, an empty one, no split in it, an unknown part, a missing channel, or
-        samples that are not equally spaced.
+      StoreError: no store, an empty one, no split in it, an unknown part, a missing channel,
+        samples that are not equally spaced, or too few for `period`.
     """
     if split not in (*SPLITS, "all"):
         raise StoreError(unknown_name("split", split, [*SPLITS, "all"]))
@@ -90,16 +104,21 @@ def load_missions(
     count = dataset.sizes.get(MISSION, 0)
     if count == 0 or dataset.sizes.get(TIME, 0) == 0:
         raise StoreError(f"store {store} holds no missions; make some with `factory generate`")
+    rows_of_logs = log_rows(dataset) if is_real(dataset.attrs) else None
     names = tuple(dict.fromkeys(channels))
     missing = [name for name in names if name not in dataset]
+    if rows_of_logs is not None:  # a log has the truth that it has
+        names = tuple(name for name in names if name in dataset or not name.startswith("true_"))
+        missing = [name for name in missing if name in names]
     if missing:
         raise StoreError(
             f"store {store} has no channel {missing[0]}"
             + (f" (nor {', '.join(missing[1:])})" if missing[1:] else "")
-            + "; mask the features that read it or generate the store anew"
+            + _masks(missing)
         )
     parts = _split_of(dataset, store, needed=split != "all")
-    period = _period(dataset, store)
+    have = _period(dataset, store)
+    step = 1 if period is None else thinning_step(have, period, store)
     rows = np.flatnonzero(np.ones(count, bool) if split == "all" else parts == split)[:limit]
     if rows.size == 0:
         known = ", ".join(f"{part} {int((parts == part).sum())}" for part in SPLITS)
@@ -111,14 +130,49 @@ def load_missions(
         Mission(
             index=int(row),
             split=str(parts[row]),
-            period=period,
+            period=have * step,
             signals={
-                name: np.asarray(values[k, : lengths[row]], np.float64)
+                name: _signal(name, values[k, : lengths[row] : step], rows_of_logs is not None)
                 for name, values in arrays.items()
             },
+            row=None if rows_of_logs is None else rows_of_logs[row],
         )
         for k, row in enumerate(rows)
     ]
+
+
+def _signal(name: str, values: Any, real: bool) -> NDArray[np.float64]:
+    values = np.asarray(values, np.float64)
+    return filled(name, values) if real else values
+
+
+def _masks(missing: Sequence[str]) -> str:
+    """What to type so that nothing reads these channels."""
+    readers = [f.name for f in FEATURES.values() if set(f.channels) & set(missing)]
+    if not readers:
+        return "; generate the store anew, or import it with the files that hold it"
+    return f"; leave out what reads it: --without {' '.join(readers)}"
+
+
+def thinning_step(have: float, want: float, store: str | Path) -> int:
+    """Every which sample of a store gives one every `want` [s].
+
+    Raises:
+      StoreError: the store has too few samples, or `want` is no multiple of its period.
+    """
+    step = round(want / have)
+    if step < 1 or abs(step * have - want) > TOLERANCE * have:
+        raise StoreError(
+            f"store {store} has a sample every {have:g} s and one every {want:g} s is wanted, no "
+            f"multiple of it, and what networks see depends on it. Train with `learn fit --period "
+            f"{have:g}` on a store that is at least as fine, or make the store with samples every "
+            f"{want:g} s (`factory import --period {want:g}`)"
+        )
+    return step
+
+
+TOLERANCE = 1e-3
+"""Part of a sample by which a wanted period may miss a multiple of the store's."""
 
 
 def _split_of(dataset: Any, store: str | Path, *, needed: bool) -> NDArray[np.str_]:

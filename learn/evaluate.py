@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from learn.baselines import BASELINES, Estimate
+from learn.baselines import BASELINES, Baseline, Estimate
 from learn.dataset import Mission, load_missions
 from learn.dead_reckoning import Array
 from learn.features import channels_of
+from learn.log_score import score_logs
+from learn.logs import SPEED, VEHICLE, is_real
 from learn.score import (
     GPS_CHANNELS,
     NAVIGATION_CHANNELS,
@@ -59,6 +61,8 @@ class Evaluation:
     """Why a baseline is left out, by name."""
     provenance: Mapping[str, Any]
     """Attributes of the store."""
+    counts: Mapping[str, int] = dataclasses.field(default_factory=dict)
+    """Of a store of logs: what was judged and what was not, see `learn.log_score`."""
 
     def to_json(self) -> dict[str, Any]:
         """The network's figures, with `floor` and `baselines` beside them."""
@@ -68,6 +72,7 @@ class Evaluation:
             "store": self.store,
             "split": self.split,
             **self.methods[NETWORK].figures,
+            **({"counts": dict(self.counts)} if self.counts else {}),
             FLOOR: figures.pop(FLOOR),
             "baselines": {name: figures.get(name, empty) for name in BASELINES},
         }
@@ -85,6 +90,7 @@ def evaluate(
     baselines: Sequence[str] = tuple(BASELINES),
     limit: int | None = None,
     watch: Watch | None = None,
+    period: float | None = None,
 ) -> Evaluation:
     """Run networks, floor and baselines over missions of a store.
 
@@ -95,6 +101,10 @@ def evaluate(
       baselines: names of the baselines to run.
       limit: the first so many missions only.
       watch: sees every mission with its estimates, for tracks, figures and progress.
+      period: [s] between the samples that the networks were trained on; a finer store is thinned.
+
+    A store of real logs is judged by what it knows, see `learn.log_score`; its watch is given a
+    `LogReference`.
 
     Raises:
       StoreError: no store, an empty one, no split in it, a missing channel or one that is not
@@ -115,7 +125,12 @@ def evaluate(
         *(c for runner in runners.values() for c in runner.channels),
         *(c for c in GPS_CHANNELS if c in present),
     ]
-    missions = load_missions(store, wanted, split=split, limit=limit)
+    if is_real(attributes):
+        wanted += [c for c in (SPEED,) if c in present]
+        return _evaluate_logs(
+            networks, store, split, wanted, runners, missing, attributes, vehicle, watch, period
+        )
+    missions = load_missions(store, wanted, split=split, limit=limit, period=period)
     scores: dict[str, list[MissionScore]] = {NETWORK: [], FLOOR: [], **{n: [] for n in runners}}
     for first in range(0, len(missions), GROUP):
         group = missions[first : first + GROUP]
@@ -145,6 +160,48 @@ def evaluate(
     )
 
 
+def _evaluate_logs(
+    networks: Mapping[str, Ensemble],
+    store: str | Path,
+    split: str,
+    channels: Sequence[str],
+    runners: Mapping[str, Baseline],
+    missing: Mapping[str, str],
+    attributes: Mapping[str, Any],
+    vehicle: Vehicle,
+    watch: Any,
+    period: float | None,
+) -> Evaluation:
+    missions = load_missions(store, channels, split="all", period=period)
+    if split != "all":
+        load_missions(store, ("measured_depth",), split=split)  # says which parts there are
+
+    def predict(group: Sequence[Mission]) -> list[Estimate]:
+        found = {name: ensemble.predict(group) for name, ensemble in networks.items()}
+        return [_network_estimate({n: p[k] for n, p in found.items()}) for k in range(len(group))]
+
+    judged = score_logs(
+        missions,
+        [split in ("all", mission.split) for mission in missions],
+        network=NETWORK,
+        floor=FLOOR,
+        predict=predict,
+        baselines=runners,
+        vehicle=vehicle,
+        visible=visible,
+        together=GROUP,
+        watch=watch,
+    )
+    return Evaluation(
+        store=str(store),
+        split=split,
+        methods={name: Method(name, rows) for name, rows in judged.scores.items()},
+        missing=missing,
+        provenance=attributes,
+        counts=judged.counts,
+    )
+
+
 def visible(mission: Mission) -> dict[str, Array]:
     """The channels of a mission that a vehicle has: all but truth."""
     return {
@@ -155,7 +212,12 @@ def visible(mission: Mission) -> dict[str, Array]:
 
 
 def nominal_vehicle(attributes: Mapping[str, Any], store: str | Path) -> Vehicle:
-    """The vehicle as its file says, from the MJCF text in the store; else the shipped glider."""
+    """The vehicle as its file says, from the MJCF text in the store; else the shipped glider.
+
+    Logs have no such file: the shipped vehicle that is nearest to them stands for it.
+    """
+    if is_real(attributes):
+        return load_vehicle(VEHICLE)
     text = attributes.get("vehicle_mjcf")
     if text is None:
         return load_vehicle("glider")

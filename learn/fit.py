@@ -21,6 +21,7 @@ from learn.run import (
     TARGETS,
     Run,
     now,
+    open_run,
     read_description,
     stem,
     versions,
@@ -35,7 +36,10 @@ if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
 
 CHECKPOINT = ".checkpoint"
-STORE_ATTRIBUTES = ("preset", "seed", "hours", "sensors", "vehicle_sha256", "history")
+STORE_ATTRIBUTES = (
+    *("preset", "seed", "hours", "sensors", "vehicle_sha256", "history"),
+    *("source_format", "platform", "sample_period_s"),
+)
 """What a run keeps of its store's description."""
 
 
@@ -56,6 +60,12 @@ class FitConfig:
     """`missions`: the store's split. `samples`: the paper's random 70/15/15, which leaks."""
     mirror: bool = True
     """Whether the training shows every mission mirrored, port for starboard, too."""
+    period: float | None = None
+    """[s] between samples, a multiple of the store's; None takes all of them."""
+    start: str | None = None
+    """Run whose weights and scales the training goes on from; None starts at random."""
+    held_out: tuple[int, ...] = ()
+    """Rows of the store that are not trained on, see `learn.preparation.prepare`."""
 
     def __post_init__(self) -> None:
         if self.members < 1:
@@ -145,6 +155,12 @@ def fit(
 def train(job: Job, folder: Path, report: Callable[[Report], None]) -> Report | None:
     """Train one network and save it; its last report, None when nothing was left to do."""
     config = job.config
+    start = None
+    if config.start is not None:
+        members = open_run(config.start).networks()[job.target].members
+        start = members[job.member % len(members)]
+        if start.features != config.features:
+            raise InputError(f"run {config.start} has other inputs; leave the inputs to --start")
     data = prepare(
         config.store,
         target=job.target,
@@ -152,6 +168,9 @@ def train(job: Job, folder: Path, report: Callable[[Report], None]) -> Report | 
         division=config.division,
         seed=config.training.seed,
         mirror=config.mirror,
+        period=config.period,
+        scales=None if start is None else start.normalisation,
+        held_out=config.held_out,
     )
     from learn.predictor import Predictor
 
@@ -163,6 +182,7 @@ def train(job: Job, folder: Path, report: Callable[[Report], None]) -> Report | 
         target_scale=data.normalisation.target_scale,
         checkpoint=folder / f"{job.name}{CHECKPOINT}",
         report=report,
+        start=None if start is None else start.network.state_dict(),
     ).run()
     Predictor(trained.network.cpu(), data.normalisation).save(stem(folder, job.target, job.member))
     return trained.history[-1] if trained.history else None

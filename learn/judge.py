@@ -11,9 +11,11 @@ from typing import Any
 from learn.baselines import BASELINES, Estimate
 from learn.dataset import SPLITS, Mission, load_missions
 from learn.evaluate import NETWORK, Evaluation, Watch, evaluate
+from learn.logs import is_real
 from learn.report.build import Contents, Judged, build_page
 from learn.report.card import model_card
 from learn.report.figures import TRAINING_PANELS
+from learn.report.log_page import build_log_page
 from learn.report.shown import Showcase
 from learn.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
 from learn.score import Reference
@@ -37,19 +39,53 @@ def judge(
     watches: Sequence[Watch] = (),
 ) -> Judged:
     """Evaluate a run on a store, with the missions that a page draws; errors as `evaluate`."""
+    if is_log_store(store):
+        return _judge_logs(run, store, split=split, baselines=baselines, watches=watches)
     showcase, coverage = Showcase(), Coverage(run.error_model())
 
     def watch(reference: Reference, estimates: Mapping[str, Estimate]) -> None:
         for see in (showcase.add, coverage.add, *watches):
             see(reference, estimates)
 
-    evaluation = evaluate(run.networks(), store, split=split, baselines=baselines, watch=watch)
+    evaluation = evaluate(
+        run.networks(), store, split=split, baselines=baselines, watch=watch, period=run.period
+    )
     found = {
         "run": str(run.path),
         **evaluation.to_json(),
         "uncertainty": coverage.figures(),
     }
     return Judged(evaluation=evaluation, figures=to_json(found), shown=showcase.missions)
+
+
+def is_log_store(store: str | Path) -> bool:
+    """Whether it holds real logs."""
+    dataset = open_store(store)
+    try:
+        return is_real(dataset.attrs)
+    finally:
+        dataset.close()
+
+
+def _judge_logs(
+    run: Run,
+    store: str | Path,
+    *,
+    split: str,
+    baselines: Sequence[str],
+    watches: Sequence[Watch],
+) -> Judged:
+    """As `judge`: no missions to draw, since a log's true track is not known."""
+
+    def watch(reference: Any, estimates: Mapping[str, Estimate]) -> None:
+        for see in watches:
+            see(reference, estimates)
+
+    evaluation = evaluate(
+        run.networks(), store, split=split, baselines=baselines, watch=watch, period=run.period
+    )
+    found = {"run": str(run.path), **evaluation.to_json()}
+    return Judged(evaluation=evaluation, figures=to_json(found), shown=())
 
 
 def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
@@ -64,12 +100,13 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
     """
     split, others = judged_split(run)
     say("learning how far off the networks are from missions that they were not trained on")
-    run = run.remember(error_model=dataclasses.asdict(_error_model(run, others)))
+    if not is_log_store(run.store):
+        run = run.remember(error_model=dataclasses.asdict(_error_model(run, others)))
     say(f"evaluating on {split} missions, with floor and baselines")
     test = judge(run, run.store, split=split)
     _write(run.path / EVALUATION, test.figures)
     say("flying the paper's test in three currents")
-    paper = _paper_test(run)
+    paper = None if is_log_store(run.store) else _paper_test(run)
     if paper is not None:
         _write(run.path / PAPER_TEST, paper.figures)
     write_page(run, test, paper, history=history)
@@ -80,6 +117,8 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
 def write_page(run: Run, test: Judged, paper: Judged | None, *, history: str) -> Path:
     """The run's page from its evaluations."""
     settings = run.description["settings"]
+    if is_log_store(run.store):
+        return build_log_page((run.path / REPORT).parent, run, test, provenance(run), history)
     ablation = run.path / ABLATION
     contents = Contents(
         title=f"Surge and sway networks: {run.name}",
@@ -133,7 +172,9 @@ def _error_model(run: Run, split: str) -> ErrorModel:
     def watch(reference: Reference, estimates: Mapping[str, Estimate]) -> None:
         seconds.append(reference.mission.samples * reference.mission.period)
 
-    found: Evaluation = evaluate(run.networks(), run.store, split=split, baselines=(), watch=watch)
+    found: Evaluation = evaluate(
+        run.networks(), run.store, split=split, baselines=(), watch=watch, period=run.period
+    )
     ideal = found.provenance.get("sensors") == IDEAL_SENSORS
     return fit_error_model(found.methods[NETWORK].scores, seconds, ideal_compass=ideal)
 

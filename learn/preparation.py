@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from learn.dataset import TARGETS, Mirror, Mission, Sequences, load_missions, sample_split
 from learn.features import FEATURES, Normalisation, channels_of, fit_normalisation, mirror_signs
+from learn.logs import SPEED, is_real
 from twin.errors import InputError, StoreError, unknown_name
+from twin.store import open_store
 
 Division = Literal["missions", "samples"]
 
@@ -37,6 +39,9 @@ def prepare(
     division: Division = "missions",
     seed: int = 0,
     mirror: bool = True,
+    period: float | None = None,
+    scales: Normalisation | None = None,
+    held_out: Sequence[int] = (),
 ) -> Prepared:
     """Training and validation data of one velocity.
 
@@ -48,6 +53,10 @@ def prepare(
         division over samples of all missions; it leaks (see `sample_split`).
       seed: of the division by samples.
       mirror: let the training show every mission mirrored port to starboard too.
+      period: [s] between samples, see `load_missions`.
+      scales: of a network whose training goes on; fitted anew without.
+      held_out: rows of the store that are neither trained nor validated on. With any, the store's
+        split is not asked: of the other rows every fourth validates, the rest train.
 
     Raises:
       InputError: an unknown target or division.
@@ -55,9 +64,12 @@ def prepare(
     """
     if target not in TARGETS:
         raise InputError(unknown_name("target", target, TARGETS))
-    channels = [*channels_of(features), TARGETS[target]]
+    channels = [*channels_of(features), TARGETS[target], *_speed(store)]
     if division == "missions":
-        missions = load_missions(store, channels, split="all")
+        missions = load_missions(store, channels, split="all", period=period)
+        missions = _with_truth(missions, target, store)
+        if held_out:
+            missions = _held_out(missions, held_out, store)
         train = [m for m in missions if m.split == "train"]
         validation = [m for m in missions if m.split == "validation"]
         if not train:
@@ -65,12 +77,48 @@ def prepare(
                 f"store {store} has no missions for training; it needs a split into train, "
                 "validation and test, as `factory generate` makes"
             )
-        return _assemble(train, validation, features, target, None, mirror)
+        return _assemble(train, validation, features, target, None, mirror, scales)
     if division == "samples":
-        missions = load_missions(store, channels, split="all")
+        missions = load_missions(store, channels, split="all", period=period)
+        missions = _with_truth(missions, target, store)
         weights = sample_split([m.samples for m in missions], seed)
-        return _assemble(missions, missions, features, target, weights, mirror)
+        return _assemble(missions, missions, features, target, weights, mirror, scales)
     raise InputError(unknown_name("division", division, ("missions", "samples")))
+
+
+VALIDATING = 4
+"""Of the rows that are not held out, every so many-th validates."""
+
+
+def _speed(store: str | Path) -> list[str]:
+    """The channel of a log's speed through the water, where it has one."""
+    dataset = open_store(store)
+    try:
+        return [SPEED] if is_real(dataset.attrs) and SPEED in dataset else []
+    finally:
+        dataset.close()
+
+
+def _with_truth(missions: list[Mission], target: str, store: str | Path) -> list[Mission]:
+    """Missions that say something about a target; in a simulated store all do."""
+    kept = [m for m in missions if m.row is None or np.isfinite(m.target(target)).any()]
+    if not kept:
+        raise StoreError(
+            f"store {store} has no truth to learn {target} from (neither {TARGETS[target]} nor "
+            f"{SPEED}); a run that is trained on another store can be judged on it: "
+            "`learn evaluate RUN`"
+        )
+    return kept
+
+
+def _held_out(missions: list[Mission], held_out: Sequence[int], store: str | Path) -> list[Mission]:
+    left = [m for m in missions if m.index not in set(held_out)]
+    if len(left) < 2:
+        raise StoreError(f"store {store}: without rows {list(held_out)} fewer than two are left")
+    return [
+        dataclasses.replace(m, split="validation" if k % VALIDATING == 1 else "train")
+        for k, m in enumerate(left)
+    ]
 
 
 def _assemble(
@@ -80,6 +128,7 @@ def _assemble(
     target: str,
     weights: list[list[NDArray[np.float32]]] | None,
     mirror: bool,
+    scales: Normalisation | None,
 ) -> Prepared:
     matrices = [m.features(features) for m in train]
     targets = [m.target(target) for m in train]
@@ -87,8 +136,9 @@ def _assemble(
     centred = [name for name in features if FEATURES[name].odd] if mirror else []
     if mirror and TARGET_SIGNS[target] < 0:
         centred.append(target)
-    normalisation = fit_normalisation(
-        matrices, targets, features=features, target=target, centred=centred
+    known = [values[np.isfinite(values)] for values in targets]
+    normalisation = scales or fit_normalisation(
+        matrices, known, features=features, target=target, centred=centred
     )
 
     def sequences(
@@ -99,8 +149,18 @@ def _assemble(
         shift, scale = normalisation.target_mean, normalisation.target_scale
         return Sequences(
             [normalisation.inputs(values) for values in inputs],
-            [(values - np.float32(shift)) / np.float32(scale) for values in wanted],
-            counted or [np.ones(len(values), np.float32) for values in wanted],
+            [
+                np.nan_to_num((values - np.float32(shift)) / np.float32(scale), nan=0.0)
+                for values in wanted
+            ],
+            [
+                weight * np.isfinite(values).astype(np.float32)
+                for weight, values in zip(
+                    counted or [np.ones(len(values), np.float32) for values in wanted],
+                    wanted,
+                    strict=True,
+                )
+            ],
             image,
         )
 

@@ -40,6 +40,8 @@ REPORT = Path("report") / "index.html"
 FORMAT = 1
 """Version of `run.json`."""
 TARGETS = ("surge", "sway")
+FACTORY_PERIOD = 0.5
+"""[s] of stores that do not say it: all were made by the factory."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,6 +66,18 @@ class Run:
     def members(self) -> int:
         """Networks per velocity."""
         return int(self.description["settings"]["members"])
+
+    @property
+    def period(self) -> float:
+        """[s] between the samples that its networks were trained on."""
+        chosen = self.description["settings"].get("period")
+        stored = self.description.get("store", {}).get("sample_period_s", FACTORY_PERIOD)
+        return float(stored if chosen is None else chosen)
+
+    @property
+    def features(self) -> tuple[str, ...]:
+        """Inputs of its networks, by name, in order."""
+        return tuple(self.description["settings"]["features"])
 
     @property
     def report(self) -> Path:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from factory.importing.log import Array, Log
 from factory.importing.segments import PHASES, Segment
@@ -16,8 +17,9 @@ from twin.version import __version__
 if TYPE_CHECKING:
     import xarray as xr
 
-TEST_SPLIT = 2
-"""Flag of `split`: all rows are for testing; learning makes its own folds."""
+SPLITS = ("train", "validation", "test")
+SHARES = (0.6, 0.2, 0.2)
+"""Parts of a deployment's dives for training, validation and test, in this order of time."""
 FRAMES = (
     "On one time grid. NED frame with its origin at each row's start; body axes forward, "
     "starboard, down. Headings are true."
@@ -101,6 +103,34 @@ def rows_dataset(rows: Sequence[Row], period: float, attributes: dict[str, Any])
     return xr.Dataset(variables, coordinates, {**common, **attributes})
 
 
+def split_rows(rows: Sequence[Row]) -> NDArray[np.int8]:
+    """Flag of `SPLITS` of each row: blocks of consecutive dives of each deployment.
+
+    Neighbouring dives share water, trim and biofouling, so that a random draw would leak. Rows with
+    and rows without truth are divided each by itself: all parts have truth where there is enough.
+    """
+    flags = np.full(len(rows), SPLITS.index("test"), np.int8)
+    groups: dict[tuple[str, bool], list[int]] = {}
+    for k, row in enumerate(rows):
+        known = any(
+            name.startswith("true_") and np.isfinite(values).any()
+            for name, values in row.signals.items()
+        )
+        groups.setdefault((row.log.deployment, known), []).append(k)
+    for members in groups.values():
+        flags[members] = blocks(len(members))
+    return flags
+
+
+def blocks(count: int) -> NDArray[np.int8]:
+    """Flags of `count` dives in order of time; of one it is test, of two train and test."""
+    test = max(1, round(SHARES[2] * count))
+    validation = min(max(1, round(SHARES[1] * count)), max(count - test - 1, 0))
+    return np.repeat(
+        np.arange(len(SPLITS), dtype=np.int8), (count - test - validation, validation, test)
+    )
+
+
 def _per_row(rows: Sequence[Row]) -> dict[str, Any]:
     nothing = (float("nan"), float("nan"))
     numbers = []
@@ -149,11 +179,11 @@ def _per_row(rows: Sequence[Row]) -> dict[str, Any]:
     )
     variables["split"] = (
         MISSION,
-        np.full(len(rows), TEST_SPLIT, np.int8),
+        split_rows(rows),
         {
-            "flag_values": np.array([0, 1, 2], np.int8),
-            "flag_meanings": "train validation test",
-            "long_name": "part of the data set",
+            "flag_values": np.arange(len(SPLITS), dtype=np.int8),
+            "flag_meanings": " ".join(SPLITS),
+            "long_name": "part of the data set, by dive in blocks of time",
         },
     )
     return variables

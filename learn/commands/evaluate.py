@@ -14,6 +14,7 @@ import tyro
 
 from learn.run import DEFAULT_STORE, newest_run, open_run
 from twin.console import Console, JsonOption
+from twin.errors import InputError
 from twin.program import EXIT_OK
 
 if TYPE_CHECKING:
@@ -42,11 +43,16 @@ class Evaluate(JsonOption):
     def run(self, console: Console) -> int:
         """Evaluate, print, write what was asked for."""
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-        from learn.judge import judge
+        from learn.judge import is_log_store, judge
+        from learn.log_score import sentences
         from learn.report.tables import dive_rows, summary_rows, verdicts
         from learn.tracks import TrackCollector, check_ending
 
         run = newest_run() if self.run_folder is None else open_run(self.run_folder)
+        if self.tracks is not None and is_log_store(self.store):
+            raise InputError(
+                f"{self.store} holds real logs, whose true tracks are not known: leave --tracks out"
+            )
         collector = TrackCollector()
         watches = [] if self.tracks is None else [collector.add]
         if self.tracks is not None:
@@ -75,6 +81,9 @@ class Evaluate(JsonOption):
             console.say()
             console.table(dives, title="over ground between GPS fixes, % of the dive", digits=3)
         console.say()
+        if counts := judged.evaluation.counts:
+            for sentence in sentences(counts):
+                console.say(f"- {sentence}")
         for sentence in verdicts(figures):
             console.say(f"- {sentence}")
         for label, path in (("tracks", self.tracks), ("report", page)):
@@ -83,10 +92,14 @@ class Evaluate(JsonOption):
         return EXIT_OK
 
     def _page(self, run: Run, judged: Judged) -> Path:
-        from learn.judge import provenance
+        from learn.judge import is_log_store, provenance
         from learn.report.build import Contents, build_page
+        from learn.report.log_page import build_log_page
 
         assert self.out is not None
+        if is_log_store(self.store):
+            command = shlex.join(["learn", *sys.argv[1:]])
+            return build_log_page(self.out, run, judged, provenance(run), command)
         return build_page(
             self.out,
             Contents(

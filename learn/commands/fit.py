@@ -60,6 +60,13 @@ class Fit(JsonOption):
     """missions: the store's split; samples: the paper's random 70/15/15, which leaks"""
     no_mirror: bool = False
     """do not show every mission mirrored too, port for starboard: for a lopsided vehicle"""
+    period: float | None = None
+    """seconds between samples, a multiple of the store's: simulated missions as slow as a log"""
+    start: Path | None = None
+    """run whose networks the training goes on from, with their inputs, scales and period:
+    simulation then real"""
+    leave_out_each_dive: bool = False
+    """real logs: train once per dive with truth, without it, and judge it; then go on as usual"""
     device: Literal["auto", "cpu", "cuda"] = "cpu"
     """auto takes a GPU when there is one"""
     workers: int | None = None
@@ -101,6 +108,8 @@ class Fit(JsonOption):
                 f"what is trained so far is in {folder}; `learn fit --name {folder.name} --resume`"
                 " with the same settings goes on from there"
             ) from None
+        if self.leave_out_each_dive:
+            self._leave_out(console, run, config, workers)
         if self.ablation:
             self._ablate(console, run, config, workers)
         run = finish(run, history=history, say=console.note)
@@ -118,15 +127,38 @@ class Fit(JsonOption):
         budget: dict[str, float | int | None] = {"seconds": self.seconds, "epochs": self.epochs}
         if self.epochs is not None and self.seconds is None:
             budget["seconds"] = 0.0
+        features = select_features(self.features or INPUT_SETS[self.inputs], self.without)
+        network = NetworkConfig(**{k: v for k, v in chosen.items() if v is not None})  # type: ignore[arg-type]
+        period, start = self.period, None
+        if self.start is not None:
+            from learn.run import open_run
+
+            if self.features or self.without or any(v is not None for v in chosen.values()):
+                raise InputError(
+                    "--start takes inputs and kind of network from the run: leave out --features, "
+                    "--without, --kind, --hidden, --layers and --delays"
+                )
+            first = open_run(self.start)
+            features, network = (
+                first.features,
+                NetworkConfig(**first.description["settings"]["network"]),
+            )
+            period, start = first.period, str(first.path)
+            if self.period not in (None, period):
+                raise InputError(
+                    f"run {first.name} has a sample every {period:g} s: leave --period out"
+                )
         settings = {"optimiser": self.optimiser, "seed": self.seed, "device": self.device, **budget}
         return FitConfig(
             store=str(self.store),
-            features=select_features(self.features or INPUT_SETS[self.inputs], self.without),
-            network=NetworkConfig(**{k: v for k, v in chosen.items() if v is not None}),  # type: ignore[arg-type]
+            features=features,
+            network=network,
             training=TrainingConfig(**{k: v for k, v in settings.items() if v is not None}),  # type: ignore[arg-type]
             members=self.members,
             division=self.division,
             mirror=not self.no_mirror,
+            period=period,
+            start=start,
         )
 
     def _folder(self) -> Path:
@@ -154,6 +186,25 @@ class Fit(JsonOption):
                 shares[key] = report.share
 
             ablate(run, config, workers=workers, watch=see, say=progress.note)
+
+    def _leave_out(self, console: Console, run: Run, config: FitConfig, workers: int) -> None:
+        from learn.folds import dives_with_truth, leave_out_each
+
+        dives = dives_with_truth(config)
+        jobs = len(dives) * len(config.jobs())
+        with console.progress(total=100.0 * jobs, label="leave one out", unit="%") as progress:
+            shares: dict[tuple[tuple[int, ...], str], float] = {}
+
+            def see(job: Job, report: Report) -> None:
+                key = (job.config.held_out, job.name)
+                progress.update(100.0 * (report.share - shares.get(key, 0.0)))
+                shares[key] = report.share
+
+            found = leave_out_each(run, config, dives, workers=workers, watch=see)
+        console.answer(leave_out_each_dive=found.to_json())
+        console.table(found.rows(), title="each dive by networks that never saw it", digits=3)
+        console.say(found.sentence())
+        console.say()
 
     def _report(self, console: Console, run: Run) -> None:
         from learn.report.tables import summary_rows, verdicts
