@@ -46,7 +46,8 @@ def run(case: Case, train: str, tests: list[str], seconds: float) -> dict[str, f
     from learn.networks import NetworkConfig
     from learn.predictor import Predictor
     from learn.preparation import prepare
-    from learn.training import Trainer, TrainingConfig
+    from learn.schedule import TrainingConfig
+    from learn.training import Trainer
 
     features = select_features(INPUT_SETS[case.inputs])
     data = prepare(train, target=case.target, features=features)

@@ -27,7 +27,8 @@ from learn.run import (
     versions,
     write_description,
 )
-from learn.training import Report, Trainer, TrainingConfig
+from learn.schedule import TrainingConfig
+from learn.training import Report, Trainer
 from twin.console import to_json
 from twin.errors import InputError, TwinError
 from twin.store import open_store

@@ -13,8 +13,9 @@ import torch
 from numpy.typing import NDArray
 
 from learn.dataset import Mission
-from learn.features import FEATURES, Normalisation
+from learn.features import FEATURES
 from learn.networks import Network, NetworkConfig, build_network
+from learn.normalisation import Normalisation
 from twin.errors import InputError, StoreError, unknown_name
 
 Floats = NDArray[np.float32]

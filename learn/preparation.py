@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.dataset import TARGETS, Mirror, Mission, Sequences, load_missions, sample_split
-from learn.features import FEATURES, Normalisation, channels_of, fit_normalisation, mirror_signs
+from learn.features import FEATURES, channels_of, mirror_signs
 from learn.logs import SPEED, is_real
+from learn.normalisation import Normalisation, fit_normalisation
 from twin.errors import InputError, StoreError, unknown_name
 from twin.store import open_store
 

@@ -20,11 +20,12 @@ from factory.recipe import make_recipe
 from learn.benchmark.samples import AVERAGE, GLIDER, TWIN, Samples, averaged, level_speed, sample
 from learn.dataset import Sequences
 from learn.dead_reckoning import Array
-from learn.features import Normalisation, fit_normalisation
 from learn.networks import NetworkConfig, build_network
+from learn.normalisation import Normalisation, fit_normalisation
 from learn.predictor import Predictor, free_run
+from learn.schedule import TrainingConfig
 from learn.thinning import thin_store
-from learn.training import Trainer, TrainingConfig
+from learn.training import Trainer
 from twin.errors import InputError
 from twin.identify import identify, load_calibration, load_logs
 from twin.schema import MISSION

@@ -120,7 +120,7 @@ class Fit(JsonOption):
         from learn.features import INPUT_SETS, select_features
         from learn.fit import FitConfig
         from learn.networks import NetworkConfig
-        from learn.training import TrainingConfig
+        from learn.schedule import TrainingConfig
 
         chosen = {"kind": self.kind, "hidden": self.hidden, "layers": self.layers}
         chosen |= {"delays": self.delays}

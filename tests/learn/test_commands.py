@@ -14,7 +14,7 @@ from learn.baselines import BASELINES
 from learn.fit import FitConfig, fit
 from learn.networks import NetworkConfig
 from learn.run import DEFAULT_STORE, newest_run, open_run
-from learn.training import TrainingConfig
+from learn.schedule import TrainingConfig
 from twin.errors import InputError, StoreError
 
 SMALL = {"epochs": 1, "hidden": 6, "layers": 1, "members": 1, "workers": 1}

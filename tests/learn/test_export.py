@@ -10,8 +10,8 @@ from navigation import PERIOD, trimmed_mission
 from onnx import helper
 
 from learn.dataset import Mission
-from learn.features import Normalisation
 from learn.networks import NETWORKS, NetworkConfig, build_network
+from learn.normalisation import Normalisation
 from learn.onnx_export import INPUTS, OUTPUTS, TOLERANCE, StepModel, export_step, step_model
 from learn.predictor import Predictor
 from twin.errors import StoreError

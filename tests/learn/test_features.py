@@ -14,12 +14,12 @@ from learn.features import (
     SENSORS,
     channels_of,
     feature_matrix,
-    fit_normalisation,
     mirror_signs,
     select_features,
     trailing_mean,
     trailing_slope,
 )
+from learn.normalisation import fit_normalisation
 from twin.errors import InputError, StoreError
 from twin.scenario import Scenario
 from twin.schedule import Schedule

@@ -12,7 +12,8 @@ from learn.features import DEFAULT_GROUPS, select_features
 from learn.networks import NetworkConfig
 from learn.predictor import Ensemble, Predictor, free_run, load_predictor
 from learn.preparation import prepare
-from learn.training import Trainer, TrainingConfig, mean_squared_error, pick_device, step_size
+from learn.schedule import TrainingConfig, step_size
+from learn.training import Trainer, mean_squared_error, pick_device
 from twin.errors import InputError, StoreError
 
 SMALL = NetworkConfig(hidden=10, layers=2)
