@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.features import FEATURES, feature_matrix
-from learn.logs import SPEED, LogRow, filled, is_real, log_rows
+from learn.logs import SPEED, LogRow, filled, is_real, log_rows, nearest
 from twin.errors import StoreError, unknown_name
 from twin.schema import MISSION, TIME
 from twin.store import open_store
@@ -132,7 +132,7 @@ def load_missions(
             split=str(parts[row]),
             period=have * step,
             signals={
-                name: _signal(name, values[k, : lengths[row] : step], rows_of_logs is not None)
+                name: _signal(name, values[k, : lengths[row]], step, rows_of_logs is not None)
                 for name, values in arrays.items()
             },
             row=None if rows_of_logs is None else rows_of_logs[row],
@@ -141,9 +141,12 @@ def load_missions(
     ]
 
 
-def _signal(name: str, values: Any, real: bool) -> NDArray[np.float64]:
+def _signal(name: str, values: Any, step: int, real: bool) -> NDArray[np.float64]:
+    """A channel with every `step`-th sample; of a log without holes, truth the nearest one."""
     values = np.asarray(values, np.float64)
-    return filled(name, values) if real else values
+    if not real:
+        return values[::step]
+    return nearest(values, step) if name.startswith("true_") else filled(name, values)[::step]
 
 
 def _masks(missing: Sequence[str]) -> str:

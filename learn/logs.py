@@ -90,3 +90,15 @@ def filled(name: str, values: Array) -> Array:
         turned = np.unwrap(np.deg2rad(values[known]))
         return np.mod(np.rad2deg(np.interp(index, index[known], turned)), 360.0)
     return np.interp(index, index[known], values[known])
+
+
+def nearest(values: Array, step: int) -> Array:
+    """Every `step`-th sample or, where that is missing, the nearest one that is not nearer to
+    another: a truth that comes every ten seconds is not lost between the samples."""
+    kept = values[::step].copy()
+    places = np.arange(0, len(values), step)
+    for offset in sorted(range(-((step - 1) // 2), step // 2 + 1), key=abs):
+        there = places + offset
+        inside = (there >= 0) & (there < len(values)) & ~np.isfinite(kept)
+        kept[inside] = values[there[inside]]
+    return kept

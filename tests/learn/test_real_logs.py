@@ -19,7 +19,7 @@ from learn.features import INPUT_SETS, select_features
 from learn.fit import FitConfig, fit
 from learn.folds import dives_with_truth, leave_out_each
 from learn.log_score import LogReference, score_row
-from learn.logs import LogRow, filled
+from learn.logs import LogRow, filled, nearest
 from learn.networks import NetworkConfig
 from learn.preparation import prepare
 from learn.training import TrainingConfig
@@ -96,12 +96,12 @@ def test_missing_truth_in_a_simulated_store_is_an_error(small_store: Path, tmp_p
 def test_a_log_without_truth_cannot_be_learned_from(tmp_path: Path) -> None:
     dataset, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT), period=4.0)
     store = write_store(dataset, tmp_path / "plain.zarr")
-    with pytest.raises(StoreError, match="no truth to learn surge from.*learn evaluate RUN"):
+    with pytest.raises(StoreError, match=r"no truth to learn surge from.*learn evaluate RUN"):
         prepare(store, target="surge", features=INPUTS)
 
 
 def test_a_missing_channel_says_what_to_type(store: Path) -> None:
-    with pytest.raises(StoreError, match="no channel measured_roll_rate.*--without roll_rate"):
+    with pytest.raises(StoreError, match=r"no channel measured_roll_rate.*--without roll_rate"):
         prepare(store, target="surge", features=("roll_rate", "depth_rate"))
 
 
@@ -113,7 +113,7 @@ def test_a_finer_store_is_thinned_and_a_coarser_one_refused(store: Path) -> None
         thin.signals["measured_depth"], whole.signals["measured_depth"][::2]
     )
     for wanted in (2.0, 6.0):
-        with pytest.raises(StoreError, match="a sample every 4 s and one every .*--period 4"):
+        with pytest.raises(StoreError, match=r"a sample every 4 s and one every .*--period 4"):
             load_missions(store, ("measured_depth",), period=wanted)
 
 
@@ -124,6 +124,14 @@ def test_holes_in_inputs_are_bridged_and_truth_is_not() -> None:
     assert np.isnan(filled("measured_gps_north", holes)).sum() == 2
     turned = filled("measured_heading", np.array([350.0, np.nan, 10.0]))
     np.testing.assert_allclose(np.sin(np.deg2rad(turned[1])), 0.0, atol=1e-9)
+
+
+def test_sparse_truth_survives_thinning() -> None:
+    values = np.full(12, np.nan)
+    values[1::2] = np.arange(1, 12, 2)
+    np.testing.assert_array_equal(nearest(values, 2), [1, 3, 5, 7, 9, 11])
+    assert np.isfinite(nearest(values, 3)).all()
+    np.testing.assert_array_equal(nearest(np.arange(12.0), 3), [0, 3, 6, 9])
 
 
 def test_training_goes_on_from_a_run(store: Path, tmp_path: Path) -> None:
@@ -141,14 +149,11 @@ def test_training_goes_on_from_a_run(store: Path, tmp_path: Path) -> None:
         np.testing.assert_allclose(mine, other, atol=1e-5)
     scales = [run.networks()["surge"].members[0].normalisation for run in (first, second)]
     assert scales[0] == scales[1]
+    other_inputs = dataclasses.replace(go_on, features=("depth_rate",))
     with pytest.raises(InputError, match="other inputs"):
-        fit(
-            config(store, start=str(first.path), features=("depth_rate",)),
-            tmp_path / "x",
-            workers=1,
-        )
+        fit(other_inputs, tmp_path / "x", workers=1)
+    wrong = dataclasses.replace(go_on, network=NetworkConfig(kind="mlp", hidden=9, layers=1))
     with pytest.raises(InputError, match="another kind, size or inputs"):
-        wrong = config(store, start=str(first.path), network=NetworkConfig(kind="mlp", hidden=9))
         fit(wrong, tmp_path / "y", workers=1)
 
 
@@ -169,7 +174,7 @@ def test_leaving_out_needs_real_logs(small_store: Path) -> None:
         dives_with_truth(config(small_store))
 
 
-# --- dead reckoning ---------------------------------------------------------------------------------
+# --- dead reckoning -----------------------------------------------------------------------------
 
 
 def row_of(start: float, moved: tuple[float, float], current: tuple[float, float]) -> LogReference:
