@@ -52,6 +52,10 @@ class Fit(JsonOption):
     """time in training of each network; two are trained side by side [default: 120]"""
     epochs: int | None = None
     """passes over the training missions instead of a time (scg: iterations); repeatable"""
+    window: int | None = None
+    """samples that a piece of a mission counts; longer ones teach a longer memory [default: 128]"""
+    washin: int | None = None
+    """samples before it in which the network finds its state [default: 48]"""
     seed: int = 0
     """of initial weights and order; every network gets one of its own from it"""
     members: int = 2
@@ -149,6 +153,7 @@ class Fit(JsonOption):
                     f"run {first.name} has a sample every {period:g} s: leave --period out"
                 )
         settings = {"optimiser": self.optimiser, "seed": self.seed, "device": self.device, **budget}
+        settings |= {"window": self.window, "washin": self.washin}
         return FitConfig(
             store=str(self.store),
             features=features,

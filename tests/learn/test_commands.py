@@ -239,6 +239,8 @@ def test_the_help_of_fit_names_the_defaults_that_apply(here, capsys):
         (network.hidden, "units per hidden layer"),
         (network.layers, "hidden layers"),
         (f"{training.seconds:g}", "two are trained side by side"),
+        (training.window, "longer ones teach a longer memory"),
+        (training.washin, "in which the network finds its state"),
     ):
         assert re.search(rf"{label} \[default: {value}[,\]]", words), label
 
