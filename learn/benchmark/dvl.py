@@ -15,6 +15,7 @@ import numpy as np
 from learn.benchmark.public import density_of, fit_steady, kinematic
 from learn.benchmark.row import Row, rmse
 from learn.benchmark.source import Deployment, at_times, tables_with
+from learn.benchmark.surge_networks import ZERO_SHOT, Pretrained, level_of
 from learn.dead_reckoning import Array
 from twin.identify import Calibration, Log, estimate, identify, load_calibration
 
@@ -82,8 +83,18 @@ def _pitch_line(deployment: Deployment, time: Array, corrected: Array) -> tuple[
     return (float(scale), float(offset)) if close else (1.0, 0.0)
 
 
-def judge(deployment: Deployment) -> list[Row]:
+@dataclasses.dataclass(frozen=True)
+class DvlJob:
+    """One deployment, as a process can be given it."""
+
+    deployment: Deployment
+    networks: Pretrained | None
+    """trained on simulation; None: no networks are judged"""
+
+
+def judge(job: DvlJob) -> list[Row]:
     """Rows of one deployment; none without a DVL."""
+    deployment = job.deployment
     truth = read_truth(deployment)
     if truth is None or truth.time.size < LEAST_SAMPLES:
         return []
@@ -132,19 +143,29 @@ def judge(deployment: Deployment) -> list[Row]:
             "steady flight model", "public method", speeds, f"two parameters on depth rate; {pitch}"
         )
     )
-    rows.append(
-        row("twin, flight model", "twin", _twin(logs, nominal), f"depth rate only; {pitch}", GOAL)
-    )
+    found = _identified(logs, nominal)
+    note = f"depth rate only; {pitch}"
+    rows.append(row("twin, flight model", "twin", _speeds(logs, found), note, GOAL))
     if truth.pitch_scale != 1.0:
         plain = load_calibration(VEHICLE)
         note = "depth rate only; pitch as logged"
-        rows.append(row("twin, flight model, raw pitch", "twin", _twin(logs, plain), note))
+        speeds = _speeds(logs, _identified(logs, plain))
+        rows.append(row("twin, flight model, raw pitch", "twin", speeds, note))
+    for kind in job.networks or {}:
+        assert job.networks is not None
+        speeds = [
+            np.hypot(level_of(log, found, job.networks, kind), log.depth_rate) for log in logs
+        ]
+        rows.append(row(ZERO_SHOT[kind], "network", speeds, "trained on simulation only"))
     return rows
 
 
-def _twin(logs: list[Log], nominal: Calibration) -> list[Array]:
-    found = identify(logs, nominal, fixes=False).calibration
-    return [estimate(log, found).speed for log in logs]
+def _identified(logs: list[Log], nominal: Calibration) -> Calibration:
+    return identify(logs, nominal, fixes=False).calibration
+
+
+def _speeds(logs: list[Log], calibration: Calibration) -> list[Array]:
+    return [estimate(log, calibration).speed for log in logs]
 
 
 def score(deployment: Deployment, logs: list[Log], speeds: list[Array], truth: Truth) -> Array:

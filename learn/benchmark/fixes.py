@@ -18,6 +18,7 @@ from learn.benchmark.folds import LEAST_ROWS, Fitted, FoldJob, fold_of, jobs
 from learn.benchmark.public import density_of, kinematic
 from learn.benchmark.row import Row, rmse
 from learn.benchmark.source import Deployment, at_times, tables_with
+from learn.benchmark.surge_networks import ZERO_SHOT, Pretrained, level_of
 from learn.dead_reckoning import Array, integrate
 from twin.identify import Log, estimate
 from twin.identify.speed import steady_parts
@@ -54,14 +55,17 @@ def fold_jobs(deployment: Deployment) -> list[FoldJob]:
     return jobs(deployment, rows, VEHICLE) if len(rows) >= LEAST_ROWS else []
 
 
-def judge(deployment: Deployment, fitted: Sequence[Fitted]) -> list[Row]:
+def judge(
+    deployment: Deployment, fitted: Sequence[Fitted], networks: Pretrained | None
+) -> list[Row]:
     """Rows of one deployment.
 
     Args:
       fitted: of every job of `fold_jobs`.
+      networks: trained on simulation; None: no networks are judged.
     """
     logs = deployment.logs()
-    return [*_rates(deployment, logs, fitted), *_tracks(deployment, logs, fitted)]
+    return [*_rates(deployment, logs, fitted), *_tracks(deployment, logs, fitted, networks)]
 
 
 # --- depth rate ---------------------------------------------------------------------------------
@@ -196,7 +200,12 @@ def track_row(
     )
 
 
-def _tracks(deployment: Deployment, logs: list[Log], fitted: Sequence[Fitted]) -> list[Row]:
+def _tracks(
+    deployment: Deployment,
+    logs: list[Log],
+    fitted: Sequence[Fitted],
+    networks: Pretrained | None,
+) -> list[Row]:
     couples = pairs(logs)
     if len(couples) < LEAST_DIVES - 1:
         return []
@@ -222,7 +231,6 @@ def _tracks(deployment: Deployment, logs: list[Log], fitted: Sequence[Fitted]) -
         )
     )
     steady: Tracks = {}
-    twin: Tracks = {}
     for log in logs:
         fold = fold_of(fitted, log.index)
         density = density_of(log, fold.calibration)
@@ -254,6 +262,14 @@ def _tracks(deployment: Deployment, logs: list[Log], fitted: Sequence[Fitted]) -
             note=f"tuned on other dives; {_spread(found)}",
         )
     )
+    for kind in networks or {}:
+        assert networks is not None
+        learned: Tracks = {}
+        for log in logs:
+            level = level_of(log, fold_of(fitted, log.index).calibration, networks, kind)
+            learned[log.index] = level_track(log, np.where(log.depth > 1.0, level, 0.0))
+        note = "trained on simulation only; compass as logged"
+        rows.append(track_row(deployment, couples, learned, ZERO_SHOT[kind], "network", note))
     return rows
 
 

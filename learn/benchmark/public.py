@@ -12,11 +12,14 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 
 from learn.dead_reckoning import Array
 from twin.identify import Calibration, Log
+
+Mask = NDArray[np.bool_]
 
 ATTACK = math.radians(3.0)
 """[rad] the constant angle of attack"""
@@ -136,7 +139,7 @@ def density_of(log: Log, calibration: Calibration) -> Array:
     return log.density
 
 
-def _bridged(values: Array, good: Array) -> Array:
+def _bridged(values: Array, good: Mask) -> Array:
     index = np.arange(len(values))
     if not good.any():
         return np.zeros_like(values)

@@ -16,6 +16,7 @@ from learn.benchmark import adcp, dvl, fixes, surge_networks
 from learn.benchmark.folds import fit_fold
 from learn.benchmark.row import Row
 from learn.benchmark.source import Deployment, gather
+from learn.benchmark.surge_networks import Pretrained
 from twin.errors import TwinError
 
 Say = Callable[[str], None]
@@ -23,7 +24,7 @@ Done = Callable[[float], None]
 Input = TypeVar("Input")
 Output = TypeVar("Output")
 
-SHARES = {"import": 0.05, "speed": 0.05, "fixes": 0.4, "simulate": 0.2, "surge": 0.3}
+SHARES = {"import": 0.03, "simulate": 0.17, "speed": 0.05, "fixes": 0.4, "surge": 0.35}
 """Parts of the whole time, roughly, for the progress."""
 
 
@@ -109,9 +110,17 @@ def run_benchmark(
             Row(task="skipped", data=part.name, method="", kind="skipped", note=part.why)
             for part in skipped
         ]
-        rows += _speeds(deployments, pool, say, progress)
-        rows += _fixes(deployments, pool, say, progress)
-        rows += _surges(deployments, Path(work), pool, workers, networks, say, progress)
+        pretrained = None
+        if networks:
+            say(f"simulating {surge_networks.HOURS:g} h of missions and training on them")
+            store = surge_networks.simulate(Path(work), workers=workers)
+            progress(0.5 * SHARES["simulate"])
+            pretrained = _pretrained(store, pool, progress)
+        else:
+            progress(SHARES["simulate"])
+        rows += _speeds(deployments, pool, pretrained, say, progress)
+        rows += _fixes(deployments, pool, pretrained, say, progress)
+        rows += _surges(deployments, pool, pretrained, say, progress)
     order = {name: place for place, name in enumerate(TASKS)}
     return sorted(rows, key=lambda row: order.get(row.task, len(order)))
 
@@ -125,10 +134,17 @@ def failed(task: str, deployment: Deployment, why: str) -> Row:
     return Row(task=task, data=deployment.name, method="", kind="skipped", note=why)
 
 
-def _speeds(deployments: Sequence[Deployment], pool: Pool, say: Say, progress: Done) -> list[Row]:
+def _speeds(
+    deployments: Sequence[Deployment],
+    pool: Pool,
+    pretrained: Pretrained | None,
+    say: Say,
+    progress: Done,
+) -> list[Row]:
     say("speed through the water against a DVL")
     chosen = [d for d in deployments if d.kind == "slocum"]
-    found = pool.run(dvl.judge, chosen, lambda part: progress(part * SHARES["speed"]))
+    jobs = [dvl.DvlJob(deployment, pretrained) for deployment in chosen]
+    found = pool.run(dvl.judge, jobs, lambda part: progress(part * SHARES["speed"]))
     if not chosen:
         progress(SHARES["speed"])
     rows: list[Row] = []
@@ -140,7 +156,13 @@ def _speeds(deployments: Sequence[Deployment], pool: Pool, say: Say, progress: D
     return rows
 
 
-def _fixes(deployments: Sequence[Deployment], pool: Pool, say: Say, progress: Done) -> list[Row]:
+def _fixes(
+    deployments: Sequence[Deployment],
+    pool: Pool,
+    pretrained: Pretrained | None,
+    say: Say,
+    progress: Done,
+) -> list[Row]:
     say("depth rate and dead reckoning: the twin identified without the dives that are judged")
     rows: list[Row] = []
     work = []
@@ -166,55 +188,44 @@ def _fixes(deployments: Sequence[Deployment], pool: Pool, say: Say, progress: Do
         if bad:
             rows.append(failed(fixes.RATE, deployment, bad[0].why))
         elif good:
-            rows += fixes.judge(deployment, good)
+            rows += fixes.judge(deployment, good, pretrained)
     return rows
 
 
 def _surges(
     deployments: Sequence[Deployment],
-    work: Path,
     pool: Pool,
-    workers: int,
-    networks: bool,
+    pretrained: Pretrained | None,
     say: Say,
     progress: Done,
 ) -> list[Row]:
+    say("surge against the ADCP, each dive by what was tuned on the others")
     chosen = []
     rows: list[Row] = []
     for deployment in deployments:
         try:
-            if adcp.fold_jobs(deployment, None):
-                chosen.append(deployment)
+            jobs = adcp.fold_jobs(deployment, pretrained)
         except TwinError as error:
             rows.append(failed(adcp.TASK, deployment, str(error)))
+            continue
+        chosen += [(deployment, job) for job in jobs]
     if not chosen:
-        progress(SHARES["simulate"] + SHARES["surge"])
-        return rows
-    pretrained = None
-    if networks:
-        say(f"simulating {surge_networks.HOURS:g} h of missions and training on them")
-        store = surge_networks.simulate(work, workers=workers)
-        progress(0.5 * SHARES["simulate"])
-        pretrained = _pretrained(store, pool, progress)
-    else:
-        progress(SHARES["simulate"])
-    say("surge against the ADCP, each dive by what was tuned on the others")
-    jobs = [(d, job) for d in chosen for job in adcp.fold_jobs(d, pretrained)]
+        progress(SHARES["surge"])
     results = pool.run(
-        adcp.run_fold, [job for _, job in jobs], lambda part: progress(part * SHARES["surge"])
+        adcp.run_fold, [job for _, job in chosen], lambda part: progress(part * SHARES["surge"])
     )
-    for deployment in chosen:
-        mine = [r for (d, _), r in zip(jobs, results, strict=True) if d is deployment]
+    for deployment in deployments:
+        mine = [r for (d, _), r in zip(chosen, results, strict=True) if d is deployment]
         bad = [r for r in mine if isinstance(r, Failure)]
         good = [r for r in mine if not isinstance(r, Failure)]
         if bad:
             rows.append(failed(adcp.TASK, deployment, bad[0].why))
-        else:
+        elif good:
             rows += adcp.judge(deployment, good)
     return rows
 
 
-def _pretrained(store: Path, pool: Pool, progress: Done) -> surge_networks.Pretrained:
+def _pretrained(store: Path, pool: Pool, progress: Done) -> Pretrained:
     found = pool.run(
         surge_networks.simulated_samples,
         surge_networks.sample_jobs(store),
@@ -229,7 +240,7 @@ def _pretrained(store: Path, pool: Pool, progress: Done) -> surge_networks.Pretr
     trained = pool.run(
         surge_networks.pretrain, jobs, lambda part: progress(0.25 * part * SHARES["simulate"])
     )
-    pretrained: surge_networks.Pretrained = {}
+    pretrained: Pretrained = {}
     for job, weights in zip(jobs, trained, strict=True):
         if isinstance(weights, Failure):
             raise TwinError(f"training on simulation failed: {weights.why}")

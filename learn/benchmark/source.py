@@ -46,7 +46,7 @@ class Deployment:
     def clock(self, log: Log) -> Array:
         """Unix time [s] of a log's samples."""
         start = self.starts[self.rows.index(log.index)]
-        return start + log.period * np.arange(len(log.depth))
+        return np.asarray(start + log.period * np.arange(len(log.depth)), np.float64)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -27,7 +27,7 @@ from learn.schedule import TrainingConfig
 from learn.thinning import thin_store
 from learn.training import Trainer
 from twin.errors import InputError
-from twin.identify import identify, load_calibration, load_logs
+from twin.identify import Calibration, Log, identify, load_calibration, load_logs
 from twin.schema import MISSION
 from twin.store import open_store
 
@@ -36,13 +36,15 @@ INPUTS: dict[str, tuple[str, ...]] = {
     "twin ": (*(name for name in GLIDER if name != "pump"), *TWIN),
 }
 """Inputs of the two kinds of networks, by the beginning of their names."""
+ZERO_SHOT = {"": "network, zero shot", "twin ": "network on the twin, zero shot"}
+"""Names of the two kinds in tables."""
 NETWORK = NetworkConfig(kind="elman", hidden=16, layers=2, delays=2)
-MEMBERS = 4
-SIMULATED = TrainingConfig(seconds=0.0, epochs=60, window=64, washin=8, batch=32, validations=20)
+MEMBERS = 3
+SIMULATED = TrainingConfig(seconds=0.0, epochs=250, window=32, washin=8, batch=16, validations=25)
 REAL = TrainingConfig(seconds=0.0, epochs=120, window=32, washin=8, batch=16, validations=30)
-TUNED = dataclasses.replace(REAL, epochs=80, rate=1e-3)
+TUNED = dataclasses.replace(REAL, epochs=100, rate=2e-3)
 """After simulation: gentler, so that what it taught is kept where real dives say nothing."""
-HOURS = 40.0
+HOURS = 24.0
 """[h] of simulated missions"""
 PERIOD = 5.0
 """[s] that they are thinned to, the period of an imported Seaglider"""
@@ -224,6 +226,18 @@ def predict(predictor: Predictor, dives: Sequence[Samples]) -> list[Array]:
     scales = predictor.normalisation
     runs = free_run(predictor.network, _sequences(dives, scales).inputs)
     return [scales.target_scale * run.astype(float) + scales.target_mean for run in runs]
+
+
+def level_of(log: Log, calibration: Calibration, pretrained: Pretrained, kind: str) -> Array:
+    """Horizontal speed [m/s] along the heading, (time,), zero shot; mean over members.
+
+    One prediction a minute, straight lines between.
+    """
+    clock = log.period * np.arange(len(log.depth), dtype=np.float64)
+    times = np.arange(0.5 * AVERAGE, max(clock[-1], AVERAGE), AVERAGE)
+    dive = sample(log, calibration, times, np.zeros_like(times))
+    runs = [predict(weights.predictor(), [dive])[0] for weights in pretrained[kind]]
+    return np.interp(clock, times, np.mean(runs, axis=0))
 
 
 def predict_dive(
