@@ -27,6 +27,9 @@ from learn.schedule import Clock, TrainingConfig, step_size
 from learn.soap import Soap
 from twin.errors import InputError, StoreError
 
+TRAINING_PER_VALIDATION = 4.0
+"""Least ratio of the time in training to that in validation: a large store validates less often."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Report:
@@ -174,8 +177,7 @@ class Trainer:
                 passed = epoch + position / len(groups)
                 share = clock.share(passed)
                 if share >= min(next_check, 1.0):
-                    next_check = self._next_check(share)
-                    self._check(step, passed, clock, share, rate)
+                    next_check = self._check(step, passed, clock, share, rate)
                     self._save(
                         network=network.state_dict(),
                         optimiser=optimiser.state_dict(),
@@ -247,10 +249,11 @@ class Trainer:
             share = clock.share(optimiser.iterations)
             self._seen = [(optimiser.error, 1.0)]
             if share >= min(next_check, 1.0) or optimiser.converged:
-                next_check = self._next_check(share)
                 torch.nn.utils.vector_to_parameters(optimiser.parameters, parameters)
                 passes = optimiser.evaluations
-                self._check(optimiser.iterations, passes, clock, share, optimiser.scale)
+                next_check = self._check(
+                    optimiser.iterations, passes, clock, share, optimiser.scale
+                )
                 self._save(optimiser=optimiser.state_dict(), seconds=clock.seconds())
 
     # --- validation and checkpoints -------------------------------------------------------------
@@ -259,7 +262,9 @@ class Trainer:
         every = 1.0 / self.config.validations
         return (math.floor(share / every + 1e-9) + 1) * every
 
-    def _check(self, step: int, epoch: float, clock: Clock, share: float, rate: float) -> None:
+    def _check(self, step: int, epoch: float, clock: Clock, share: float, rate: float) -> float:
+        """Validate, keep what is best, report; the share of the budget at which to do so again."""
+        start = clock.seconds()
         error, weight = (math.fsum(column) for column in zip(*self._seen, strict=True))
         self._seen = []
         train_mse = self.variance * error / max(weight, 1.0)
@@ -281,6 +286,11 @@ class Trainer:
         self.history.append(report)
         if self.on_report is not None:
             self.on_report(report)
+        again = self._next_check(share)
+        if self.config.seconds:
+            cost = (clock.seconds() - start) / self.config.seconds
+            again = max(again, clock.share(epoch) + TRAINING_PER_VALIDATION * cost)
+        return again
 
     def _identity(self) -> dict[str, Any]:
         """What must not differ between a checkpoint and the run that resumes it."""

@@ -65,6 +65,22 @@ def test_every_network_trains(surge, kind):
     assert mean_squared_error(trained.network, surge.validation) < start
 
 
+def test_validation_takes_a_fifth_of_a_time_budget_at_most(surge, monkeypatch):
+    import time
+
+    import learn.training
+
+    def slow(network, sequences):
+        start = time.thread_time()
+        while time.thread_time() - start < 0.2:
+            pass
+        return 1.0
+
+    monkeypatch.setattr(learn.training, "mean_squared_error", slow)
+    config = dataclasses.replace(ADAM, seconds=2.0, epochs=0, validations=40)
+    assert 2 <= len(trainer(surge, config).run().history) <= 4
+
+
 def test_equal_seeds_give_equal_networks_and_others_do_not(surge):
     config = dataclasses.replace(ADAM, epochs=1)
     states = [
