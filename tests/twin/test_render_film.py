@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -35,11 +37,16 @@ def call(capsys, *words: object) -> tuple[int, str, str]:
 
 def read_video(path):
     """Metadata and frames of a video."""
-    reader = imageio_ffmpeg.read_frames(str(path))
-    meta = next(reader)
-    width, height = meta["size"]
-    frames = [np.frombuffer(f, np.uint8).reshape(height, width, 3) for f in reader]
-    reader.close()
+    with warnings.catch_warnings():
+        # the reader leaves its pipes to the garbage collector, which must not wait for another test
+        warnings.simplefilter("ignore", ResourceWarning)
+        reader = imageio_ffmpeg.read_frames(str(path))
+        meta = next(reader)
+        width, height = meta["size"]
+        frames = [np.frombuffer(f, np.uint8).reshape(height, width, 3) for f in reader]
+        reader.close()
+        del reader
+        gc.collect()
     return meta, frames
 
 

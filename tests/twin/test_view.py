@@ -116,8 +116,12 @@ def look(*keys):
         window._keys.put(key)
     while not window._keys.empty():  # the next frame obeys
         time.sleep(0.02)
-    time.sleep(0.3)
-    colours.append(len(ImageGrab.grab().getcolors(1 << 24)))
+    for _ in range(100):  # a busy machine draws late
+        time.sleep(0.3)
+        found = len(ImageGrab.grab().getcolors(1 << 24))
+        if found > 100:
+            break
+    colours.append(found)
 
 def visit():
     time.sleep(1.0)
@@ -135,7 +139,7 @@ def visit():
 
 visitor = threading.Thread(target=visit)
 visitor.start()
-window.run(seconds=60.0)
+window.run(seconds=100.0)
 visitor.join()
 """
 
