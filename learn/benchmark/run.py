@@ -6,7 +6,11 @@ import concurrent.futures
 import dataclasses
 import math
 import multiprocessing
+import os
+import signal
 import tempfile
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -41,7 +45,9 @@ class Pool:
     def __init__(self, workers: int) -> None:
         context = multiprocessing.get_context("spawn")
         self._pool = (
-            concurrent.futures.ProcessPoolExecutor(workers, mp_context=context)
+            concurrent.futures.ProcessPoolExecutor(
+                workers, mp_context=context, initializer=_begin, initargs=(os.getpid(),)
+            )
             if workers > 1
             else None
         )
@@ -62,9 +68,27 @@ class Pool:
         return [future.result() for future in futures]
 
     def close(self) -> None:
-        """End the processes; what is not begun is not done."""
+        """End the processes at once; what they have not done is not done."""
         if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            for process in multiprocessing.active_children():
+                process.terminate()
+
+
+PARENT_CHECK_S = 1.0
+"""[s] between looks whether the parent lives."""
+
+
+def _begin(parent: int) -> None:
+    """In a process: an interrupt is the parent's to answer, and without it there is no work."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(PARENT_CHECK_S)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _guarded(function: Callable[[Any], Any], job: Any) -> Any:
