@@ -107,6 +107,8 @@ class Trainer:
             self._take(start)
         self.history: list[Report] = []
         self.best = math.inf
+        if start is not None and validation is not None and validation.inputs:
+            self.best = self.variance * mean_squared_error(self.network, validation)
         self.best_state = _copy(self.network)
         self.bad = 0
         self.stopped = False

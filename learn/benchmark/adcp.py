@@ -40,8 +40,8 @@ MOST_FOLDS = 12
 """Above so many dives they are held out in blocks instead of one by one."""
 NOISE = (0.02, 0.03)
 """[m/s] of the inverse solution, as its data says"""
-PUBLIC_INPUTS = ("pitch", "roll", "pump", "rate", "depth", "twin_net_mass")
-"""Of the public ridge regression: pitch, roll, bladder, depth rate, depth, buoyancy."""
+PUBLIC_INPUTS = ("pitch", "roll", "pump", "rate", "depth")
+"""Of the public ridge regression: pitch, roll, bladder, depth rate, depth."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -129,7 +129,7 @@ def run_fold(job: AdcpJob) -> Held:
     wanted = np.concatenate([dive.level for dive in train])
     for name, columns in (
         ("ridge", PUBLIC_INPUTS),
-        ("ridge twin", (*PUBLIC_INPUTS, "twin_level", "twin_rise")),
+        ("ridge twin", (*PUBLIC_INPUTS, "twin_net_mass", "twin_level", "twin_rise")),
     ):
         matrix = np.concatenate([dive.matrix(columns) for dive in train])
         for row in job.fold.block:
@@ -151,8 +151,8 @@ def put(errors: dict[str, dict[int, Array]], method: str, row: int, values: Arra
 
 TITLES = {
     "twin": ("twin, flight model", "twin", "identified on depth rate and fixes, no ADCP"),
-    "ridge": ("ridge regression", "public method", "public inputs, squares and products"),
-    "ridge twin": ("ridge regression on the twin", "twin", "public inputs and the twin's speed"),
+    "ridge": ("ridge regression", "public method", "public inputs, means over a minute, products"),
+    "ridge twin": ("ridge regression on the twin", "twin", "the same with the twin's inputs"),
     "zero shot": ("network, zero shot", "network", "trained on simulation only; inputs of a log"),
     "real": ("network, real only", "network", "inputs of a log"),
     "sim real": ("network, simulation then real", "network", "inputs of a log"),

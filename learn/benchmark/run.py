@@ -145,6 +145,11 @@ def run_benchmark(
         rows += _speeds(deployments, pool, pretrained, say, progress)
         rows += _fixes(deployments, pool, pretrained, say, progress)
         rows += _surges(deployments, pool, pretrained, say, progress)
+        # errors name the temporary stores: only their folders mean anything to the reader
+        rows = [
+            dataclasses.replace(row, note=row.note.replace(f"{work}/", "").replace(".zarr", ""))
+            for row in rows
+        ]
     order = {name: place for place, name in enumerate(TASKS)}
     return sorted(rows, key=lambda row: order.get(row.task, len(order)))
 
