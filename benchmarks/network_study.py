@@ -1,7 +1,8 @@
 """Does memory help, and which optimiser? Networks of equal data and equal computing time.
 
     python benchmarks/network_study.py TRAIN --test STORE [STORE ...] [--kinds mlp elman lstm]
-        [--optimisers soap adam scg] [--inputs full glider] [--seeds 3] [--seconds 60] [--json]
+        [--optimisers soap adam scg] [--inputs full glider] [--seeds 3] [--seconds 60]
+        [--window 128] [--washin 48] [--json]
 
 Trains one network for every kind, optimiser, set of inputs, velocity and seed on the missions of
 TRAIN that are for training, `--seconds` of computing each, and runs it free over every mission of
@@ -36,7 +37,7 @@ class Case:
     seed: int
 
 
-def run(case: Case, train: str, tests: list[str], seconds: float) -> dict[str, float]:
+def run(case: Case, train: str, tests: list[str], settings: dict[str, float]) -> dict[str, float]:
     """Train the case; its epochs and its mean squared errors [(m/s)^2] by store."""
     import numpy as np
 
@@ -53,7 +54,7 @@ def run(case: Case, train: str, tests: list[str], seconds: float) -> dict[str, f
     data = prepare(train, target=case.target, features=features)
     trained = Trainer(
         NetworkConfig(kind=case.kind),
-        TrainingConfig(optimiser=case.optimiser, seconds=seconds, seed=case.seed),
+        TrainingConfig(optimiser=case.optimiser, seed=case.seed, **settings),
         data.train,
         data.validation,
         target_scale=data.normalisation.target_scale,
@@ -85,6 +86,8 @@ def main() -> None:
     parser.add_argument(
         "--seconds", type=float, default=60.0, help="computing time of each network"
     )
+    parser.add_argument("--window", type=int, help="samples of a training piece")
+    parser.add_argument("--washin", type=int, help="samples before it that are not scored")
     parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
     parser.add_argument("--json", action="store_true", help="every network as one JSON line")
     options = parser.parse_args()
@@ -95,11 +98,15 @@ def main() -> None:
             options.kinds, options.optimisers, options.inputs, TARGETS, range(options.seeds)
         )
     ]
+    settings = {
+        name: value
+        for name in ("seconds", "window", "washin")
+        if (value := getattr(options, name)) is not None
+    }
     results: dict[Case, dict[str, float]] = {}
     with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
         futures = {
-            pool.submit(run, case, options.train, options.test, options.seconds): case
-            for case in cases
+            pool.submit(run, case, options.train, options.test, settings): case for case in cases
         }
         for future in as_completed(futures):
             case = futures[future]
