@@ -53,6 +53,20 @@ def level(value, samples=400):
     return np.full(samples, float(value))
 
 
+def test_a_vehicle_without_ctd_in_a_store_of_others_is_identified(tmp_path, run):
+    import xarray as xr
+
+    path = simulated.stored(tmp_path / "two.zarr", [run, run])
+    dataset = xr.open_zarr(path).load()
+    dataset["measured_density"][0] = np.nan
+    write_store(dataset, tmp_path / "mixed.zarr")
+    without = load_logs(tmp_path / "mixed.zarr", [0])
+    assert len(without) == 1 and without[0].density is None
+    assert "density" in identify(without, load_calibration("glider"))["mass"].note
+    both = load_logs(tmp_path / "mixed.zarr")
+    assert [log.index for log in both] == [1]  # its buoyancy is known, the other's is not
+
+
 @pytest.mark.parametrize(("net", "pitch"), [(0.3, -0.6), (-0.3, 0.5), (0.15, -0.3)])
 def test_flight_settles_into_the_balance_of_forces(net, pitch):
     rates = np.zeros((3, 400))

@@ -105,6 +105,9 @@ class Log:
 def load_logs(store: str | Path, rows: Sequence[int] | None = None) -> list[Log]:
     """Missions of a store of logs, real or simulated.
 
+    Left out are missions without a dive, and those without density where others have it: their
+    buoyancy is not known.
+
     Args:
       store: path of a zarr store of the schema.
       rows: which missions, all by default.
@@ -129,6 +132,8 @@ def load_logs(store: str | Path, rows: Sequence[int] | None = None) -> list[Log]
     loaded = dataset[names].isel({MISSION: chosen}).load()
     period = _period(dataset, store)
     arrays = {name: loaded[name].transpose(MISSION, TIME).values for name in names}
+    if "measured_density" in arrays and not np.isfinite(arrays["measured_density"]).any():
+        del arrays["measured_density"]  # other vehicles of the store have a CTD, these have none
     lengths = (
         dataset["n_samples"].values.astype(int)
         if "n_samples" in dataset
