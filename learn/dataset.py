@@ -11,11 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.features import FEATURES, feature_matrix
+from learn.features import feature_matrix, leave_out
 from learn.logs import SPEED, LogRow, filled, is_real, log_rows, nearest
+from learn.store import (
+    LEAST_SAMPLES,
+    check_possible,
+    open_missions,
+    period_of,
+    read,
+    samples_of,
+)
 from twin.errors import StoreError, unknown_name
 from twin.schema import MISSION, TIME
-from twin.store import open_store
 
 Floats = NDArray[np.float32]
 
@@ -95,16 +102,17 @@ def load_missions(
       period: [s] between samples, a multiple of the store's; None takes all samples.
 
     Raises:
-      StoreError: no store, an empty one, no split in it, an unknown part, a missing channel,
-        samples that are not equally spaced, or too few for `period`.
+      StoreError: no store, an empty or damaged one, no split in it, an unknown part, a missing
+        channel, a value that is not possible (see `learn.bounds`), samples that are not equally
+        spaced, or too few for `period`.
     """
     if split not in (*SPLITS, "all"):
         raise StoreError(unknown_name("split", split, [*SPLITS, "all"]))
-    dataset = open_store(store)
+    dataset = open_missions(store)
     count = dataset.sizes.get(MISSION, 0)
     if count == 0 or dataset.sizes.get(TIME, 0) == 0:
         raise StoreError(f"store {store} holds no missions; make some with `factory generate`")
-    rows_of_logs = log_rows(dataset) if is_real(dataset.attrs) else None
+    rows_of_logs = log_rows(dataset, store) if is_real(dataset.attrs) else None
     names = tuple(dict.fromkeys(channels))
     missing = [name for name in names if name not in dataset]
     if rows_of_logs is not None:  # a log has the truth that it has
@@ -114,27 +122,35 @@ def load_missions(
         raise StoreError(
             f"store {store} has no channel {missing[0]}"
             + (f" (nor {', '.join(missing[1:])})" if missing[1:] else "")
-            + _masks(missing)
+            + "; generate the store anew or import it with the files that hold it"
+            + leave_out(missing)
         )
     parts = _split_of(dataset, store, needed=split != "all")
-    have = _period(dataset, store)
+    have = period_of(dataset, store)
     step = 1 if period is None else thinning_step(have, period, store)
     rows = np.flatnonzero(np.ones(count, bool) if split == "all" else parts == split)[:limit]
     if rows.size == 0:
         known = ", ".join(f"{part} {int((parts == part).sum())}" for part in SPLITS)
         raise StoreError(f"store {store} has no missions in split {split!r} ({known})")
-    lengths = _lengths(dataset, store)
-    chosen = dataset[list(names)].isel({MISSION: rows}).load()
-    arrays = {name: chosen[name].transpose(MISSION, TIME).values for name in names}
+    lengths = samples_of(dataset, store, rows)
+    if (short := np.flatnonzero(lengths <= (LEAST_SAMPLES - 1) * step)).size:
+        raise StoreError(
+            f"store {store}: mission {rows[short[0]]} has {lengths[short[0]]} samples, too few "
+            f"with one every {have * step:g} s; leave --period out or drop the mission"
+        )
+    signals: list[dict[str, NDArray[np.float64]]] = [{} for _ in rows]
+    for name in names:
+        values = read(dataset, name, store, rows)
+        for k, row in enumerate(rows):
+            own = values[k, : lengths[k]]
+            check_possible(name, own, mission=int(row), period=have, store=store)
+            signals[k][name] = _signal(name, own, step, rows_of_logs is not None)
     return [
         Mission(
             index=int(row),
             split=str(parts[row]),
             period=have * step,
-            signals={
-                name: _signal(name, values[k, : lengths[row]], step, rows_of_logs is not None)
-                for name, values in arrays.items()
-            },
+            signals=signals[k],
             row=None if rows_of_logs is None else rows_of_logs[row],
         )
         for k, row in enumerate(rows)
@@ -147,14 +163,6 @@ def _signal(name: str, values: Any, step: int, real: bool) -> NDArray[np.float64
     if not real:
         return values[::step]
     return nearest(values, step) if name.startswith("true_") else filled(name, values)[::step]
-
-
-def _masks(missing: Sequence[str]) -> str:
-    """What to type so that nothing reads these channels."""
-    readers = [f.name for f in FEATURES.values() if set(f.channels) & set(missing)]
-    if not readers:
-        return "; generate the store anew, or import it with the files that hold it"
-    return f"; leave out what reads it: --without {' '.join(readers)}"
 
 
 def thinning_step(have: float, want: float, store: str | Path) -> int:
@@ -188,10 +196,15 @@ def _split_of(dataset: Any, store: str | Path, *, needed: bool) -> NDArray[np.st
             )
         return np.full(dataset.sizes[MISSION], "all")
     variable = dataset["split"]
-    values = variable.values
+    values = read(dataset, "split", store)
     if values.dtype.kind in "iuf":
         meanings = str(variable.attrs.get("flag_meanings", "")).split()
         flags = np.atleast_1d(variable.attrs.get("flag_values", np.arange(len(meanings))))
+        if len(flags) != len(meanings):
+            raise StoreError(
+                f"store {store}: 'split' has {len(flags)} flag_values and {len(meanings)} "
+                "flag_meanings; make the store anew"
+            )
         table = dict(zip((int(flag) for flag in flags), meanings, strict=True))
         words = [table.get(int(value), str(value)) for value in values]
     else:
@@ -200,23 +213,6 @@ def _split_of(dataset: Any, store: str | Path, *, needed: bool) -> NDArray[np.st
     if unknown:
         raise StoreError(f"store {store}: {unknown_name('split', unknown[0], SPLITS)}")
     return np.array(words)
-
-
-def _period(dataset: Any, store: str | Path) -> float:
-    time = dataset[TIME].values.astype(float)
-    if len(time) < 2:
-        raise StoreError(f"store {store} has {len(time)} sample per mission; networks need more")
-    steps = np.diff(time)
-    period = float(np.median(steps))
-    if not np.allclose(steps, period, rtol=1e-3):
-        raise StoreError(f"store {store} is not equally spaced in time; resample it first")
-    return period
-
-
-def _lengths(dataset: Any, store: str | Path) -> NDArray[np.int64]:
-    if "n_samples" not in dataset:
-        raise StoreError(f"store {store} has no variable 'n_samples'; generate it anew")
-    return np.minimum(dataset["n_samples"].values.astype(np.int64), dataset.sizes[TIME])
 
 
 @dataclasses.dataclass(frozen=True)

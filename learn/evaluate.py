@@ -24,8 +24,8 @@ from learn.score import (
     score_mission,
     summarise_scores,
 )
+from learn.store import open_missions
 from twin.errors import StoreError
-from twin.store import open_store
 from twin.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 if TYPE_CHECKING:
@@ -225,7 +225,7 @@ def nominal_vehicle(attributes: Mapping[str, Any], store: str | Path) -> Vehicle
 
 
 def _describe(store: str | Path) -> tuple[set[str], dict[str, Any]]:
-    dataset = open_store(store)
+    dataset = open_missions(store)
     try:
         return {str(name) for name in dataset.data_vars}, dict(dataset.attrs)
     finally:

@@ -292,6 +292,14 @@ def channels_of(features: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(c for name in features for c in FEATURES[name].channels))
 
 
+def leave_out(channels: Iterable[str]) -> str:
+    """What to type so that networks read none of these channels; empty where none does."""
+    readers = [f.name for f in FEATURES.values() if set(f.channels) & set(channels)]
+    if not readers:
+        return ""
+    return f", or train without what reads it: `learn fit --without {' '.join(readers)}`"
+
+
 def feature_matrix(
     signals: Channels, features: Sequence[str], period: float, mission: int
 ) -> NDArray[np.float32]:
@@ -308,7 +316,7 @@ def feature_matrix(
         if bad.size:
             raise StoreError(
                 f"channel {channel} of mission {mission} is not finite at {bad.size} samples, "
-                f"first at {bad[0] * period:.1f} s; mask its features or repair the store"
+                f"first at {bad[0] * period:.1f} s; repair the store{leave_out([channel])}"
             )
     columns = [FEATURES[name].compute(signals, period) for name in features]
     return np.stack(columns, axis=1).astype(np.float32)

@@ -15,9 +15,9 @@ from learn.features import channels_of
 from learn.fit import FitConfig, Watch, fit
 from learn.logs import SPEED, is_real
 from learn.run import Run
+from learn.store import open_missions
 from twin.console import to_json
 from twin.errors import InputError
-from twin.store import open_store
 
 FOLDS = "leave-out-each-dive.json"
 LEAST_DIVES = 3
@@ -119,7 +119,7 @@ def leave_out_each(
 
 def _truth_channels(store: str) -> list[str]:
     """Channels of truth that a store has; a simulated one has both velocities."""
-    dataset = open_store(store)
+    dataset = open_missions(store)
     try:
         names = (*TARGETS.values(), SPEED) if is_real(dataset.attrs) else tuple(TARGETS.values())
         found = [name for name in names if name in dataset]

@@ -19,9 +19,9 @@ from learn.report.log_page import build_log_page
 from learn.report.shown import Showcase
 from learn.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
 from learn.score import Reference
+from learn.store import open_missions
 from learn.uncertainty import Coverage, ErrorModel, fit_error_model
 from twin.console import to_json
-from twin.store import open_store
 
 IDEAL_SENSORS = "ideal"
 """The store's attribute `sensors` when its compass has no error."""
@@ -60,7 +60,7 @@ def judge(
 
 def is_log_store(store: str | Path) -> bool:
     """Whether it holds real logs."""
-    dataset = open_store(store)
+    dataset = open_missions(store)
     try:
         return is_real(dataset.attrs)
     finally:
@@ -198,7 +198,7 @@ def _paper_test(run: Run) -> Judged | None:
 
 def _training_mission(run: Run) -> Mission | None:
     """One training mission with the channels that the page draws and the store has."""
-    dataset = open_store(run.store)
+    dataset = open_missions(run.store)
     present = set(dataset.data_vars)
     dataset.close()
     channels = [name for name, _ in TRAINING_PANELS if name in present]

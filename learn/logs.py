@@ -9,10 +9,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from twin.errors import StoreError
 
 Array = NDArray[np.float64]
 
@@ -49,8 +52,15 @@ def is_real(attributes: Mapping[str, Any]) -> bool:
     return REAL_ATTRIBUTE in attributes
 
 
-def log_rows(dataset: Any) -> list[LogRow]:
-    """The rows of a store of logs."""
+def log_rows(dataset: Any, store: str | Path) -> list[LogRow]:
+    """The rows of a store of logs.
+
+    Raises:
+      StoreError: it does not say which deployment a row belongs to or when it starts.
+    """
+    for name in ("deployment", "start_time"):
+        if name not in dataset:
+            raise StoreError(f"store {store} of logs has no array {name}; import the logs anew")
 
     def numbers(name: str) -> Array:
         if name not in dataset:

@@ -14,8 +14,8 @@ from learn.dataset import TARGETS, Mirror, Mission, Sequences, load_missions, sa
 from learn.features import FEATURES, channels_of, mirror_signs
 from learn.logs import SPEED, is_real
 from learn.normalisation import Normalisation, fit_normalisation
+from learn.store import open_missions
 from twin.errors import InputError, StoreError, unknown_name
-from twin.store import open_store
 
 Division = Literal["missions", "samples"]
 
@@ -93,7 +93,7 @@ VALIDATING = 4
 
 def _speed(store: str | Path) -> list[str]:
     """The channel of a log's speed through the water, where it has one."""
-    dataset = open_store(store)
+    dataset = open_missions(store)
     try:
         return [SPEED] if is_real(dataset.attrs) and SPEED in dataset else []
     finally:
