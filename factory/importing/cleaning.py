@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from factory.importing.log import Channel
 from factory.importing.physics import FASTEST, SLOWEST, speed_along_pitch
+from factory.importing.runs import unreachable
 from factory.importing.tally import Tally
 from twin.errors import InputError
 
@@ -29,12 +30,12 @@ class Limits:
 
 
 LIMITS = {
-    "measured_pressure": Limits(low=-20.0, high=12000.0, rate=3.0, jump=5.0),
-    "measured_depth": Limits(low=-20.0, high=12000.0, rate=3.0, jump=5.0),
+    "measured_pressure": Limits(low=-20.0, high=12000.0, rate=2.0, jump=4.0),
+    "measured_depth": Limits(low=-20.0, high=12000.0, rate=2.0, jump=4.0),
     "measured_pitch": Limits(low=-90.0, high=90.0, rate=20.0, jump=25.0),
     "measured_roll": Limits(low=-180.0, high=180.0, rate=60.0, jump=60.0),
     "measured_pump": Limits(low=-3000.0, high=3000.0, rate=100.0, jump=500.0),
-    "measured_shift": Limits(low=-0.5, high=0.5),
+    "measured_shift": Limits(low=-0.2, high=0.2),
     "measured_rotation": Limits(low=-180.0, high=180.0),
     "measured_fin": Limits(low=-90.0, high=90.0),
     "measured_temperature": Limits(low=-2.6, high=45.0, rate=2.0, jump=4.0),
@@ -45,7 +46,12 @@ LIMITS = {
     "longitude": Limits(low=-180.0, high=360.0),
 }
 """The ocean is 0 to 12 000 dbar, -2.6 to 45 degC, up to 45 in salinity, 985 to 1090 kg m-3; no
-glider changes depth faster than 3 m/s nor turns faster than these rates for one sample only."""
+glider changes depth faster than 2 m/s nor turns faster than these rates for one sample only; no
+battery is shifted by more than 20 cm from its middle."""
+CHAINED = frozenset({"measured_pressure", "measured_depth"})
+"""Channels in which not only single samples go, but whole runs that the rest cannot reach."""
+_MOST = 0.3
+"""With more than this part of its samples out of reach of the others, a sensor is not repaired."""
 _RETURNED = 0.5
 """A spike's neighbours differ by less than this part of the spike."""
 
@@ -69,8 +75,16 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
         there &= possible
     time, values = time[there], values[there]
     if limits is not None and np.isfinite(limits.rate):
-        bad = spikes(time, values, rate=limits.rate, jump=limits.jump)
-        tally.add("removed", subject, int(bad.sum()), "single spikes")
+        if name in CHAINED:
+            bad = unreachable(time, values, rate=limits.rate, jump=limits.jump)
+            why = f"changes faster than {limits.rate:g} m/s"
+            if bad.sum() > _MOST * len(bad):
+                tally.add("suspect", subject, int(bad.sum()), f"{why}; too many to be removed")
+                bad[:] = False
+        else:
+            bad = spikes(time, values, rate=limits.rate, jump=limits.jump)
+            why = "single spikes"
+        tally.add("removed", subject, int(bad.sum()), why)
         time, values = time[~bad], values[~bad]
     return Channel(time, values)
 
@@ -93,25 +107,10 @@ def spikes(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[n
     return bad
 
 
-_WIDEST = 1.05 * 2.0 * np.pi
-"""[rad] No angle in radian is larger."""
-
-
-def to_degrees(values: Array, subject: str, tally: Tally, *, steepest: float = _WIDEST) -> Array:
-    """Native radian in degrees. A column that is in degrees already is taken as it is, counted.
-
-    `steepest` [rad]: more than 1 % of the values beyond it cannot be radian.
-    """
-    good = np.abs(values[np.isfinite(values)])
-    if good.size and np.percentile(good, 99.0) > steepest:
-        tally.add("repaired", subject, good.size, "was in degrees where radian is native")
-        return values
-    return np.degrees(values)
-
-
 def from_degrees(values: Array, subject: str, tally: Tally, *, flying: bool) -> Array:
     """Native degrees. A pitch that never leaves 1.5 in flight was in radian: converted, counted."""
     good = np.abs(values[np.isfinite(values)])
+    good = good[good <= 90.0]  # sentinels have no say
     if flying and good.size > 20 and 0.01 < np.percentile(good, 99.0) < 0.5 * np.pi:
         tally.add("repaired", subject, good.size, "was in radian where degrees are native")
         return np.degrees(values)
@@ -120,11 +119,22 @@ def from_degrees(values: Array, subject: str, tally: Tally, *, flying: bool) -> 
 
 def heading_degrees(values: Array, subject: str, tally: Tally) -> Array:
     """Heading in degrees; one that turns and never leaves 0 to 2 pi was in radian, counted."""
+    impossible = np.isfinite(values) & ~((values >= -_TURN) & (values <= _TURN))
+    tally.add("removed", subject, int(impossible.sum()), f"no heading: beyond {_TURN:g} degree")
+    values = np.where(impossible, np.nan, values)
     good = values[np.isfinite(values)]
-    if good.size > 20 and np.ptp(good) > 1.0 and np.abs(good).max() < 1.01 * 2.0 * np.pi:
-        tally.add("repaired", subject, good.size, "was in radian where degrees are native")
-        return np.degrees(values)
+    if good.size > 20 and np.ptp(np.percentile(good, [5.0, 95.0])) > 1.0:
+        inside = np.abs(good) < 1.01 * 2.0 * np.pi
+        if inside.mean() > _NEARLY_ALL:
+            tally.add("repaired", subject, good.size, "was in radian where degrees are native")
+            return np.where(np.abs(values) < 1.01 * 2.0 * np.pi, np.degrees(values), np.nan)
     return values
+
+
+_TURN = 378.0
+"""[degree] Nothing beyond a full turn and a twentieth is a heading."""
+_NEARLY_ALL = 0.95
+"""Part of the values that a unit must fit; the rest can be sentinels."""
 
 
 _LITRES = 5.0
@@ -136,6 +146,7 @@ _STILL = 1e-5
 def to_cm3(values: Array, subject: str, tally: Tally) -> Array:
     """Pumped volume in cm3; litres and m3 by their range are converted, counted."""
     good = values[np.isfinite(values)]
+    good = good[np.abs(good) <= LIMITS["measured_pump"].high]  # sentinels have no say
     if good.size < 20:
         return values
     span = float(np.ptp(np.percentile(good, [1.0, 99.0])))

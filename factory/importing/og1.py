@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.angles import REACH, to_degrees
 from factory.importing.build import as_array
-from factory.importing.cleaning import clean, from_degrees, positions, to_dbar, to_degrees
+from factory.importing.cleaning import clean, from_degrees, positions, to_dbar
 from factory.importing.files import open_netcdf, wrong_kind
 from factory.importing.log import EMPTY, NO_FIXES, Channel, Fixes, Log
 from factory.importing.seawater import ctd_channels, siemens
@@ -201,7 +202,9 @@ def _channels(
         values, units = columns[name], str(attributes[name].get("units", ""))
         if VARIABLES[target].units == "degree":
             if units.lower() in _RADIAN:
-                values = to_degrees(values, name, tally)
+                part = target.split("_")[-1]
+                kind = part if part in REACH else "roll"
+                values = to_degrees(values, name, tally, kind=kind)
             elif target == "measured_pitch":
                 values = from_degrees(values, name, tally, flying=flying)
         elif target == "measured_shift":

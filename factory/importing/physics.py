@@ -26,6 +26,10 @@ _STEEP = 8.0
 """[degree] Flatter, the vertical speed says little about the speed."""
 
 
+_ROLLED = 45.0
+"""[degree] No glider rolls by more for half of its time under water."""
+
+
 def vertical_speed(depth: Channel) -> Array:
     """[m/s] Down positive, at the channel's samples."""
     if len(depth) < 3:
@@ -51,6 +55,14 @@ def check_signs(log: Log, tally: Tally) -> None:
     depth = log.channel("measured_depth")
     rate = vertical_speed(depth)
     below = depth.values > _BELOW
+    roll = log.channel("measured_roll")
+    if len(roll) and below.sum() > _ENOUGH:
+        usual = float(np.median(np.abs(roll.at(depth.time[below]))))
+        if usual > _ROLLED:
+            tally.add(
+                "suspect", "measured_roll", len(roll),
+                f"{log.deployment} rolls by {usual:.0f} degree: wrong unit or column",
+            )  # fmt: skip
     down, up = below & (rate > _MOVING), below & (rate < -_MOVING)
     if min(down.sum(), up.sum()) < _ENOUGH:
         return

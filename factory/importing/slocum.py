@@ -12,13 +12,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.angles import jointly_degrees, to_degrees
 from factory.importing.cleaning import (
     clean,
     positions,
     pressure_by_flight,
     to_cm3,
     to_dbar,
-    to_degrees,
 )
 from factory.importing.geodesy import turn
 from factory.importing.log import EMPTY, NO_FIXES, Channel, Fixes, Log
@@ -31,17 +31,15 @@ Native = Mapping[str, Channel]
 
 INCH = 0.0254
 """[m]"""
-_STEEP = 1.6
-"""[rad] Pitch and rudder of a Slocum are smaller; larger ones are degrees."""
-_WIDEST_VARIATION = 1.2
-"""[rad] Magnetic variation where gliders go is smaller; larger ones are degrees."""
 ANGLES = {
-    "m_pitch": ("measured_pitch", _STEEP),
-    "m_roll": ("measured_roll", 1.05 * np.pi),
-    "m_fin": ("measured_fin", _STEEP),
-    "c_pitch": ("commanded_pitch", _STEEP),
+    "m_pitch": ("measured_pitch", "pitch"),
+    "m_roll": ("measured_roll", "roll"),
+    "m_fin": ("measured_fin", "fin"),
+    "c_pitch": ("commanded_pitch", "pitch"),
 }
-"""Native name: schema name, largest possible radian."""
+"""Native name: schema name, kind of angle."""
+ATTITUDE = {"m_pitch": "pitch", "m_roll": "roll", "m_heading": "heading"}
+"""Angles that share a unit in one log."""
 PUMPS = (("m_ballast_pumped", "c_ballast_pumped"), ("m_de_oil_vol", "c_de_oil_vol"))
 """[cm3] Shallow gliders have a ballast pump, deep ones an oil bladder; both + = lighter."""
 PRESSURES = ("sci_water_pressure", "m_water_pressure", "m_pressure")
@@ -86,9 +84,10 @@ def slocum_log(
     if not len(variation):
         variation = native_variation(native.get("m_gps_mag_var", EMPTY), tally)
     channels: dict[str, Channel] = {}
-    for name, (target, steepest) in ANGLES.items():
+    likely = jointly_degrees(native, ATTITUDE)
+    for name, (target, kind) in ANGLES.items():
         if name in native:
-            values = to_degrees(native[name].values, name, tally, steepest=steepest)
+            values = to_degrees(native[name].values, name, tally, kind=kind, likely=likely)
             channels[target] = clean(target, native[name].time, values, tally, subject=name)
     for name, target in (("m_heading", "measured_heading"), ("c_heading", "commanded_heading")):
         if name in native:
@@ -98,7 +97,7 @@ def slocum_log(
                     f"{deployment}: {name} is magnetic and no file gives the magnetic variation "
                     "(m_gps_mag_var, mag_var_rad); give it with --variation-deg, east positive"
                 )
-            magnetic = to_degrees(channel.values, name, tally)
+            magnetic = to_degrees(channel.values, name, tally, kind="heading", likely=likely)
             true = np.mod(magnetic + variation.at(channel.time), 360.0)
             channels[target] = clean(target, channel.time, true, tally, subject=name)
     for measured, commanded in PUMPS:
@@ -141,8 +140,9 @@ def slocum_log(
 
 def native_variation(channel: Channel, tally: Tally) -> Channel:
     """[degree] east positive, from the vehicle's rad with the opposite sign."""
-    values = to_degrees(channel.values, "magnetic variation", tally, steepest=_WIDEST_VARIATION)
-    return Channel(channel.time, -values)
+    values = to_degrees(channel.values, "magnetic variation", tally, kind="variation")
+    there = np.isfinite(values)
+    return Channel(channel.time[there], -values[there])
 
 
 def gps_fixes(
