@@ -15,12 +15,12 @@ import numpy as np
 
 from learn.benchmark.dvl import published
 from learn.benchmark.folds import LEAST_ROWS, Fitted, FoldJob, fold_of, jobs
-from learn.benchmark.public import density_of, kinematic
+from learn.benchmark.public import kinematic
 from learn.benchmark.row import Row, rmse
 from learn.benchmark.source import Deployment, at_times, tables_with
 from learn.benchmark.surge_networks import ZERO_SHOT, Pretrained, level_of
 from learn.dead_reckoning import Array, integrate
-from twin.identify import Log, estimate
+from twin.identify import Log, density_of, estimate
 from twin.identify.speed import steady_parts
 from twin.store import open_store
 

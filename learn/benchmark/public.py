@@ -17,7 +17,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 
 from learn.dead_reckoning import Array
-from twin.identify import Calibration, Log
+from twin.identify import Calibration, Log, density_of
 
 Mask = NDArray[np.bool_]
 
@@ -130,13 +130,6 @@ def fit_steady(logs: Sequence[Log], calibration: Calibration) -> SteadyModel:
         )
 
     return model(least_squares(residual, [0.0, math.log(0.15)]).x)
-
-
-def density_of(log: Log, calibration: Calibration) -> Array:
-    """[kg/m3] as measured, or the calibration's where the log has none."""
-    if log.density is None:
-        return np.full_like(log.depth, calibration.water_density)
-    return log.density
 
 
 def _bridged(values: Array, good: Mask) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 
 from learn.dead_reckoning import Array
 from learn.features import feature_matrix, select_features
-from twin.identify import Calibration, Log, estimate
+from twin.identify import Calibration, Log, density_of, estimate
 
 AVERAGE = 60.0
 """[s] that inputs are averaged over"""
@@ -71,9 +71,7 @@ def sample(log: Log, calibration: Calibration, times: Array, level: Array) -> Sa
     raw = {name: features[:, k].astype(float) for k, name in enumerate(GLIDER)}
     found = estimate(log, calibration)
     motion, pitch = found.motion, calibration.true_pitch(log.pitch)
-    density = log.density
-    if density is None:
-        density = np.full_like(log.depth, calibration.water_density)
+    density = density_of(log, calibration)
     warming = log.hull_warming(calibration.thermal_lag)
     raw |= {
         "twin_level": level_speed(motion.surge, motion.sway, motion.heave, log.roll, pitch),

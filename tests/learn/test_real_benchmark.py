@@ -20,7 +20,7 @@ from learn.benchmark.run import run_benchmark
 from learn.benchmark.samples import AVERAGE, averaged, level_speed
 from learn.benchmark.source import gather, imported
 from twin.errors import InputError
-from twin.identify import load_calibration
+from twin.identify import density_of, load_calibration
 
 FLIGHT = Flight(dives=8)
 
@@ -74,8 +74,7 @@ def test_the_steady_model_finds_the_trim_and_drag_it_was_made_with(tmp_path: Pat
     calibration = load_calibration("slocum")
     mass, density = calibration.vehicle.mass, calibration.water_density
     known = SteadyModel(mass=mass, volume=mass / density + 2e-5, drag=0.2)
-    water = np.full_like(log.depth, density)
-    flown = known.fly(log, log.pitch, water)
+    flown = known.fly(log, log.pitch, density_of(log, calibration))
     made = dataclasses.replace(log, depth_rate=flown.sink)
     found = fit_steady([made], calibration)
     assert found.drag == pytest.approx(known.drag, rel=1e-3)

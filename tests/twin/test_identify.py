@@ -1,5 +1,6 @@
 """Identification: the flight equations, the vehicle file, logs that cannot be used, the command."""
 
+import dataclasses
 import importlib.util
 import json
 from pathlib import Path
@@ -53,6 +54,37 @@ def level(value, samples=400):
     return np.full(samples, float(value))
 
 
+def test_a_heavy_start_and_a_light_stiff_vehicle_do_not_stop_the_search(store):
+    """Ballast far off and a drag at which steps of a second are unstable: both are found."""
+    logs = load_logs(store)
+    shifted = [dataclasses.replace(log, pump=log.pump - 400.0) for log in logs]
+    found = identify(shifted, load_calibration("glider"), parameters=["neutral_density", "drag"])
+    plain = identify(logs, load_calibration("glider"), parameters=["neutral_density", "drag"])
+    assert found["drag"].value == pytest.approx(plain["drag"].value, rel=0.02)
+    stiff = simulated.changed(VEHICLE, drag=40.0)
+    motion = motion_of(logs[0], load_calibration("glider").replace(vehicle=stiff))
+    assert np.isfinite(motion.speed).all()
+    assert motion.speed.max() < 1.0
+
+
+def test_side_force_grows_with_drag():
+    nominal = load_calibration("slocum")
+    (drag,) = choose(["drag"])
+    scaled = drag.set(nominal, 3.0 * nominal.vehicle.drag[0])
+    assert scaled.vehicle.side_force[0] == pytest.approx(3.0 * nominal.vehicle.side_force[0])
+
+
+def test_without_ctd_the_sea_is_compressed_like_sea_water():
+    import gsw
+
+    calibration = load_calibration("slocum").replace(
+        water_density=float(gsw.rho(35.165, 10.0, 0.0))
+    )
+    depth = np.array([0.0, 300.0, 1000.0])
+    known = gsw.rho(35.165, 10.0, gsw.p_from_z(-depth, 30.0))
+    np.testing.assert_allclose(calibration.sea_density(depth), known, atol=0.05)
+
+
 def test_a_vehicle_without_ctd_in_a_store_of_others_is_identified(tmp_path, run):
     import xarray as xr
 
@@ -61,7 +93,8 @@ def test_a_vehicle_without_ctd_in_a_store_of_others_is_identified(tmp_path, run)
     dataset["measured_density"][0] = np.nan
     write_store(dataset, tmp_path / "mixed.zarr")
     without = load_logs(tmp_path / "mixed.zarr", [0])
-    assert len(without) == 1 and without[0].density is None
+    assert len(without) == 1
+    assert without[0].density is None
     assert "density" in identify(without, load_calibration("glider"))["mass"].note
     both = load_logs(tmp_path / "mixed.zarr")
     assert [log.index for log in both] == [1]  # its buoyancy is known, the other's is not

@@ -9,7 +9,7 @@ from twin.identify.calibration import Calibration, load_calibration
 from twin.identify.fit import Estimate, Identification, identify
 from twin.identify.flight import Motion, fly
 from twin.identify.log import Log, load_logs, store_hash
-from twin.identify.speed import SpeedEstimate, estimate, estimate_speed, motion_of
+from twin.identify.speed import SpeedEstimate, density_of, estimate, estimate_speed, motion_of
 
 __all__ = [
     "Calibration",
@@ -18,6 +18,7 @@ __all__ = [
     "Log",
     "Motion",
     "SpeedEstimate",
+    "density_of",
     "estimate",
     "estimate_speed",
     "fly",

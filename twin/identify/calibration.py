@@ -28,6 +28,9 @@ hulls have 7.05e-5."""
 THERMAL_LAG = 200.0
 """[s] in which the hull follows the water's temperature; fitted to a Slocum in a thermocline of
 14 K (docs/real.md)."""
+SEA_COMPRESSIBILITY = 4.35e-10
+"""[1/Pa] of sea water, mean over the upper 1000 m at 35 g/kg and 10 degC (TEOS-10). A hull's is
+nearly the same: without it a vehicle that has no CTD would seem to have a rigid hull."""
 REFERENCE_TEMPERATURE = 10.0
 """[degree_Celsius] at which the hull has its neutral volume."""
 
@@ -40,7 +43,7 @@ class Calibration:
     """Its `reference_density` is the density in which it is neutral at pump 0, pressure 0 and
     `REFERENCE_TEMPERATURE`: the trim."""
     water_density: float
-    """[kg/m3] of the sea in a log that does not measure it."""
+    """[kg/m3] of the sea, at the surface, in a log that does not measure it."""
     thermal_expansion: float = ALUMINIUM_EXPANSION
     """[1/K], relative volume gained per temperature of the hull, where a log has temperature."""
     thermal_lag: float = THERMAL_LAG
@@ -65,6 +68,11 @@ class Calibration:
         deviation = c1 * np.cos(measured) + s1 * np.sin(measured)
         deviation = deviation + c2 * np.cos(2 * measured) + s2 * np.sin(2 * measured)
         return measured + self.heading_offset + deviation
+
+    def sea_density(self, depth: Array) -> Array:
+        """In-situ density [kg/m3] at a depth [m] where the log has none: one water, compressed."""
+        pressure = self.water_density * self.vehicle.gravity * np.maximum(depth, 0.0)
+        return self.water_density * (1.0 + SEA_COMPRESSIBILITY * pressure)
 
     def net_mass(self, density: Array, depth: Array, pump: Array, hull_warming: Array) -> Array:
         """Net buoyancy mass [kg], + = heavy, fully immersed.

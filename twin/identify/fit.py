@@ -26,6 +26,7 @@ from twin.identify.flight import Motion
 from twin.identify.log import Log
 from twin.identify.parameters import PARAMETERS, Parameter, choose
 from twin.identify.speed import FlightModel, horizontal, motion_of, steady_parts
+from twin.vehicle import CUBIC_CM
 
 Array = NDArray[np.float64]
 
@@ -47,6 +48,8 @@ STEP = 1e-4
 """Spreads of the finite differences: far above rounding, far below any curvature."""
 AT_BOUND = 1e-3
 """Spreads from its bound at which a parameter is called bounded."""
+MOVING = 0.05
+"""[m/s] of depth rate from which a glider sinks or rises."""
 LEAST_PAIRS = 6
 """Pairs of missions with fixes below which fixes are not used."""
 LEAST_CURRENT_CHANGE = 0.01
@@ -177,9 +180,16 @@ class _Problem:
         return np.concatenate(parts)
 
     def residual(self, x: Array) -> Array:
-        """Weighted residuals followed by the offsets themselves."""
+        """Weighted residuals followed by the offsets themselves; infinite where nothing flies,
+        from which a search steps back."""
         calibration = self.calibration(x)
-        return np.concatenate([self.weighted(calibration, self.motions(calibration)), x])
+        try:
+            motions = self.motions(calibration)
+        except InputError:
+            return np.full(
+                sum(w.size for w in self.weights) + self.pair_weights.size + x.size, np.inf
+            )
+        return np.concatenate([self.weighted(calibration, motions), x])
 
     def jacobian(self, x: Array) -> Array:
         """Forward differences; the compass changes no motion, only where it leads."""
@@ -298,12 +308,28 @@ def identify(
 
 
 def _centred(logs: Sequence[Log], nominal: Calibration) -> Calibration:
-    """Start the trim at the density of the water that the vehicle was ballasted for."""
+    """Start the trim where the vehicle would neither sink nor rise."""
+    density = nominal.water_density
     densities = [np.median(log.density) for log in logs if log.density is not None]
-    if not densities:
-        return nominal
-    vehicle = nominal.vehicle.replace(reference_density=float(np.median(densities)))
-    return nominal.replace(vehicle=vehicle)
+    if densities:
+        density = float(np.median(densities))
+    vehicle = nominal.vehicle
+    volume = vehicle.mass / density - CUBIC_CM * _neutral_pump(logs)
+    return nominal.replace(vehicle=vehicle.replace(reference_density=vehicle.mass / volume))
+
+
+def _neutral_pump(logs: Sequence[Log]) -> float:
+    """Pumped volume [cm3] of no vertical force: what the log sinks and rises with, parted as the
+    squares of the depth rates, which forces go with; 0 where it does not both sink and rise."""
+    pump, rate = (
+        np.concatenate([values[log.use] for log, values in pairs])
+        for pairs in ([(g, g.pump) for g in logs], [(g, g.depth_rate) for g in logs])
+    )
+    sides = [(side * rate) > MOVING for side in (1.0, -1.0)]
+    if not all(side.any() for side in sides):
+        return 0.0
+    (sink, down), (rise, up) = ((np.median(pump[s]), np.median(rate[s]) ** 2) for s in sides)
+    return float((sink * up + rise * down) / (down + up))
 
 
 def _lacking(parameter: Parameter, logs: Sequence[Log], problem: _Problem, *, asked: bool) -> str:
@@ -335,12 +361,9 @@ def _start(
     best, cost = np.zeros(len(pair)), np.inf
     for factor in START_FACTORS:
         x = np.array([np.log(factor) if p.name == "drag" else 0.0 for p in pair])
-        try:
-            found = least_squares(
-                problem.residual, x, jac=problem.jacobian, loss="soft_l1", **COARSE
-            )
-        except InputError:  # flew off: not a start
+        if not np.isfinite(problem.residual(x)).all():  # flies off: not a start
             continue
+        found = least_squares(problem.residual, x, jac=problem.jacobian, loss="soft_l1", **COARSE)
         if found.cost < cost:
             best, cost = found.x, found.cost
     if not np.isfinite(cost):

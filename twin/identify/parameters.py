@@ -59,13 +59,14 @@ def _vehicle(calibration: Calibration, **changes: object) -> Calibration:
 
 
 def _set_drag(calibration: Calibration, value: float) -> Calibration:
-    """All coefficients of the straight flight grow together: see the module."""
+    """All forces grow together (see the module), so that a bank's sideslip stays what it was."""
     vehicle = calibration.vehicle
     scale = value / vehicle.drag[0]
     return _vehicle(
         calibration,
         drag=(value, vehicle.drag[1] * scale),
         lift=(vehicle.lift[0] * scale, vehicle.lift[1] * scale),
+        side_force=(vehicle.side_force[0] * scale,),
     )
 
 
@@ -119,7 +120,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         name="drag",
         unit="kg m-1",
-        meaning="parasite drag K_D0; lift and induced drag keep their ratios to it",
+        meaning="parasite drag K_D0; lift, side force and induced drag keep their ratios to it",
         spread=1.0,  # a factor of 2.7 either way: in effect free
         logarithmic=True,
         get=lambda c: c.vehicle.drag[0],

@@ -201,7 +201,8 @@ def _windows(logs: Sequence[Log], calibration: Calibration) -> list[_Window]:
 
 def _density(log: Log, calibration: Calibration) -> DensityProfile:
     if log.density is None:
-        return DensityProfile.constant(calibration.water_density)
+        ends = np.array([0.0, max(float(log.depth.max()), 1.0)])
+        return DensityProfile(depth=ends, values=calibration.sea_density(ends))
     bins = np.maximum(np.round(log.depth / DENSITY_STEP), 0).astype(int)
     used = np.unique(bins)
     values = np.array([np.median(log.density[bins == k]) for k in used])

@@ -73,16 +73,21 @@ class SpeedEstimate:
         return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
 
+def density_of(log: Log, calibration: Calibration) -> Array:
+    """In-situ density [kg/m3], (time,): as measured, or the calibration's without a CTD."""
+    return calibration.sea_density(log.depth) if log.density is None else log.density
+
+
 def motion_of(log: Log, calibration: Calibration, model: FlightModel = "flight") -> Motion:
     """Velocity through the water, body FRD, that the model gives for a log."""
     if model not in MODELS:
         raise InputError(unknown_name("flight model", model, MODELS))
     vehicle = calibration.vehicle
-    density = log.density
-    if density is None:
-        density = np.full_like(log.depth, calibration.water_density)
     net = calibration.net_mass(
-        density, np.maximum(log.depth, 0.0), log.pump, log.hull_warming(calibration.thermal_lag)
+        density_of(log, calibration),
+        np.maximum(log.depth, 0.0),
+        log.pump,
+        log.hull_warming(calibration.thermal_lag),
     )
     pitch = calibration.true_pitch(log.pitch)
     if model == "steady":
