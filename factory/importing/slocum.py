@@ -22,6 +22,7 @@ from factory.importing.cleaning import (
 )
 from factory.importing.geodesy import turn
 from factory.importing.log import EMPTY, NO_FIXES, Channel, Fixes, Log
+from factory.importing.pressure import PRESSURES, slocum_pressure
 from factory.importing.seawater import ctd_channels, siemens
 from factory.importing.tally import Tally
 from twin.errors import InputError
@@ -42,8 +43,6 @@ ATTITUDE = {"m_pitch": "pitch", "m_roll": "roll", "m_heading": "heading"}
 """Angles that share a unit in one log."""
 PUMPS = (("m_ballast_pumped", "c_ballast_pumped"), ("m_de_oil_vol", "c_de_oil_vol"))
 """[cm3] Shallow gliders have a ballast pump, deep ones an oil bladder; both + = lighter."""
-PRESSURES = ("sci_water_pressure", "m_water_pressure", "m_pressure")
-"""[bar] Candidates; the one with the least noise is taken."""
 THRUSTERS = ("m_thruster_power", "m_thruster_current", "c_thruster_on")
 GOOD_FIX = 0
 """Status of a valid GPS line."""
@@ -113,7 +112,7 @@ def slocum_log(
             one = native[name]
             shift = _metres(one.values, name, tally)
             channels[target] = clean(target, one.time, shift, tally, subject=name)
-    channels |= _pressure(native, tally)
+    channels |= slocum_pressure(native, tally)
     if "measured_pressure" in channels and not len(native.get("m_depth", EMPTY)):
         pitch = channels.get("measured_pitch", EMPTY)
         channels["measured_pressure"] = pressure_by_flight(
@@ -182,55 +181,6 @@ def _metres(values: Array, subject: str, tally: Tally) -> Array:
         tally.add("repaired", subject, good.size, "was in metres where inches are native")
         return values
     return values * INCH
-
-
-def _pressure(native: Native, tally: Tally) -> dict[str, Channel]:
-    """The least noisy pressure [dbar] of those that cover the log."""
-    depth = native.get("m_depth", EMPTY)
-    found: dict[str, Channel] = {}
-    for name in PRESSURES:
-        one = native.get(name, EMPTY)
-        if len(one) < 2:
-            continue
-        beside = depth.at(one.time) if len(depth) else None
-        dbar = to_dbar(one.values, beside, name, tally, native="bar")
-        channel = clean("measured_pressure", one.time, dbar, tally, subject=name)
-        if len(channel) > 2:
-            found[name] = channel
-    if not found:
-        return {}
-    # compared by the time they cover, since a fast sensor has more samples
-    cover = {n: float(np.minimum(np.diff(c.time), _COVER_GAP).sum()) for n, c in found.items()}
-    enough = [n for n in found if cover[n] > _COVERED * max(cover.values())]
-    noise = {n: pressure_noise(found[n]) for n in enough}
-    best = min(enough, key=lambda n: noise[n])
-    others = ", ".join(f"{n} {noise[n]:.2g}" for n in enough if n != best)
-    tally.add(
-        "note", "measured_pressure", len(found[best]),
-        f"from {best}, noise {noise[best]:.2g} dbar" + (f" (not {others})" if others else ""),
-    )  # fmt: skip
-    return {"measured_pressure": found[best]}
-
-
-_COVERED, _COVER_GAP = 0.9, 60.0
-"""A pressure sensor competes when it covers this part of the longest cover; gaps count 60 s."""
-_MOVING = 8.0
-"""[dbar] Noise is measured below the waves."""
-
-
-def pressure_noise(channel: Channel) -> float:
-    """[dbar] Noise of one sample: its distance from the line between its neighbours."""
-    time, values = channel.time, channel.values
-    if len(time) < 3:
-        return float("inf")
-    part = (time[1:-1] - time[:-2]) / np.maximum(time[2:] - time[:-2], 1e-9)
-    line = values[:-2] + part * (values[2:] - values[:-2])
-    use = (values[1:-1] > _MOVING) & (time[2:] - time[:-2] < 6.0 * channel.spacing)
-    if use.sum() < 10:
-        return float("inf")
-    residual = np.abs((values[1:-1] - line)[use])
-    # the mean of the central nine tenths: a median of quantised data is zero
-    return float(np.mean(residual[residual <= np.percentile(residual, 90.0)]))
 
 
 def _ctd(
