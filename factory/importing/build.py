@@ -16,6 +16,7 @@ from factory.importing.physics import check_signs
 from factory.importing.resample import grid, on_grid
 from factory.importing.seawater import depth_of, pressure_of
 from factory.importing.segments import Rules, Segment, cut
+from factory.importing.surface import zeroed
 from factory.importing.tally import ImportReport, Tally, summarise
 from twin.errors import InputError
 from twin.schema import VARIABLES
@@ -50,7 +51,7 @@ def build(
     rows: list[Row] = []
     lacking: dict[str, list[str]] = {}
     for log in sorted(logs, key=lambda one: (one.span[0], one.deployment)):
-        log = with_depth(log, tally)
+        log = zeroed(with_depth(log, tally), rules, tally)
         depth = log.channel("measured_depth")
         check_signs(log, tally)
         if not len(log.fixes):

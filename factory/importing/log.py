@@ -79,7 +79,8 @@ class Log:
     rows are made from and a store does not keep as it is: `dive` (number), `latitude`/`longitude`
     (on-board track, degree), `onboard_north`/`onboard_east` (m, any origin), `dac_north`/`dac_east`
     (what the vehicle reported, m/s, at the time it became known), `velocity_north/_east/_down`
-    (truth through the water, m/s), `thruster` (1 = on).
+    (truth through the water, m/s), `thruster` (1 = on), `afloat` (times at which the vehicle says
+    that it is at the surface).
     """
 
     deployment: str
@@ -92,6 +93,8 @@ class Log:
     """[degree] east positive: true heading = magnetic heading + variation; may be empty."""
     auxiliary: Mapping[str, Channel] = dataclasses.field(default_factory=dict)
     files: tuple[str, ...] = ()
+    station: bool = False
+    """True when a shore station has zeroed the pressure and paired the fixes with the dives."""
     simulated: bool = False
     """True when the files say that no vehicle at sea recorded them."""
 

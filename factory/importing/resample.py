@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.fixes import nearest
 from factory.importing.geodesy import offset
 from factory.importing.log import Channel, Log
-from factory.importing.segments import Rules, Segment, nearest, phases
+from factory.importing.segments import Rules, Segment, float_at_fixes, phases
 from factory.importing.tally import Tally
 
 Array = NDArray[np.float64]
@@ -83,8 +84,11 @@ def on_grid(
     tally.add("interpolated", "attitude or depth", int(gap.sum()), "grid samples within gaps")
     signals["measured_gap"] = gap.astype(np.float64)
     if "measured_depth" in signals:
-        signals["measured_phase"] = phases(
-            times - times[0], signals["measured_depth"], rules.surface_depth
+        signals["measured_phase"] = float_at_fixes(
+            phases(times - times[0], signals["measured_depth"], rules.surface_depth),
+            signals["measured_depth"],
+            segment,
+            period,
         )
     _put_fixes(log, segment, times, period, signals)
     _put_onboard(log, segment, times, signals)

@@ -151,6 +151,9 @@ def _log(
             magnetic = heading_degrees(columns[source], source, tally)
             true = np.mod(magnetic + variation.at(time), 360.0)
             channels[target] = clean(target, time, true, tally, subject=source)
+    if "NavState" in columns:
+        floats = time[columns["NavState"] == AT_SURFACE]
+        track = {**track, "afloat": Channel(floats, np.ones(len(floats)))}
     channels |= _payload(payload, channels["measured_depth"], fixes, name, tally)
     return Log(
         deployment=name,

@@ -155,6 +155,7 @@ def _log(glider: Glider, variation_deg: float | None, tally: Tally) -> Log:
         magnetic_variation=variation,
         auxiliary={name: c for name, c in auxiliary.items() if len(c)},
         files=tuple(glider.files),
+        station=True,
     )
 
 

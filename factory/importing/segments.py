@@ -7,37 +7,13 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.fixes import good_fixes
 from factory.importing.geodesy import offset
 from factory.importing.log import Channel, Fixes, Log
+from factory.importing.rules import Rules as Rules
 from factory.importing.tally import Tally
 
 Array = NDArray[np.float64]
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Rules:
-    """How a log is cut into rows."""
-
-    min_depth: float = 5.0
-    """[m] An interval between fixes that goes deeper is a dive, another one time at the surface."""
-    min_duration: float = 60.0
-    """[s] Shorter dives are left out, counted."""
-    surface_depth: float = 1.5
-    """[m] Shallower counts as at the surface where no fix says so."""
-    longest_gap: float = 3600.0
-    """[s] Without fixes, a row ends where neither depth nor attitude is known for so long."""
-    fix_depth: float = 8.0
-    """[m] A fix deeper than this is stale or wrong. Vehicles log a fix some seconds after it, when
-    the next dive may have begun."""
-    fix_speed: float = 4.0
-    """[m/s] Fixes that need a faster drift are wrong."""
-    fix_noise: float = 100.0
-    """[m] Two good fixes can differ by so much without any drift."""
-
-    def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            if not getattr(self, field.name) > 0.0:
-                raise ValueError(f"{field.name} must be positive")
 
 
 DESCENT, CLIMB, LEVEL, SURFACE = 1, 2, 3, 0
@@ -75,7 +51,7 @@ def cut(log: Log, depth: Channel, rules: Rules, tally: Tally) -> list[Segment]:
     Consecutive fixes with a dive between them make a row; before the first and after the last fix,
     and in logs without fixes, rows are split at surfacings and at gaps.
     """
-    fixes = good_fixes(log.fixes, depth, rules, tally)
+    fixes = good_fixes(log.fixes, depth, rules, tally, station=log.station)
     first, last = log.span
     edges = [first - 1.0, *fixes.time.tolist(), last + 1.0]
     segments: list[Segment] = []
@@ -107,12 +83,35 @@ def cut(log: Log, depth: Channel, rules: Rules, tally: Tally) -> list[Segment]:
                     k - 1 if has_start and p == 0 else None,
                     k if has_end and p == len(parts) - 1 else None,
                     segments[-1].end if segments else None,
+                    rules,
                 )
             )
     tally.add("left out", "dives", short, f"shorter than {rules.min_duration:g} s")
+    carried = [s for s in segments if np.hypot(*s.surface_drift) > rules.drift_speed]
+    tally.add(
+        "left out", "surface drift", len(carried),
+        f"faster than {rules.drift_speed:g} m/s: carried, or a wrong fix",
+    )  # fmt: skip
+    nothing = (float("nan"), float("nan"))
+    segments = [
+        dataclasses.replace(s, surface_drift=nothing) if s in carried else s for s in segments
+    ]
+    _tell_holes(log, depth, tally)
     open_ended = sum(1 for s in segments if s.start_fix is None or s.end_fix is None)
     tally.add("note", "rows", open_ended, "without a fix at one or both ends")
     return segments
+
+
+_DAY = 86400.0
+"""[s]"""
+
+
+def _tell_holes(log: Log, depth: Channel, tally: Tally) -> None:
+    """Say where a log pauses for more than a day: it may be two deployments."""
+    for k in np.flatnonzero(np.diff(depth.time) > _DAY):
+        days = (depth.time[k + 1] - depth.time[k]) / _DAY
+        day = np.datetime64(int(depth.time[k]), "s").astype("datetime64[D]")
+        tally.add("note", log.deployment, 1, f"silent for {days:.1f} days from {day}")
 
 
 def _segment(
@@ -123,6 +122,7 @@ def _segment(
     first: int | None,
     last: int | None,
     previous_end: float | None,
+    rules: Rules,
 ) -> Segment:
     """Make one row; `first` and `last` index the fixes at its ends."""
     nothing = float("nan")
@@ -137,6 +137,9 @@ def _segment(
     if first is not None:
         begins = fixes.time[0] if previous_end is None else previous_end
         around = fixes.within(begins, begin)
+        holes = np.flatnonzero(np.diff(around.time) > rules.longest_gap)
+        if holes.size:  # a stay begins after the last hole: nobody knows what was in it
+            around = around.keep(np.arange(len(around)) > holes[-1])
         if len(around) > 1:
             waited = float(around.time[-1] - around.time[0])
             drift = surface_drift(around)
@@ -166,32 +169,6 @@ def surface_drift(fixes: Fixes) -> tuple[float, float]:
     spread = time - time.mean()
     weight = spread / (spread @ spread)
     return float(weight @ north), float(weight @ east)
-
-
-def good_fixes(fixes: Fixes, depth: Channel, rules: Rules, tally: Tally) -> Fixes:
-    """Fixes without those under water and those that no drift explains; counted."""
-    if not len(fixes):
-        return fixes
-    # a depth from long before says nothing about the fix
-    near = np.abs(nearest(depth.time, fixes.time) - fixes.time) < 2.0 * rules.min_duration
-    deep = (depth.at(fixes.time) > rules.fix_depth) & near
-    tally.add("removed", "GPS fixes", int(deep.sum()), f"deeper than {rules.fix_depth:g} m")
-    fixes = fixes.keep(~deep)
-    keep = np.ones(len(fixes), bool)
-    for i in range(1, len(fixes) - 1):
-        # alone away from both neighbours, which agree with each other
-        if _apart(fixes, i - 1, i, rules) and _apart(fixes, i, i + 1, rules):
-            keep[i] = _apart(fixes, i - 1, i + 1, rules)
-    tally.add("removed", "GPS fixes", int((~keep).sum()), "away from their neighbours")
-    return fixes.keep(keep)
-
-
-def _apart(fixes: Fixes, i: int, j: int, rules: Rules) -> bool:
-    north, east = offset(
-        fixes.latitude[j], fixes.longitude[j], float(fixes.latitude[i]), float(fixes.longitude[i])
-    )
-    reach = rules.fix_noise + rules.fix_speed * float(fixes.time[j] - fixes.time[i])
-    return bool(np.hypot(north, east) > reach)
 
 
 def split_without_fixes(depth: Channel, rules: Rules) -> list[tuple[float, float]]:
@@ -231,11 +208,29 @@ def phases(time: Array, depth: Array, surface_depth: float) -> Array:
     return np.where(depth < surface_depth, SURFACE, phase).astype(np.float64)
 
 
-def nearest(times: Array, wanted: Array) -> Array:
-    """Of each wanted time, the nearest of `times`; infinite without any."""
-    if not len(times):
-        return np.full(np.shape(wanted), np.inf)
-    right = np.clip(np.searchsorted(times, wanted), 1, max(len(times) - 1, 1))
-    right = np.minimum(right, len(times) - 1)
-    left = np.maximum(right - 1, 0)
-    return np.where(wanted - times[left] <= times[right] - wanted, times[left], times[right])
+_AFLOAT = 3.0
+"""[m] Upright at the surface, a glider's pressure sensor is so deep at most."""
+_DIVING = 0.5
+"""[m] Below the depth at the fix: waves are smaller, a dive is not."""
+
+
+_AT_REST = 10.0
+"""[s] Floating is told from diving by the depth's change over so long."""
+
+
+def float_at_fixes(phase: Array, depth: Array, segment: Segment, period: float) -> Array:
+    """Phases with 0 from the fix on until the depth leaves what it was there, at both ends.
+
+    A Seaglider hangs with its nose down while it has its fixes, its sensor 1 to 3 m under water.
+    """
+    phase = phase.copy()
+    for fix, order in ((segment.start_fix, slice(None)), (segment.end_fix, slice(None, None, -1))):
+        seen = depth[order]
+        if fix is None or not seen[0] <= _AFLOAT:
+            continue
+        if np.ptp(seen[: max(2, round(_AT_REST / period) + 1)]) > _STILL * _AT_REST:
+            continue  # the fix is logged while the vehicle dives already
+        left = np.abs(seen - seen[0]) > _DIVING
+        count = int(np.argmax(left)) if left.any() else len(left)
+        phase[order][:count] = SURFACE
+    return phase

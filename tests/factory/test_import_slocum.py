@@ -224,7 +224,7 @@ def test_bad_and_stray_fixes_are_counted(tmp_path: Path) -> None:
     removed = {e.detail: e.count for e in report.entries if e.subject == "GPS fixes"}
     assert removed == {
         "status is not valid": 1,
-        "deeper than 8 m": 1,
+        "under water: deeper than 2 m": 1,
         "away from their neighbours": 1,
     }
     assert report.rows == FLIGHT.dives
