@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +14,9 @@ from factory.journal import Journal
 from factory.parameters import PARAMETERS
 from factory.plan import SPLITS
 from factory.stored import StoredRun
+from factory.stored_logs import StoredLogs
 from twin.errors import StoreError
-from twin.store import UNFINISHED, open_store
+from twin.store import UNFINISHED
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,13 +26,6 @@ class Unfinished:
     store: Path
     settings: dict[str, Any]
     missions_kept: int
-
-
-def is_log_store(path: Path) -> bool:
-    """True for a store that `factory import` wrote."""
-    if not (path / "zarr.json").is_file():
-        return False
-    return "import_report" in open_store(path).attrs
 
 
 def unfinished(path: Path) -> Unfinished | None:
@@ -81,6 +76,34 @@ def split_rows(run: StoredRun) -> list[dict[str, object]]:
         for split in SPLITS
         if split in run.splits
     ]
+
+
+def deployment_rows(logs: StoredLogs) -> list[dict[str, object]]:
+    """Dives, time, place and depth of each deployment."""
+    rows: list[dict[str, object]] = []
+    for deployment in dict.fromkeys(logs.deployments):
+        missions = logs.missions_of(deployment)
+        first, last = missions[0], missions[-1]
+        begin, end = (
+            datetime.datetime.fromtimestamp(float(unix), datetime.UTC)
+            for unix in (logs.starts[first], logs.time(last)[-1])
+        )
+        deepest = max(float(np.nanmax(logs.signal("measured_depth", k))) for k in missions)
+        fixed = [logs.fixes(k)[0] for k in missions if np.isfinite(logs.fixes(k)[0]).all()]
+        splits = [logs.splits[k] for k in missions]
+        rows.append(
+            {
+                "deployment": deployment,
+                "dives": len(missions),
+                "from [UTC]": f"{begin:%Y-%m-%d %H:%M}",
+                "to [UTC]": f"{end:%Y-%m-%d %H:%M}",
+                "latitude": f"{np.mean([fix[0] for fix in fixed]):.3f}" if fixed else None,
+                "longitude": f"{np.mean([fix[1] for fix in fixed]):.3f}" if fixed else None,
+                "deepest [m]": deepest,
+                "/".join(SPLITS): "/".join(str(splits.count(name)) for name in SPLITS),
+            }
+        )
+    return rows
 
 
 def stored_bytes(path: Path) -> int:

@@ -9,36 +9,40 @@ variables named TRUE_*. Simulated missions have no date: TIME counts from a nomi
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.og1_file import (
+    Series,
+    deployment_place,
+    flags,
+    position,
+    text,
+    time_attributes,
+    write_og1,
+)
 from factory.og1_terms import (
     ASCENT,
     COORDINATES,
     DESCENT,
     DVL_MODE_FILL,
     DVL_MODES,
-    EPOCH,
     FILL,
     INFLECTION,
     LONG_NAMES,
-    MEASURED,
-    N_MEASUREMENTS,
     NOMINAL_DEPLOYMENT,
     PHASE_FLAGS,
     PHASES,
     SENSORS,
+    SIMULATED_MEASURED,
     STILL_SPEED,
     SURFACE_DEPTH_M,
     SURFACING,
     TIME_FILL,
     VOCABULARY,
-    bounds,
     global_attributes,
     sensor_attributes,
 )
@@ -48,17 +52,6 @@ from twin.errors import StoreError
 from twin.schema import VARIABLES
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Series:
-    """One variable of the file."""
-
-    values: NDArray[Any]
-    attributes: Mapping[str, Any]
-    fill: float | int | None = None
-    dimensions: tuple[str, ...] = (N_MEASUREMENTS,)
-    kind: str = field(default="f8")
 
 
 def export_og1(run: StoredRun, mission: int, folder: Path) -> Path:
@@ -72,38 +65,13 @@ def export_og1(run: StoredRun, mission: int, folder: Path) -> Path:
     if missing:
         raise StoreError(f"store {run.path} lacks {', '.join(missing)}: OG1.0 needs them")
     identity = global_attributes(run, mission)
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{identity['id']}.nc"
-    with netCDF4.Dataset(path, "w", format="NETCDF4") as file:
-        samples = int(run.samples[mission])
-        file.createDimension(N_MEASUREMENTS, None)  # unlimited, as the format demands
-        place = {}
-        for name, series in _series(run, mission, identity):
-            options: dict[str, Any] = {}
-            if series.dimensions:
-                options = {"compression": "zlib", "chunksizes": (samples,)}
-            if name in COORDINATES.split():
-                place[name] = series.values
-            kind: Any = str if series.kind == "str" else series.kind
-            variable: Any = file.createVariable(
-                name, kind, series.dimensions, fill_value=series.fill, **options
-            )
-            variable.setncatts(dict(series.attributes))
-            if series.kind == "str":
-                variable[...] = str(series.values)
-            else:
-                values = np.asarray(series.values, series.kind)
-                if series.fill is not None:
-                    values = np.where(np.isnan(values), series.fill, values)
-                variable[...] = values
-        limits = bounds(place["LATITUDE"], place["LONGITUDE"], place["DEPTH"])
-        file.setncatts({**identity, **limits})
-    return path
+    series = _series(run, mission, identity)
+    return write_og1(folder, identity, series, int(run.samples[mission]))
 
 
 def _needed() -> list[str]:
     positions = ["measured_onboard_north", "measured_onboard_east", "measured_gps_north"]
-    signals = [name for _, name, _ in MEASURED]
+    signals = [name for _, name, _ in SIMULATED_MEASURED]
     return [*positions, "measured_gps_east", "measured_depth", "measured_dvl_mode", *signals]
 
 
@@ -121,16 +89,16 @@ def _series(
     depth = np.maximum(row("measured_depth"), 0.0)  # valid_min is 0: the gauge's zero error
     yield (
         "TRAJECTORY",
-        _text(
+        text(
             str(identity["id"]).removesuffix("_delayed"), "trajectory name", cf_role="trajectory_id"
         ),
     )
-    yield "WMO_IDENTIFIER", _text("none: simulation", "wmo id")
+    yield "WMO_IDENTIFIER", text("none: simulation", "wmo id")
     model = {"platform_model_vocabulary": "n/a"}
     vehicle = str(run.settings["vehicle"])
-    yield "PLATFORM_MODEL", _text(f"simulated {vehicle} glider", "model of the glider", **model)
-    yield "PLATFORM_SERIAL_NUMBER", _text(f"sim{mission:06d}", "glider serial number")
-    elapsed = _time_attributes("Time elapsed since 1970-01-01T00:00:00Z")
+    yield "PLATFORM_MODEL", text(f"simulated {vehicle} glider", "model of the glider", **model)
+    yield "PLATFORM_SERIAL_NUMBER", text(f"sim{mission:06d}", "glider serial number")
+    elapsed = time_attributes("Time elapsed since 1970-01-01T00:00:00Z")
     elapsed["time_vocabulary"] = VOCABULARY + "TIME/"
     yield "TIME", Series(time, elapsed, TIME_FILL)
     latitude, longitude = geographic(
@@ -139,9 +107,9 @@ def _series(
     method = {"interpolation_methodology": "simulated on-board dead reckoning between GPS fixes"}
     long_name = "longitude of each measurement and GPS location"
     own = {**method, "longitude_vocabulary": VOCABULARY + "LON/"}
-    yield "LONGITUDE", _position(longitude, long_name, "longitude", own)
+    yield "LONGITUDE", position(longitude, long_name, "longitude", own)
     own = {**method, "latitude_vocabulary": VOCABULARY + "LAT/"}
-    yield "LATITUDE", _position(latitude, "Latitude north (WGS84)", "latitude", own)
+    yield "LATITUDE", position(latitude, "Latitude north (WGS84)", "latitude", own)
     yield (
         "DEPTH",
         Series(
@@ -166,28 +134,18 @@ def _series(
     )
     fixed = np.isfinite(gps_latitude)
     gps_time = np.where(fixed, time, np.nan)
-    yield "TIME_GPS", Series(gps_time, _time_attributes("time of each GPS location"), TIME_FILL)
+    yield "TIME_GPS", Series(gps_time, time_attributes("time of each GPS location"), TIME_FILL)
     at = {"coordinates": COORDINATES}
     yield (
         "LONGITUDE_GPS",
-        _position(gps_longitude, "longitude of each GPS location", "longitude", at),
+        position(gps_longitude, "longitude of each GPS location", "longitude", at),
     )
-    yield "LATITUDE_GPS", _position(gps_latitude, "latitude of each GPS location", "latitude", at)
+    yield "LATITUDE_GPS", position(gps_latitude, "latitude of each GPS location", "latitude", at)
     yield (
         "DEPLOYMENT_TIME",
-        Series(np.array(start), _time_attributes("date of deployment"), dimensions=()),
+        Series(np.array(start), time_attributes("date of deployment"), dimensions=()),
     )
-    for name, value in (
-        ("DEPLOYMENT_LATITUDE", origin.latitude_deg),
-        ("DEPLOYMENT_LONGITUDE", origin.longitude_deg),
-    ):
-        kind = name.removeprefix("DEPLOYMENT_").lower()
-        attributes = {
-            "long_name": f"{kind} of deployment",
-            "standard_name": kind,
-            "units": "degrees_north" if kind == "latitude" else "degrees_east",
-        }
-        yield name, Series(np.array(value), attributes, dimensions=())
+    yield from deployment_place(origin.latitude_deg, origin.longitude_deg)
     yield (
         "PHASE",
         Series(
@@ -196,7 +154,7 @@ def _series(
                 "long_name": "behavior of the glider at sea",
                 "phase_vocabulary": PHASES,
                 "phase_calculation_method": "depth and vertical speed of the simulation",
-                **_flags(PHASE_FLAGS),
+                **flags(PHASE_FLAGS),
                 "coordinates": COORDINATES,
             },
             fill=0,
@@ -206,7 +164,7 @@ def _series(
     for name in SENSORS:
         empty = np.array(0, np.int8)
         yield name, Series(empty, sensor_attributes(run, name), dimensions=(), kind="i1")
-    for name, stored, sensor in MEASURED:
+    for name, stored, sensor in SIMULATED_MEASURED:
         yield name, _signal(row(stored), stored, {"sensor": sensor} if sensor else {})
     yield (
         "DVL_MODE",
@@ -214,7 +172,7 @@ def _series(
             row("measured_dvl_mode"),
             {
                 "long_name": "what the DVL's velocity is relative to (simulated)",
-                **_flags(DVL_MODES),
+                **flags(DVL_MODES),
                 "coordinates": COORDINATES,
                 "sensor": "SENSOR_DVL",
             },
@@ -223,8 +181,8 @@ def _series(
         ),
     )
     true_latitude, true_longitude = geographic(row("true_north"), row("true_east"), origin)
-    yield "TRUE_LONGITUDE", _position(true_longitude, "true longitude", "longitude", at)
-    yield "TRUE_LATITUDE", _position(true_latitude, "true latitude", "latitude", at)
+    yield "TRUE_LONGITUDE", position(true_longitude, "true longitude", "longitude", at)
+    yield "TRUE_LATITUDE", position(true_latitude, "true latitude", "latitude", at)
     for stored in run.signals():
         if stored.startswith("true_"):
             yield stored.upper(), _signal(row(stored), stored, {})
@@ -249,49 +207,6 @@ def phases(depth: Array, velocity_down: Array) -> NDArray[np.int8]:
     phase = np.where(velocity_down > 0.0, DESCENT, ASCENT)
     phase = np.where(np.abs(velocity_down) < STILL_SPEED, INFLECTION, phase)
     return np.where(depth < SURFACE_DEPTH_M, SURFACING, phase).astype(np.int8)
-
-
-def _text(value: str, long_name: str, **attributes: str) -> Series:
-    return Series(
-        np.array(value), {"long_name": long_name, **attributes}, dimensions=(), kind="str"
-    )
-
-
-def _flags(meanings: Mapping[int, str]) -> dict[str, Any]:
-    """CF's attributes of a variable that holds codes."""
-    return {
-        "flag_values": np.array(list(meanings), np.int8),
-        "flag_meanings": " ".join(meanings.values()),
-    }
-
-
-def _time_attributes(long_name: str) -> dict[str, Any]:
-    return {
-        "long_name": long_name,
-        "standard_name": "time",
-        "units": EPOCH,
-        "calendar": "gregorian",
-        "valid_min": 1e9,
-        "valid_max": 4e9,
-    }
-
-
-def _position(
-    values: Array, long_name: str, standard_name: str, attributes: Mapping[str, Any]
-) -> Series:
-    largest = 90.0 if standard_name == "latitude" else 180.0
-    return Series(
-        values,
-        {
-            "long_name": long_name,
-            "standard_name": standard_name,
-            "units": "degrees_north" if standard_name == "latitude" else "degrees_east",
-            "valid_min": -largest,
-            "valid_max": largest,
-            **attributes,
-        },
-        fill=FILL,
-    )
 
 
 def _signal(values: Array, stored: str, attributes: Mapping[str, Any]) -> Series:

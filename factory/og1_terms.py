@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import datetime
+import re
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from factory.stored import StoredRun
+from factory.stored_logs import StoredLogs
 from twin.sensors import SensorSuite
 from twin.version import __version__
 
@@ -46,7 +49,7 @@ SURFACE_DEPTH_M = 1.5
 STILL_SPEED = 0.03
 """[m/s] vertical: slower under water it is turning"""
 
-MEASURED = (
+SIMULATED_MEASURED = (
     ("PRES", "measured_pressure", "SENSOR_PRESSURE"),
     ("PITCH", "measured_pitch", "SENSOR_AHRS"),
     ("ROLL", "measured_roll", "SENSOR_AHRS"),
@@ -64,7 +67,15 @@ MEASURED = (
     ("DVL_SWAY", "measured_dvl_sway", "SENSOR_DVL"),
     ("DVL_HEAVE", "measured_dvl_heave", "SENSOR_DVL"),
 )
-"""(name in the file, name in the store, sensor variable)"""
+"""(name in the file, name in the store, sensor variable) of simulated missions"""
+LOGGED_MEASURED = (
+    ("DENSITY", "measured_density", "SENSOR_CTD"),
+    ("TEMP", "measured_temperature", "SENSOR_CTD"),
+    ("PSAL", "measured_salinity", "SENSOR_CTD"),
+    ("RUDDER", "measured_fin", ""),
+)
+"""The same of what only real vehicles log"""
+MEASURED = SIMULATED_MEASURED + LOGGED_MEASURED
 LONG_NAMES = {
     "measured_pressure": "sea water pressure, equals 0 at sea level, by the transducer",
     "measured_dvl_surge": "DVL velocity relative to DVL_MODE, forward",
@@ -105,30 +116,30 @@ def sensor_attributes(run: StoredRun, name: str) -> dict[str, str]:
     }
 
 
-def _stamp(moment: datetime.datetime) -> str:
+def stamp(moment: datetime.datetime) -> str:
+    """The moment as the format writes it."""
     return moment.strftime("%Y%m%dT%H%M%S")
 
 
 def bounds(latitude: Array, longitude: Array, depth: Array) -> dict[str, float | str]:
     """ACDD's limits of the data, which search engines of data portals read."""
-    return {
-        "geospatial_lat_min": float(latitude.min()),
-        "geospatial_lat_max": float(latitude.max()),
-        "geospatial_lat_units": "degrees_north",
-        "geospatial_lon_min": float(longitude.min()),
-        "geospatial_lon_max": float(longitude.max()),
-        "geospatial_lon_units": "degrees_east",
-        "geospatial_vertical_min": float(depth.min()),
-        "geospatial_vertical_max": float(depth.max()),
-        "geospatial_vertical_units": "m",
-        "geospatial_vertical_positive": "down",
-    }
+    limits: dict[str, float | str] = {"geospatial_vertical_positive": "down"}
+    for name, values, units in (
+        ("lat", latitude, "degrees_north"),
+        ("lon", longitude, "degrees_east"),
+        ("vertical", depth, "m"),
+    ):
+        if np.isfinite(values).any():  # a log without fixes has no place
+            limits[f"geospatial_{name}_min"] = float(np.nanmin(values))
+            limits[f"geospatial_{name}_max"] = float(np.nanmax(values))
+            limits[f"geospatial_{name}_units"] = units
+    return limits
 
 
 def global_attributes(run: StoredRun, mission: int) -> dict[str, Any]:
     """Global attributes; those that depend on the data are `bounds`."""
     serial = f"sim{mission:06d}"
-    start = _stamp(NOMINAL_DEPLOYMENT)
+    start = stamp(NOMINAL_DEPLOYMENT)
     end = NOMINAL_DEPLOYMENT + datetime.timedelta(seconds=float(run.small("duration")[mission]))
     preset, seed = run.settings["preset"], run.seed
     return {
@@ -141,7 +152,7 @@ def global_attributes(run: StoredRun, mission: int) -> dict[str, Any]:
         "institution": "none: simulation",
         "internal_mission_identifier": f"{preset}_seed{seed}_mission{mission}",
         "time_coverage_start": start,
-        "time_coverage_end": _stamp(end),
+        "time_coverage_end": stamp(end),
         "contributor_name": "glider-twin simulation",
         "contributor_email": "n/a",
         "contributor_role": "originator",
@@ -158,7 +169,55 @@ def global_attributes(run: StoredRun, mission: int) -> dict[str, Any]:
         "history": str(run.dataset.attrs["history"]),
         "references": "https://oceangliderscommunity.github.io/OG-format-user-manual/OG_Format.html",
         "start_date": start,
-        "date_created": _stamp(datetime.datetime.now(datetime.UTC)),
+        "date_created": stamp(datetime.datetime.now(datetime.UTC)),
         "featureType": "trajectory",
         "Conventions": "CF-1.10, ACDD-1.3, OG-1.0",
     }
+
+
+def log_attributes(logs: StoredLogs, missions: Sequence[int]) -> dict[str, Any]:
+    """Global attributes of a file of logged dives `missions`, of one deployment in time order."""
+    deployment = logs.deployments[missions[0]]
+    first, last = missions[0], missions[-1]
+    start, end = (
+        stamp(datetime.datetime.fromtimestamp(float(unix), datetime.UTC))
+        for unix in (logs.starts[first], logs.time(last)[-1])
+    )
+    # the name of a file: letters that every file system takes
+    serial = re.sub(r"[^A-Za-z0-9-]+", "-", deployment).strip("-") or "glider"
+    kind = "SIMULATED OceanGliders" if logs.simulated else "OceanGliders"
+    files = str(logs.dataset.attrs.get("files", ""))
+    return {
+        "title": f"{kind} trajectory file, deployment {deployment}",
+        "summary": f"{len(missions)} dives of deployment {deployment}, {logs.platform}.",
+        "platform": "sub-surface gliders",
+        "platform_vocabulary": PLATFORM,
+        "id": f"{serial}_{start}_delayed",
+        "naming_authority": "glider-twin",
+        "institution": NOT_LOGGED,
+        "internal_mission_identifier": deployment,
+        "time_coverage_start": start,
+        "time_coverage_end": end,
+        "contributor_name": NOT_LOGGED,
+        "contributor_email": "n/a",
+        "contributor_role": "n/a",
+        "contributor_role_vocabulary": ROLES,
+        "contributing_institutions": NOT_LOGGED,
+        "contributing_institutions_role": "Operator",
+        "contributing_institutions_role_vocabulary": ROLES,
+        "rtqc_method": "No QC applied",
+        "rtqc_method_doi": "n/a",
+        "comment": "On one time grid for each dive; LATITUDE and LONGITUDE between the fixes are "
+        "as interpolation_methodology says. Attitude and PRES are missing where the log had gaps.",
+        "source": f"logs of a vehicle ({logs.kind}: {files}), read by glider-twin {__version__}",
+        "history": str(logs.dataset.attrs.get("history", "")),
+        "references": "https://oceangliderscommunity.github.io/OG-format-user-manual/OG_Format.html",
+        "start_date": start,
+        "date_created": stamp(datetime.datetime.now(datetime.UTC)),
+        "featureType": "trajectory",
+        "Conventions": "CF-1.10, ACDD-1.3, OG-1.0",
+    }
+
+
+NOT_LOGGED = "unknown: the log does not say"
+"""Value of attributes that the format demands and a vehicle's log cannot know"""

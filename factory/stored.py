@@ -27,42 +27,28 @@ from twin.sensors import DRAWN_UNITS, SensorSuite
 from twin.store import open_store
 from twin.vehicle import Vehicle, parse_vehicle
 
+IMPORT_REPORT = "import_report"
+"""Attribute that stores of logs have and simulated ones have not."""
 
-class StoredRun:
-    """A complete store.
+
+class Stored:
+    """A complete store of missions, flown or logged: what both kinds have.
 
     Raises:
-      StoreError: missing, damaged, of a newer schema, or not made by the factory.
+      StoreError: missing, damaged or of a newer schema.
     """
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
         self.dataset: xr.Dataset = open_store(self.path)
-        try:
-            self.settings: dict[str, Any] = json.loads(self.dataset.attrs["settings"])
-            self._failed = json.loads(self.dataset.attrs["failed_missions"])
-            self.distributions: dict[str, Distribution] = {
-                name: parse_distribution(text, name)
-                for name, text in self.settings["distributions"].items()
-            }
-        except (KeyError, ValueError) as error:
-            if "scenario" in self.dataset.attrs:
-                raise StoreError(
-                    f"store {self.path} is a mission of `twin simulate`; `twin plot` and `twin "
-                    "render` read it"
-                ) from error
-            raise StoreError(
-                f"store {self.path} was not made by `factory generate`, or its attributes are "
-                f"damaged ({type(error).__name__}: {error})"
-            ) from error
 
     def __len__(self) -> int:
         return int(self.dataset.sizes[MISSION])
 
     @property
-    def seed(self) -> int:
-        """Root of every random draw."""
-        return int(self.settings["seed"])
+    def period(self) -> float:
+        """Time between samples [s]."""
+        return float(self.dataset.attrs["sample_period_s"])
 
     @functools.cached_property
     def samples(self) -> NDArray[np.int64]:
@@ -73,11 +59,6 @@ class StoredRun:
     def splits(self) -> list[str]:
         """Name of each mission's split."""
         return [SPLITS[int(code)] for code in self.small("split")]
-
-    @functools.cached_property
-    def hours(self) -> float:
-        """Simulated time of all missions [h]."""
-        return float(self.small("duration").sum()) / 3600.0
 
     def small(self, name: str) -> NDArray[Any]:
         """An array without a time axis.
@@ -117,6 +98,59 @@ class StoredRun:
                 f"({type(error).__name__}: {reason})"
             ) from error
 
+    def check_mission(self, mission: int) -> None:
+        """Raise StoreError when there is no such mission."""
+        if not 0 <= mission < len(self):
+            raise StoreError(f"store {self.path} has missions 0 to {len(self) - 1}, not {mission}")
+
+
+class StoredRun(Stored):
+    """A store that `factory generate` made.
+
+    Raises:
+      StoreError: missing, damaged, of a newer schema, or not made by `factory generate`.
+    """
+
+    def __init__(self, path: str | Path):
+        super().__init__(path)
+        if is_log(self.dataset):
+            raise StoreError(
+                f"store {self.path} holds logs of real vehicles, which cannot be flown again; "
+                "`factory verify` checks them"
+            )
+        try:
+            self.settings: dict[str, Any] = json.loads(self.dataset.attrs["settings"])
+            self._failed = json.loads(self.dataset.attrs["failed_missions"])
+            self.distributions: dict[str, Distribution] = {
+                name: parse_distribution(text, name)
+                for name, text in self.settings["distributions"].items()
+            }
+        except (KeyError, ValueError) as error:
+            if "scenario" in self.dataset.attrs:
+                raise StoreError(
+                    f"store {self.path} is a mission of `twin simulate`; `twin plot` and `twin "
+                    "render` read it"
+                ) from error
+            raise StoreError(
+                f"store {self.path} was not made by `factory generate`, or its attributes are "
+                f"damaged ({type(error).__name__}: {error})"
+            ) from error
+
+    @property
+    def seed(self) -> int:
+        """Root of every random draw."""
+        return int(self.settings["seed"])
+
+    @property
+    def period(self) -> float:
+        """Time between samples [s]."""
+        return float(self.settings["sample_period_s"])
+
+    @functools.cached_property
+    def hours(self) -> float:
+        """Simulated time of all missions [h]."""
+        return float(self.small("duration").sum()) / 3600.0
+
     @functools.cached_property
     def vehicle(self) -> Vehicle:
         """The nominal vehicle, from the MJCF text in the store."""
@@ -141,11 +175,6 @@ class StoredRun:
         if description is None:
             return None
         return stored_current(description, float(self.small("duration").max()))
-
-    def check_mission(self, mission: int) -> None:
-        """Raise StoreError when there is no such mission."""
-        if not 0 <= mission < len(self):
-            raise StoreError(f"store {self.path} has missions 0 to {len(self) - 1}, not {mission}")
 
     def attempt(self, mission: int) -> int:
         """The attempt that made the stored mission."""
@@ -231,6 +260,11 @@ class StoredRun:
             )
             for item in self._failed
         ]
+
+
+def is_log(dataset: xr.Dataset) -> bool:
+    """Whether `factory import` wrote the store."""
+    return IMPORT_REPORT in dataset.attrs
 
 
 def _tuples(value: Any) -> Any:

@@ -17,7 +17,7 @@ from factory.layout import SHARD_MISSIONS
 from factory.plan import HOUR, SPLITS
 from factory.presets import PRESETS
 from factory.recipe import sha256
-from factory.stored import StoredRun
+from factory.stored import Stored, StoredRun
 from twin.errors import StoreError
 from twin.frames import euler_to_matrix
 from twin.schema import MISSION, SIMULATED, TIME, VARIABLES
@@ -86,7 +86,7 @@ def verify_store(run: StoredRun, watch: Callable[[int], None] | None = None) -> 
     bytes_read = 0
     for first in range(0, len(run), SHARD_MISSIONS):
         missions = range(first, min(first + SHARD_MISSIONS, len(run)))
-        block = _read_block(run, names, missions, checks["chunks"])
+        block = read_block(run, names, missions, checks["chunks"])
         bytes_read += sum(values.nbytes for values in block.values())
         for row, mission in enumerate(missions):
             mission_rows = {name: values[row] for name, values in block.items()}
@@ -96,7 +96,7 @@ def verify_store(run: StoredRun, watch: Callable[[int], None] | None = None) -> 
     return Report(len(run), bytes_read, tuple(checks.values()))
 
 
-def _read_block(run: StoredRun, names: list[str], missions: range, check: Check) -> Block:
+def read_block(run: Stored, names: list[str], missions: range, check: Check) -> Block:
     """All signals of some missions; where that fails, mission by mission to find the damage."""
     block: dict[str, NDArray[np.float32]] = {}
     for name in names:
@@ -184,35 +184,56 @@ def _check_parameters(run: StoredRun, check: Check) -> None:
 
 def _check_mission(run: StoredRun, mission: int, rows: Block, checks: Mapping[str, Check]) -> None:
     samples = int(run.samples[mission])
+    what = f"mission {mission}"
     for name, row in rows.items():
         inside, padding = row[:samples], row[samples:]
-        checks["padding"].expect(
-            bool(np.isnan(padding).all()),
-            lambda n=name: f"mission {mission}: {n} has values after its {samples} samples",  # type: ignore[misc]
-        )
-        finite = np.isfinite(inside)
-        if name not in NAN_ALLOWED:
-            checks["finite"].expect(
-                bool(finite.all()),
-                lambda n=name, f=finite: (  # type: ignore[misc]
-                    f"mission {mission}: {n} is not finite in {samples - f.sum()} samples, first "
-                    f"at sample {int(np.argmin(f))}"
-                ),
-            )
-        low, high = bounds(name)
-        values = inside[finite]
-        extremes = (float(values.min()), float(values.max())) if values.size else (low, high)
-        checks["range"].expect(
-            low <= extremes[0] and extremes[1] <= high,
-            lambda n=name, e=extremes, lo=low, hi=high: (  # type: ignore[misc]
-                f"mission {mission}: {n} runs from {e[0]:g} to {e[1]:g}, possible are {lo:g} to "
-                f"{hi:g}"
-            ),
-        )
+        check_padding(what, name, padding, samples, checks["padding"])
+        check_finite_range(
+            what, name, inside, name not in NAN_ALLOWED, bounds(name), checks["finite"],
+            checks["range"],
+        )  # fmt: skip
     truth = {name: row[:samples].astype(float) for name, row in rows.items()}
     for problem in kinematic_problems(truth, float(run.settings["sample_period_s"])):
         checks["kinematics"].problems.append(f"mission {mission}: {problem}")
     checks["kinematics"].done += 4
+
+
+def check_padding(
+    what: str, name: str, padding: NDArray[np.float32], samples: int, check: Check
+) -> None:
+    """Nothing but NaN after the `samples` of `what`."""
+    check.expect(
+        bool(np.isnan(padding).all()),
+        lambda: f"{what}: {name} has values after its {samples} samples",
+    )
+
+
+def check_finite_range(
+    what: str,
+    name: str,
+    inside: NDArray[np.float32],
+    complete: bool,
+    limits: tuple[float, float],
+    finite_check: Check,
+    range_check: Check,
+) -> None:
+    """A signal of `what` without holes where it must be `complete`, and within its `limits`."""
+    finite = np.isfinite(inside)
+    if complete:
+        finite_check.expect(
+            bool(finite.all()),
+            lambda: (
+                f"{what}: {name} is not finite in {len(inside) - finite.sum()} samples, first "
+                f"at sample {int(np.argmin(finite))}"
+            ),
+        )
+    low, high = limits
+    values = inside[finite]
+    least, most = (float(values.min()), float(values.max())) if values.size else limits
+    range_check.expect(
+        low <= least and most <= high,
+        lambda: f"{what}: {name} runs from {least:g} to {most:g}, possible are {low:g} to {high:g}",
+    )
 
 
 def kinematic_problems(truth: Mapping[str, Array], period: float) -> list[str]:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
+
+if TYPE_CHECKING:
+    from factory.stored_logs import StoredLogs
 
 from twin.console import Console, JsonOption
 
@@ -18,15 +21,11 @@ class Info(JsonOption):
     store: Annotated[Path, tyro.conf.Positional]
     """the store"""
 
-    def _logs(self, console: Console) -> int:
+    def _logs(self, logs: StoredLogs, console: Console) -> int:
         """A store of real logs: what was imported, and the report of it."""
-        import json
+        from factory.info import deployment_rows, stored_bytes
 
-        from factory.info import stored_bytes
-        from twin.store import open_store
-
-        dataset = open_store(self.store)
-        report = json.loads(dataset.attrs["import_report"])
+        report, dataset = logs.report, logs.dataset
         size = stored_bytes(self.store)
         console.pairs(
             {
@@ -40,18 +39,22 @@ class Info(JsonOption):
                 "history": dataset.attrs["history"],
             }
         )
+        console.table(deployment_rows(logs), title="\ndeployments")
         entries = [
             {"what": e["action"], "of": e["subject"], "count": e["count"], "why": e["detail"]}
             for e in report["entries"]
         ]
         console.table(entries, title="\nwhat was done to the logs")
-        console.answer(store=self.store, complete=True, bytes=size, report=report)
+        console.answer(
+            store=self.store, complete=True, bytes=size, report=report,
+            deployments=deployment_rows(logs),
+        )  # fmt: skip
         return 0
 
     def run(self, console: Console) -> int:
         """Print what the store holds."""
-        from factory.info import drawn_rows, is_log_store, split_rows, stored_bytes, unfinished
-        from factory.stored import StoredRun
+        from factory.info import drawn_rows, split_rows, stored_bytes, unfinished
+        from factory.stored_logs import StoredLogs, open_stored
 
         begun = unfinished(self.store)
         if begun is not None:
@@ -72,9 +75,9 @@ class Info(JsonOption):
                 missions_kept=begun.missions_kept,
             )
             return 0
-        if is_log_store(self.store):
-            return self._logs(console)
-        run = StoredRun(self.store)
+        run = open_stored(self.store)
+        if isinstance(run, StoredLogs):
+            return self._logs(run, console)
         size, splits, drawn = stored_bytes(self.store), split_rows(run), drawn_rows(run)
         versions = ", ".join(f"{name} {v}" for name, v in run.settings["versions"].items())
         console.pairs(

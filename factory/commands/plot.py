@@ -2,37 +2,61 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from twin.console import Console, JsonOption
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from factory.stored_logs import StoredLogs
+
 
 @dataclass(frozen=True, kw_only=True)
 class Plot(JsonOption):
-    """Draw tracks, depths, currents and the histograms of inputs and targets on one page."""
+    """Simulated missions: tracks, depths, currents and histograms of inputs and targets on one
+    page. Logs: map with currents, depth over time and figures of the dives, one page a deployment.
+    """
 
     store: Annotated[Path, tyro.conf.Positional]
     """the store"""
     out: Path | None = None
-    """PNG, PDF or SVG file [default: the store's name with .png]"""
+    """PNG, PDF or SVG file [default: the store's name with .png]; of a store with several
+    deployments each page has its deployment's name added"""
 
     def run(self, console: Console) -> int:
         """Draw and save."""
         from factory.plot import store_page
-        from factory.stored import StoredRun
+        from factory.stored_logs import StoredLogs, open_stored
         from twin.errors import InputError
 
         out = self.store.with_suffix(".png") if self.out is None else self.out
-        figure = store_page(StoredRun(self.store))
-        try:
-            out.parent.mkdir(parents=True, exist_ok=True)
-            figure.savefig(out)
-        except (OSError, ValueError) as error:
-            raise InputError(f"cannot write plot {out}: {error}") from error
-        console.say(f"wrote {out}")
-        console.answer(store=self.store, out=out)
+        run = open_stored(self.store)
+        pages = _pages(run, out) if isinstance(run, StoredLogs) else {out: store_page(run)}
+        for path, figure in pages.items():
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                figure.savefig(path)
+            except (OSError, ValueError) as error:
+                raise InputError(f"cannot write plot {path}: {error}") from error
+            console.say(f"wrote {path}")
+        console.answer(store=self.store, out=next(iter(pages)), pages=list(pages))
         return 0
+
+
+def _pages(logs: StoredLogs, out: Path) -> dict[Path, Figure]:
+    """A page for each deployment, by its file."""
+    from factory.plot_logs import deployment_page
+
+    names = list(dict.fromkeys(logs.deployments))
+    pages = {}
+    for number, name in enumerate(names):
+        word = re.sub(r"[^\w.-]+", "-", name) or str(number)
+        path = out if len(names) == 1 else out.with_name(f"{out.stem}-{word}{out.suffix}")
+        pages[path] = deployment_page(logs, name)
+    return pages

@@ -13,19 +13,26 @@ from twin.console import Console, JsonOption
 
 @dataclass(frozen=True, kw_only=True)
 class Verify(JsonOption):
-    """Read every chunk; check metadata, padding, finite values, ranges and kinematics."""
+    """Read every chunk; check metadata, padding, finite values and ranges; of simulated missions
+    also parameters and kinematics, of logs the order of dives, fixes and depth.
+    """
 
     store: Annotated[Path, tyro.conf.Positional]
     """the store"""
 
     def run(self, console: Console) -> int:
         """Verify; exit code 1 when something is wrong."""
-        from factory.stored import StoredRun
+        from factory.stored_logs import StoredLogs, open_stored
         from factory.verify import MAX_NAMED, verify_store
+        from factory.verify_logs import verify_logs
 
-        run = StoredRun(self.store)
-        with console.progress(total=len(run), label="verify", unit="missions") as progress:
-            report = verify_store(run, watch=progress.update)
+        run = open_stored(self.store)
+        what = "dives" if isinstance(run, StoredLogs) else "missions"
+        with console.progress(total=len(run), label="verify", unit=what) as progress:
+            if isinstance(run, StoredLogs):
+                report = verify_logs(run, watch=progress.update)
+            else:
+                report = verify_store(run, watch=progress.update)
         console.table(
             [{"check": c.name, "done": c.done, "problems": len(c.problems)} for c in report.checks]
         )
@@ -35,7 +42,7 @@ class Verify(JsonOption):
             if len(check.problems) > MAX_NAMED:
                 console.say(f"{check.name}: {len(check.problems) - MAX_NAMED} more")
         verdict = "sound" if report.ok else "NOT sound"
-        console.say(f"{self.store} is {verdict}: {report.missions} missions")
+        console.say(f"{self.store} is {verdict}: {report.missions} {what}")
         console.answer(
             store=self.store,
             ok=report.ok,
