@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from factory.importing.current import averaged_current
 from factory.importing.dataset import FRAMES, Row, rows_dataset
 from factory.importing.log import Array, Channel, Log
 from factory.importing.physics import check_signs
 from factory.importing.resample import grid, on_grid
+from factory.importing.rowcheck import complete, standing
 from factory.importing.seawater import depth_of, pressure_of
 from factory.importing.segments import Rules, Segment, cut
 from factory.importing.surface import zeroed
@@ -72,14 +74,14 @@ def build(
             signals = on_grid(
                 log, segment, times, period=period, rules=rules, tally=tally, held=held
             )
-            rows.append(
-                Row(
-                    log=log,
-                    segment=segment,
-                    signals=signals,
-                    numbers=_numbers(log, segment, segments, number),
-                )
-            )
+            numbers = _numbers(log, segment, segments, number)
+            whole = complete(log, segment, int(numbers["dive"]), tally)
+            standing(log, segment, tally)
+            numbers["dac_north"], numbers["dac_east"] = averaged_current(
+                signals, segment, period,
+                complete=whole, driven=numbers.get("thruster_fraction", 0.0),
+            )  # fmt: skip
+            rows.append(Row(log=log, segment=segment, signals=signals, numbers=numbers))
     for name, deployments in lacking.items():
         split = " (rows are split by depth)" if name == "GPS fixes" else ""
         tally.add("missing", name, len(deployments), f"in {summarise(deployments, 3)}{split}")
@@ -88,6 +90,10 @@ def build(
             f"no dive deeper than {rules.min_depth:g} m and longer than {rules.min_duration:g} s "
             f"in {summarise(files)}; lower --min-depth for a shallower log"
         )
+    for axis in ("north", "east"):  # a store has no variable of NaN alone
+        if not any(np.isfinite(row.numbers[f"dac_{axis}"]) for row in rows):
+            for row in rows:
+                del row.numbers[f"dac_{axis}"]
     names = tuple(n for n in VARIABLES if any(n in row.signals for row in rows))
     samples = sum(len(row.signals["measured_gap"]) for row in rows)
     report = ImportReport(

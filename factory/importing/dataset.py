@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.current import METHOD
 from factory.importing.log import Array, Log
 from factory.importing.segments import PHASES, Segment
 from twin.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES
@@ -53,6 +54,8 @@ NUMBERS: dict[str, tuple[str, str]] = {
     "magnetic_variation": ("degree", "magnetic variation that was applied, east positive"),
     "vehicle_dac_north": ("m s-1", "depth-averaged current that the vehicle reported, north"),
     "vehicle_dac_east": ("m s-1", "depth-averaged current that the vehicle reported, east"),
+    "dac_north": ("m s-1", "depth-averaged current by the fixes and w/tan(pitch + 3 deg), north"),
+    "dac_east": ("m s-1", "depth-averaged current by the fixes and w/tan(pitch + 3 deg), east"),
     "thruster_fraction": ("1", "part of the row's time with the thruster on"),
 }
 """Units and meaning of the per-row numbers."""
@@ -156,7 +159,10 @@ def _per_row(rows: Sequence[Row]) -> dict[str, Any]:
     for name, (units, long_name) in NUMBERS.items():
         if any(name in entry for entry in numbers):
             values = np.array([entry.get(name, np.nan) for entry in numbers], np.float64)
-            variables[name] = (MISSION, values, {"units": units, "long_name": long_name})
+            described = {"units": units, "long_name": long_name}
+            if name.startswith("dac_"):
+                described["comment"] = METHOD
+            variables[name] = (MISSION, values, described)
     variables["dive"] = (
         MISSION,
         np.array([int(entry["dive"]) for entry in numbers], np.int32),
@@ -168,7 +174,7 @@ def _per_row(rows: Sequence[Row]) -> dict[str, Any]:
         {
             "units": "seconds since 1970-01-01T00:00:00",
             "calendar": "proleptic_gregorian",
-            "long_name": "time of the row's first sample",
+            "long_name": "UTC time of the row's first sample: of the fix before the dive, if any",
             "standard_name": "time",
         },
     )

@@ -101,7 +101,7 @@ def _afloat(fixes: Fixes, depth: Channel, rules: Rules, tally: Tally) -> Fixes:
     """Fixes at the surface, and those just below it where the receiver has hardly coasted yet."""
     near = np.abs(nearest(depth.time, fixes.time) - fixes.time) < _NEAR
     deep = near & ~_at_surface(fixes.time, depth, rules)
-    if deep.mean() > _SHARE and deep.sum() >= _LEAST:
+    if deep.sum() > _SHARE * near.sum() and deep.sum() >= _LEAST:
         tally.add("suspect", "GPS fixes", int(deep.sum()), _clocks(fixes.time, depth, rules))
     keep = ~deep
     coasted = 0

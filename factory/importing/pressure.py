@@ -57,9 +57,8 @@ def slocum_pressure(native: Mapping[str, Channel], tally: Tally) -> dict[str, Ch
             found[name] = channel
     if not found:
         return {}
-    # compared by the time they cover, since a fast sensor has more samples
-    cover = {n: float(np.minimum(np.diff(c.time), _COVER_GAP).sum()) for n, c in found.items()}
-    enough = [n for n in found if cover[n] > _COVERED * max(cover.values())]
+    cover = {name: _cover(channel) for name, channel in found.items()}
+    enough = [n for n in found if cover[n] >= _COVERED * max(cover.values())]
     noise = {n: pressure_noise(found[n]) for n in found}
     best = min(enough, key=lambda n: noise[n])
     others = ", ".join(f"{n} {noise[n]:.2g}" for n in enough if n != best)
@@ -72,6 +71,12 @@ def slocum_pressure(native: Mapping[str, Channel], tally: Tally) -> dict[str, Ch
         pressure, added = filled(pressure, found[name])
         tally.add("note", "measured_pressure", added, f"from {name} where {best} was silent")
     return {"measured_pressure": pressure}
+
+
+def _cover(channel: Channel) -> float:
+    """[s] Time under water that a sensor covers; a fast one has more samples, not more cover."""
+    gap = np.minimum(np.diff(channel.time), _COVER_GAP)
+    return float(gap[channel.values[1:] > _MOVING].sum())
 
 
 def filled(pressure: Channel, other: Channel) -> tuple[Channel, int]:

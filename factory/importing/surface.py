@@ -60,6 +60,8 @@ def zeroed(log: Log, rules: Rules, tally: Tally) -> Log:
     if not every:
         return log
     shown = np.array([stay.depth for stay in every])
+    if len(shown) > 1 and np.median(np.abs(np.diff(shown))) > _SPREAD:
+        return log
     half = _WINDOW // 2
     around = np.array(
         [np.median(shown[max(0, k - half) : k + half + 1]) for k in range(len(shown))]
