@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Callable
 from typing import Any
 
 from learn.evaluate import evaluate
 from learn.features import SENSORS, features_of
+from learn.files import write_json
 from learn.fit import FitConfig, Watch, fit
 from learn.judge import judged_split
 from learn.run import ABLATION, Run
@@ -49,5 +49,5 @@ def ablate(
             part.networks(), run.store, split=split, baselines=(), period=run.period
         )
         figures[f"without {sensor}"] = to_json(evaluation.to_json())
-    (run.path / ABLATION).write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    write_json(run.path / ABLATION, figures)
     return figures

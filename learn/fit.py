@@ -7,12 +7,18 @@ import functools
 import json
 import math
 import multiprocessing
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from learn.claim import CHECKPOINT, Claim, recover
+from learn.dataset import load_missions
+from learn.features import channels_of
+from learn.logs import SPEED
 from learn.networks import NetworkConfig
+from learn.parent import end_with
 from learn.preparation import Division, prepare
 from learn.run import (
     DESCRIPTION,
@@ -23,25 +29,29 @@ from learn.run import (
     now,
     open_run,
     read_description,
+    repair_metrics,
     stem,
     versions,
     write_description,
 )
 from learn.schedule import TrainingConfig
-from learn.training import Report, Trainer
+from learn.store import content_hash, open_missions
+from learn.training import Report, Trainer, pick_device
 from twin.console import to_json
-from twin.errors import InputError, TwinError
-from twin.store import open_store
+from twin.errors import InputError, StoreError, TwinError
 
 if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
 
-CHECKPOINT = ".checkpoint"
 STORE_ATTRIBUTES = (
     *("preset", "seed", "hours", "sensors", "vehicle_sha256", "history"),
     *("source_format", "platform", "sample_period_s"),
 )
 """What a run keeps of its store's description."""
+CONTENT = "store_content"
+"""Entry of `run.json`: see `learn.store.content_hash`."""
+FREE = ("device", "threads")
+"""Settings of a training with which another machine may go on."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -73,6 +83,45 @@ class FitConfig:
             raise InputError(f"members must be at least 1, not {self.members}")
         if not self.features:
             raise InputError("the networks need at least one input feature")
+
+    @classmethod
+    def of(cls, settings: Mapping[str, Any], folder: Path) -> FitConfig:
+        """From a run's stored settings; those of a later version than the run are the defaults.
+
+        Raises:
+          StoreError: they are damaged, or of a later version.
+        """
+        values = dict(settings)
+        try:
+            values["network"] = NetworkConfig(**values["network"])
+            values["training"] = TrainingConfig(**values["training"])
+            for name in ("features", "held_out"):
+                values[name] = tuple(values.get(name, ()))
+            return cls(**values)
+        except (TypeError, KeyError) as error:
+            raise StoreError(
+                f"{folder / DESCRIPTION} has settings that this version does not know ({error})"
+            ) from error
+
+    def differences(self, other: FitConfig) -> list[str]:
+        """What `other` has otherwise, setting by setting, without those that may change."""
+        ours, theirs = (dataclasses.asdict(config) for config in (self, other))
+        for part in ("network", "training"):
+            for values in (ours, theirs):
+                values |= {k: v for k, v in values.pop(part).items() if k not in FREE}
+        found = []
+        for name, mine in ours.items():
+            if mine == theirs[name]:
+                continue
+            if isinstance(mine, tuple):
+                gone = [str(v) for v in mine if v not in theirs[name]]
+                new = [str(v) for v in theirs[name] if v not in mine]
+                parts = [f"with {', '.join(gone)}"] * bool(gone)
+                parts += [f"without {', '.join(new)}"] * bool(new)
+                found.append(f"{name} {' and '.join(parts) or 'in another order'}")
+            else:
+                found.append(f"{name} {mine} instead of {theirs[name]}")
+        return found
 
     def jobs(self) -> list[Job]:
         """The networks to train."""
@@ -112,31 +161,73 @@ def fit(
     folder: Path,
     *,
     resume: bool = False,
+    replace: bool = False,
     workers: int = 2,
     watch: Watch | None = None,
     history: str = "",
 ) -> Run:
     """Train what is missing in `folder` and describe it; the evaluation is a step of its own.
 
+    A start that fails, or is interrupted before anything is trained, leaves what was there.
+
     Args:
       resume: go on with an unfinished run of the same settings; start it if there is none.
+      replace: put the new run in the place of an old one.
       workers: processes; 1 trains in this one.
       watch: sees every validation.
       history: command line for the record.
 
     Raises:
-      InputError: the folder is in use, or holds a run of other settings.
+      InputError: the folder is in use, or holds a run of other settings or of another store.
       StoreError: the store cannot be used (see `learn.dataset`).
     """
-    description = _begin(config, folder, resume=resume, history=history)
+    if workers < 1:
+        raise InputError(f"workers must be at least 1, not {workers}")
+    if resume and replace:
+        raise InputError(
+            "a run is either gone on with or replaced: leave out --resume or --overwrite"
+        )
+    recover(folder)
+    there = _run_there(folder)
+    if there is not None and not (resume or replace):
+        raise InputError(f"run {folder} exists; use --resume, --overwrite or another --name")
+    content = _check_sources(config)
+    going_on = there is not None and resume
+    if there is not None and resume:
+        _check_same(config, there, content, folder)
+        description = there
+    else:
+        description = _describe(config, content, history)
+    claim = Claim(folder, new=not going_on)
+    try:
+        with claim:
+            if going_on:
+                repair_metrics(folder)
+            write_description(folder, description)
+            return _train_all(config, claim, description, workers=workers, watch=watch)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(claim.outcome()) from None
+
+
+def _train_all(
+    config: FitConfig,
+    claim: Claim,
+    description: dict[str, Any],
+    *,
+    workers: int,
+    watch: Watch | None,
+) -> Run:
+    folder = claim.folder
     jobs = [job for job in config.jobs() if not (folder / f"{job.name}.json").is_file()]
     results = dict(description.get("networks", {}))
 
     def finished(job: Job, report: Report | None) -> None:
+        claim.settle()
         results[job.name] = _figures(job, report)
         write_description(folder, {**description, "networks": results})
 
     def seen(job: Job, report: Report) -> None:
+        claim.settle()
         record = {"network": job.name, **dataclasses.asdict(report)}
         with (folder / METRICS).open("a") as file:
             file.write(json.dumps(to_json(record)) + "\n")
@@ -189,37 +280,64 @@ def train(job: Job, folder: Path, report: Callable[[Report], None]) -> Report | 
     return trained.history[-1] if trained.history else None
 
 
-def _begin(config: FitConfig, folder: Path, *, resume: bool, history: str) -> dict[str, Any]:
-    """The description of a new run, or that of the one to go on with."""
-    settings = to_json(config)
-    if folder.exists() and any(folder.iterdir()):
-        if not (folder / DESCRIPTION).is_file():
-            raise InputError(f"{folder} is in the way and is not a run; choose another --name")
-        if not resume:
-            raise InputError(f"run {folder} exists; use --resume, --overwrite or another --name")
-        found = read_description(folder)
-        for name, value in settings.items():
-            if found["settings"].get(name) != value:
-                raise InputError(
-                    f"run {folder} was started with {name} {found['settings'].get(name)}, not "
-                    f"{value}; give the same settings or another --name"
-                )
-        return found
-    dataset = open_store(config.store)
+def _run_there(folder: Path) -> dict[str, Any] | None:
+    """The description of the run in a folder, None where there is nothing.
+
+    Raises:
+      InputError: something else is there.
+    """
+    if not folder.exists():
+        return None
+    if not folder.is_dir() or (any(folder.iterdir()) and not (folder / DESCRIPTION).is_file()):
+        raise InputError(f"{folder} is in the way and is not a run; choose another --name")
+    return read_description(folder) if (folder / DESCRIPTION).is_file() else None
+
+
+def _check_sources(config: FitConfig) -> str:
+    """Make sure, before anything is written, that store, device and start can be used.
+
+    Returns:
+      The store's content, see `learn.store.content_hash`.
+    """
+    pick_device(config.training.device)
+    if config.start is not None:
+        for ensemble in open_run(config.start).networks().values():
+            if ensemble.members[0].features != config.features:
+                raise InputError(f"run {config.start} has other inputs; leave them to --start")
+    channels = (*channels_of(config.features), *(f"true_{name}" for name in TARGETS))
+    load_missions(config.store, channels, limit=1, period=config.period)
+    return content_hash(config.store, (*channels, SPEED))
+
+
+def _check_same(config: FitConfig, found: Mapping[str, Any], content: str, folder: Path) -> None:
+    """Refuse to go on with a run under other settings or on other data."""
+    if changes := FitConfig.of(found["settings"], folder).differences(config):
+        raise InputError(
+            f"run {folder} was started with {'; '.join(changes)}: leave these options out to go on "
+            "with it, or choose another --name"
+        )
+    if found.get(CONTENT, content) != content:
+        raise InputError(
+            f"store {config.store} is not the one that run {folder} was started on, its missions "
+            "differ: bring that one back, or start anew with --overwrite"
+        )
+
+
+def _describe(config: FitConfig, content: str, history: str) -> dict[str, Any]:
+    """The description of a new run."""
+    dataset = open_missions(config.store)
     attributes = {k: dataset.attrs[k] for k in STORE_ATTRIBUTES if k in dataset.attrs}
     dataset.close()
-    folder.mkdir(parents=True, exist_ok=True)
-    description = {
+    return {
         "format": FORMAT,
         "created": now(),
         "complete": False,
         "history": history,
-        "settings": settings,
+        "settings": to_json(config),
         "store": attributes,
+        CONTENT: content,
         "versions": versions(),
     }
-    write_description(folder, description)
-    return description
 
 
 def _figures(job: Job, report: Report | None) -> dict[str, Any]:
@@ -265,7 +383,7 @@ def _train_aside(
                 try:
                     kind, content = worker.messages.recv()
                 except EOFError:
-                    kind, content = "error", _death(worker)
+                    kind, content = "error", _death(worker, folder)
                 if kind == "report":
                     seen(worker.job, content)
                 elif kind == "done":
@@ -284,19 +402,20 @@ def _train_aside(
 def _start(job: Job, folder: Path) -> _Worker:
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=_work, args=(job, folder, sender), daemon=True, name=job.name)
+    process = context.Process(
+        target=_work, args=(job, folder, sender, os.getpid()), daemon=True, name=job.name
+    )
     process.start()
     sender.close()  # so that the process's death shows as the end of the messages
     return _Worker(job, process, receiver)
 
 
-def _work(job: Job, folder: Path, messages: Connection) -> None:
+def _work(job: Job, folder: Path, messages: Connection, parent: int) -> None:
     """One process: reports and the result go through the pipe."""
     import signal
     import sys
 
-    # An interrupt is for the parent, which ends this process; it then leaves in good order.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with(parent)  # after an interrupt the parent ends this process, which leaves in good order
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())
     try:
         last = train(job, folder, lambda report: messages.send(("report", report)))
@@ -309,9 +428,9 @@ def _work(job: Job, folder: Path, messages: Connection) -> None:
         messages.send(("done", last))
 
 
-def _death(worker: _Worker) -> TwinError:
+def _death(worker: _Worker, folder: Path) -> TwinError:
     worker.process.join()
     return TwinError(
         f"the process that trains {worker.job.name} ended with code {worker.process.exitcode} "
-        "(out of memory?); go on with `learn fit --resume`"
+        f"(out of memory?); go on with `learn fit --name {folder.name} --resume`"
     )

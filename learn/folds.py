@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 
 from learn.dataset import TARGETS, load_missions
 from learn.features import channels_of
+from learn.files import write_json
 from learn.fit import FitConfig, Watch, fit
 from learn.logs import SPEED, is_real
 from learn.run import Run
@@ -113,7 +113,7 @@ def leave_out_each(
             Fold(row=row, samples=int(known.sum()), squared=float(np.square(error[known]).sum()))
         )
     found = Folds(tuple(folds))
-    (run.path / FOLDS).write_text(json.dumps(found.to_json(), indent=2) + "\n", encoding="utf-8")
+    write_json(run.path / FOLDS, found.to_json())
     return found
 
 

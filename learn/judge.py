@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 from learn.baselines import BASELINES, Estimate
 from learn.dataset import SPLITS, Mission, load_missions
 from learn.evaluate import NETWORK, Evaluation, Watch, evaluate
+from learn.files import read_json, write_json
 from learn.logs import is_real
 from learn.report.build import Contents, Judged, build_page
 from learn.report.card import model_card
@@ -104,11 +104,11 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
         run = run.remember(error_model=dataclasses.asdict(_error_model(run, others)))
     say(f"evaluating on {split} missions, with floor and baselines")
     test = judge(run, run.store, split=split)
-    _write(run.path / EVALUATION, test.figures)
+    write_json(run.path / EVALUATION, test.figures)
     say("flying the paper's test in three currents")
     paper = None if is_log_store(run.store) else _paper_test(run)
     if paper is not None:
-        _write(run.path / PAPER_TEST, paper.figures)
+        write_json(run.path / PAPER_TEST, paper.figures)
     write_page(run, test, paper, history=history)
     (run.path / CARD).write_text(model_card(run, test.figures, split), encoding="utf-8")
     return run
@@ -119,7 +119,6 @@ def write_page(run: Run, test: Judged, paper: Judged | None, *, history: str) ->
     settings = run.description["settings"]
     if is_log_store(run.store):
         return build_log_page((run.path / REPORT).parent, run, test, provenance(run), history)
-    ablation = run.path / ABLATION
     contents = Contents(
         title=f"Surge and sway networks: {run.name}",
         lead=f"{settings['network']['kind']} networks, {test.figures['missions']} "
@@ -129,11 +128,18 @@ def write_page(run: Run, test: Judged, paper: Judged | None, *, history: str) ->
         error_model=run.error_model(),
         metrics=run.metrics(),
         training=_training_mission(run),
-        ablation=json.loads(ablation.read_text()) if ablation.is_file() else {},
+        ablation=_ablation(run),
         provenance=provenance(run),
         command=history or str(run.description.get("history", "")),
     )
     return build_page((run.path / REPORT).parent, contents)
+
+
+def _ablation(run: Run) -> dict[str, Any]:
+    """What `ablation.json` holds; empty without one."""
+    path = run.path / ABLATION
+    remedy = f"`learn fit --name {run.name} --resume --ablation` writes it anew"
+    return read_json(path, remedy) if path.is_file() else {}
 
 
 def provenance(run: Run) -> dict[str, object]:
@@ -205,7 +211,3 @@ def _training_mission(run: Run) -> Mission | None:
     split = "train" if "split" in present else "all"
     missions = load_missions(run.store, channels, split=split, limit=1)
     return missions[0] if missions else None
-
-
-def _write(path: Path, figures: Mapping[str, Any]) -> None:
-    path.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from learn.dataset import Mission
 from learn.features import FEATURES
+from learn.files import read_json, write_json
 from learn.networks import Network, NetworkConfig, build_network
 from learn.normalisation import Normalisation
 from twin.errors import InputError, StoreError, unknown_name
@@ -53,17 +54,23 @@ class Predictor:
         return [scale * values + mean for values in free_run(self.network, matrices)]
 
     def save(self, stem: Path) -> None:
-        """Write `stem`.safetensors (weights) and `stem`.json (everything else)."""
+        """Write `stem`.safetensors (weights) and `stem`.json (everything else).
+
+        The description is written last: where it is, the network is whole.
+        """
         from safetensors.torch import save_file
 
         state = {k: v.detach().cpu().contiguous() for k, v in self.network.state_dict().items()}
-        save_file(state, str(stem.with_suffix(".safetensors")))
+        weights = stem.with_suffix(".safetensors")
+        half = weights.with_name(weights.name + ".part")
+        save_file(state, str(half))
+        half.replace(weights)
         description = {
             "format": FORMAT,
             "network": dataclasses.asdict(self.network.config),
             "normalisation": dataclasses.asdict(self.normalisation),
         }
-        stem.with_suffix(".json").write_text(json.dumps(description, indent=2) + "\n")
+        write_json(stem.with_suffix(".json"), description)
 
 
 def load_predictor(stem: Path) -> Predictor:
@@ -80,11 +87,8 @@ def load_predictor(stem: Path) -> Predictor:
     for path in (description_path, weights_path):
         if not path.is_file():
             raise StoreError(f"no network at {path}; train one with `learn fit`")
-    try:
-        description = json.loads(description_path.read_text())
-        version = description["format"]
-    except (ValueError, KeyError, TypeError) as error:
-        raise StoreError(f"{description_path} is damaged or not a network's description") from error
+    description = read_json(description_path, "bring it back from a copy, or train it anew")
+    version = description.get("format")
     if version != FORMAT:
         raise StoreError(
             f"{description_path} has format {version}, this program reads {FORMAT}; train it anew"
@@ -102,6 +106,16 @@ def load_predictor(stem: Path) -> Predictor:
     except (KeyError, TypeError, RuntimeError, SafetensorError) as error:
         message = " ".join(str(error).split())
         raise StoreError(f"{weights_path} does not fit {description_path}: {message}") from error
+    for name in ("mean", "scale"):
+        values = getattr(normalisation, name)
+        if len(values) != len(normalisation.features):
+            raise StoreError(
+                f"{description_path} is damaged: normalisation.{name} has {len(values)} numbers "
+                f"for {len(normalisation.features)} features; bring it back from a copy, or train "
+                "it anew"
+            )
+        if not all(isinstance(v, float | int) and math.isfinite(v) for v in values):
+            raise StoreError(f"{description_path} is damaged: normalisation.{name} is not finite")
     unknown = [name for name in normalisation.features if name not in FEATURES]
     if unknown:
         raise InputError(unknown_name("feature", unknown[0], FEATURES))

@@ -16,10 +16,11 @@ import dataclasses
 import datetime
 import json
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from learn.files import read_json, write_json
 from twin.errors import InputError, StoreError
 from twin.version import __version__
 
@@ -39,6 +40,8 @@ CARD = "README.md"
 REPORT = Path("report") / "index.html"
 FORMAT = 1
 """Version of `run.json`."""
+SETTINGS = ("store", "features", "network", "training", "members", "division")
+"""Settings without which a run cannot be read."""
 TARGETS = ("surge", "sway")
 FACTORY_PERIOD = 0.5
 """[s] of stores that do not say it: all were made by the factory."""
@@ -106,22 +109,60 @@ class Run:
         return found
 
     def metrics(self) -> list[dict[str, Any]]:
-        """Lines of `metrics.jsonl`; none when it is missing."""
+        """Lines of `metrics.jsonl`; none when it is missing. A last line that a kill halved is left
+        out.
+
+        Raises:
+          StoreError: another line is damaged (named).
+        """
         path = self.path / METRICS
         if not path.is_file():
             return []
-        return [json.loads(line) for line in path.read_text().splitlines() if line]
+        found = []
+        for number, line in enumerate(_whole_lines(path), 1):
+            try:
+                found.append(json.loads(line))
+            except ValueError as error:
+                raise StoreError(
+                    f"{path} is damaged in line {number} ({error}); take that line out"
+                ) from error
+        return found
 
     def evaluation(self) -> dict[str, Any] | None:
-        """What `evaluation.json` holds, None without one."""
+        """What `evaluation.json` holds, None without one.
+
+        Raises:
+          StoreError: it is damaged, or lacks a figure (named).
+        """
+        from learn.score import summarise_scores
+
         path = self.path / EVALUATION
-        return json.loads(path.read_text()) if path.is_file() else None
+        if not path.is_file():
+            return None
+        remedy = f"`learn fit --name {self.name} --resume` writes it anew"
+        found = read_json(path, remedy)
+        figures = tuple(summarise_scores(()))
+        _need(found, ("store", "split", *figures, "floor", "baselines"), path, remedy)
+        _need(found["floor"], figures, path, remedy)
+        for baseline in found["baselines"].values():
+            _need(baseline, figures, path, remedy)
+        return found
 
     def error_model(self) -> ErrorModel:
-        """What validation missions said about its errors; the defaults without any."""
+        """What validation missions said about its errors; the defaults without any.
+
+        Raises:
+          StoreError: `run.json` holds one with other entries.
+        """
         from learn.uncertainty import ErrorModel
 
-        return ErrorModel(**self.description.get("error_model", {}))
+        try:
+            return ErrorModel(**self.description.get("error_model", {}))
+        except TypeError as error:
+            raise StoreError(
+                f"{self.path / DESCRIPTION} is damaged: its error_model is not one ({error}); "
+                f"`learn fit --name {self.name} --resume` fits it anew"
+            ) from error
 
     def remember(self, **entries: object) -> Run:
         """This run with more in its `run.json`."""
@@ -147,7 +188,9 @@ def open_run(path: str | Path) -> Run:
         folder = RUNS / folder
     description = read_description(folder)
     if not description.get("complete"):
-        raise StoreError(f"run {folder} is not finished; go on with `learn fit --resume`")
+        raise StoreError(
+            f"run {folder} is not finished; go on with `learn fit --name {folder.name} --resume`"
+        )
     return Run(folder, description)
 
 
@@ -156,28 +199,62 @@ def read_description(folder: Path) -> dict[str, Any]:
     path = folder / DESCRIPTION
     if not path.is_file():
         if (folder / "zarr.json").is_file():
-            raise InputError(f"{folder} is a store, not a run; give the run first, then the store")
+            raise InputError(
+                f"{folder} is a store, not a run; give the run first, then the store, as in "
+                f"`learn evaluate {_example()} {folder}`"
+            )
         raise InputError(
             f"{folder} is not a run (no {DESCRIPTION} there nor in {RUNS / folder}); make one: "
             "`learn fit`"
         )
+    description = read_json(path, "bring it back from a copy, or fit the run anew")
     try:
-        description: dict[str, Any] = json.loads(path.read_text())
         version = int(description["format"])
     except (ValueError, KeyError, TypeError) as error:
         raise StoreError(f"{path} is damaged: {type(error).__name__} {error}") from error
     if version != FORMAT:
         raise StoreError(f"{path} has format {version}, this program reads {FORMAT}; fit it anew")
+    remedy = "bring it back from a copy, or fit the run anew"
+    _need(description, ("settings", "store", "versions", "created"), path, remedy)
+    _need(description["settings"], SETTINGS, path, remedy)
     return description
 
 
+def _need(figures: Any, names: Iterable[str], path: Path, remedy: str) -> None:
+    """Refuse an object of a JSON file that lacks one of these entries."""
+    for name in names:
+        if not isinstance(figures, Mapping) or name not in figures:
+            raise StoreError(f"{path} is damaged: it has no {name!r}; {remedy}")
+
+
+def _whole_lines(path: Path) -> list[str]:
+    """Lines of a text file that end; blank ones left out."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    return [line for line in text[: text.rfind("\n") + 1].splitlines() if line]
+
+
+def repair_metrics(folder: Path) -> None:
+    """Take out a last line that a kill halved, so that the next one starts a line of its own."""
+    path = folder / METRICS
+    if path.is_file() and not path.read_bytes().endswith(b"\n"):
+        half = path.with_name(path.name + ".part")
+        half.write_text("".join(f"{line}\n" for line in _whole_lines(path)), encoding="utf-8")
+        half.replace(path)
+
+
+def _example() -> str:
+    """The newest run's folder, or a word for it."""
+    try:
+        return str(newest_run().path)
+    except InputError:
+        return "RUN"
+
+
 def write_description(folder: Path, description: Mapping[str, Any]) -> None:
-    """Write `run.json` so that a kill leaves the old or the new one."""
+    """Write `run.json`."""
     from twin.console import to_json
 
-    half = folder / (DESCRIPTION + ".part")
-    half.write_text(json.dumps(to_json(description), indent=2) + "\n")
-    half.replace(folder / DESCRIPTION)
+    write_json(folder / DESCRIPTION, to_json(description))
 
 
 def newest_run(root: Path = RUNS) -> Run:
@@ -187,7 +264,7 @@ def newest_run(root: Path = RUNS) -> Run:
       InputError: there is none.
     """
     found = []
-    for path in root.glob(f"*/{DESCRIPTION}"):
+    for path in root.glob(f"[!.]*/{DESCRIPTION}"):
         try:
             found.append(open_run(path.parent))
         except (StoreError, InputError):

@@ -7,10 +7,7 @@ import dataclasses
 import math
 import multiprocessing
 import os
-import signal
 import tempfile
-import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +18,7 @@ from learn.benchmark.folds import fit_fold
 from learn.benchmark.row import Row
 from learn.benchmark.source import Deployment, gather
 from learn.benchmark.surge_networks import Pretrained
+from learn.parent import end_with
 from twin.errors import TwinError
 
 Say = Callable[[str], None]
@@ -46,7 +44,7 @@ class Pool:
         context = multiprocessing.get_context("spawn")
         self._pool = (
             concurrent.futures.ProcessPoolExecutor(
-                workers, mp_context=context, initializer=_begin, initargs=(os.getpid(),)
+                workers, mp_context=context, initializer=end_with, initargs=(os.getpid(),)
             )
             if workers > 1
             else None
@@ -73,22 +71,6 @@ class Pool:
             self._pool.shutdown(wait=False, cancel_futures=True)
             for process in multiprocessing.active_children():
                 process.terminate()
-
-
-PARENT_CHECK_S = 1.0
-"""[s] between looks whether the parent lives."""
-
-
-def _begin(parent: int) -> None:
-    """In a process: an interrupt is the parent's to answer, and without it there is no work."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(PARENT_CHECK_S)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 def _guarded(function: Callable[[Any], Any], job: Any) -> Any:

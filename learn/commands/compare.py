@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from learn.run import open_run
+from learn.run import newest_run, open_run
 from twin.console import Console, JsonOption
 from twin.errors import InputError
 from twin.program import EXIT_OK
@@ -18,8 +18,8 @@ from twin.program import EXIT_OK
 class Compare(JsonOption):
     """Runs side by side: as they were judged when fitted, or anew on one store."""
 
-    runs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """folders or names of runs"""
+    runs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN ...")] = ()
+    """folders or names of runs [default: the newest in runs/]"""
     store: Path | None = None
     """evaluate all of them on this store instead of reading what each has on its own"""
     split: str = "test"
@@ -29,11 +29,8 @@ class Compare(JsonOption):
         """Print one table."""
         from learn.report.tables import comparison_rows
 
-        if not self.runs:
-            raise InputError("name at least one run to compare")
         figures = {}
-        for path in self.runs:
-            run = open_run(path)
+        for run in [open_run(path) for path in self.runs] or [newest_run()]:
             if self.store is not None:
                 from learn.judge import judge
 

@@ -43,6 +43,7 @@ class Evaluate(JsonOption):
     def run(self, console: Console) -> int:
         """Evaluate, print, write what was asked for."""
         os.environ.setdefault("OMP_NUM_THREADS", "1")
+        from learn.files import check_file, check_folder
         from learn.judge import is_log_store, judge
         from learn.log_score import sentences
         from learn.report.tables import dive_rows, summary_rows, verdicts
@@ -55,8 +56,12 @@ class Evaluate(JsonOption):
             )
         collector = TrackCollector()
         watches = [] if self.tracks is None else [collector.add]
+        # the evaluation takes minutes: a place that refuses it is found out before
         if self.tracks is not None:
             check_ending(self.tracks)
+            check_file(self.tracks, "--tracks", folder=self.tracks.suffix == ".zarr")
+        if self.out is not None:
+            check_folder(self.out, "--out")
         with console.progress(total=_count(self), label="evaluate", unit="missions") as progress:
 
             def see(reference: Reference, estimates: Mapping[str, Estimate]) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +14,9 @@ import tyro
 from learn.run import newest_run, open_run
 from twin.console import Console, JsonOption
 from twin.program import EXIT_OK
+
+WIDTH = 100
+"""Columns of the answer's text."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,12 +57,19 @@ class Export(JsonOption):
                     "model": str(parity.path),
                     "largest difference [m/s]": parity.largest,
                     "time per step [us]": parity.step_us,
-                    "features": ", ".join(networks[name.partition("-")[0]].members[0].features),
                 }
-                for name, parity in checked.items()
+                for parity in checked.values()
             ],
             title=f"checked over the {longest.samples} samples of mission {longest.index}: at most "
             f"{TOLERANCE:g} m/s from the trained network",
             digits=3,
         )
+        console.say()
+        console.say(_features_line(run.features))
         return EXIT_OK
+
+
+def _features_line(features: Sequence[str]) -> str:
+    """The inputs in their order, in lines of a terminal."""
+    text = f"features of each model, in this order: {', '.join(features)}"
+    return textwrap.fill(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import os
 import shlex
-import shutil
 import sys
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from learn.run import DEFAULT_STORE, DESCRIPTION, RUNS, free_name
+from learn.run import DEFAULT_STORE, DESCRIPTION, RUNS, free_name, open_run, read_description
 from twin.console import Console, JsonOption
-from twin.errors import InputError
+from twin.errors import InputError, unknown_name
 from twin.program import EXIT_OK
 
 if TYPE_CHECKING:
@@ -24,15 +23,36 @@ if TYPE_CHECKING:
     from twin.progress import Progress
 
 
+DEFAULT_MEMBERS = 2
+DEFAULT_INPUTS = "full"
+CHOICES = {
+    "kind": ("elman", "lstm", "gru", "tcn", "mlp"),
+    "inputs": ("full", "glider"),
+    "optimiser": ("soap", "adam", "scg"),
+    "division": ("missions", "samples"),
+    "device": ("auto", "cpu", "cuda"),
+}
+"""Options of few words. They are text for the parser, which would list None among the words."""
+
+
+def _words(option: str) -> Any:
+    """How the help shows an option of `CHOICES`."""
+    return tyro.conf.arg(metavar="{" + ",".join(CHOICES[option]) + "}")
+
+
+KIND, INPUTS, OPTIMISER, DIVISION, DEVICE = (_words(option) for option in CHOICES)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Fit(JsonOption):
     """Train surge and sway networks on a store, judge them by dead reckoning, write a report."""
 
-    store: Annotated[Path, tyro.conf.Positional] = DEFAULT_STORE
-    """store of missions"""
+    # An option that is not given is None, so that a run that is gone on with keeps its own.
+    store: Annotated[Path | None, tyro.conf.Positional] = None
+    """store of missions [default: data/missions.zarr]"""
     name: str | None = None
     """name of the run, its folder in runs/ [default: date and number]"""
-    kind: Literal["elman", "lstm", "gru", "tcn", "mlp"] | None = None
+    kind: Annotated[str | None, KIND] = None
     """kind of network [default: elman, the paper's]"""
     hidden: int | None = None
     """units per hidden layer [default: 50]"""
@@ -40,13 +60,14 @@ class Fit(JsonOption):
     """hidden layers [default: 3]"""
     delays: int | None = None
     """elman: past outputs that a hidden layer is fed back [default: 5]"""
-    inputs: Literal["full", "glider"] = "full"
-    """full needs gyroscopes and accelerometers, glider is what every glider's log has"""
+    inputs: Annotated[str | None, INPUTS] = None
+    """full needs gyroscopes and accelerometers, glider is what every glider's log has
+    [default: full]"""
     features: tuple[str, ...] = ()
     """features or groups instead of a set of --inputs, such as attitude depth_rate glide_speed"""
     without: tuple[str, ...] = ()
     """features, groups or sensors (imu, attitude, controls) that the vehicle lacks"""
-    optimiser: Literal["soap", "adam", "scg"] | None = None
+    optimiser: Annotated[str | None, OPTIMISER] = None
     """soap or adam with a schedule, or scg, the paper's conjugate gradients [default: soap]"""
     seconds: float | None = None
     """time in training of each network; two are trained side by side [default: 120]"""
@@ -56,12 +77,13 @@ class Fit(JsonOption):
     """samples that a piece of a mission counts; longer ones teach a longer memory [default: 128]"""
     washin: int | None = None
     """samples before it in which the network finds its state [default: 48]"""
-    seed: int = 0
-    """of initial weights and order; every network gets one of its own from it"""
-    members: int = 2
-    """networks per velocity; with more than one their spread is an uncertainty"""
-    division: Literal["missions", "samples"] = "missions"
-    """missions: the store's split; samples: the paper's random 70/15/15, which leaks"""
+    seed: int | None = None
+    """of initial weights and order; every network gets one of its own from it [default: 0]"""
+    members: int | None = None
+    """networks per velocity; with more than one their spread is an uncertainty [default: 2]"""
+    division: Annotated[str | None, DIVISION] = None
+    """missions: the store's split; samples: the paper's random 70/15/15, which leaks
+    [default: missions]"""
     no_mirror: bool = False
     """do not show every mission mirrored too, port for starboard: for a lopsided vehicle"""
     period: float | None = None
@@ -71,18 +93,18 @@ class Fit(JsonOption):
     simulation then real"""
     leave_out_each_dive: bool = False
     """real logs: train once per dive with truth, without it, and judge it; then go on as usual"""
-    device: Literal["auto", "cpu", "cuda"] = "cpu"
-    """auto takes a GPU when there is one"""
+    device: Annotated[str | None, DEVICE] = None
+    """auto takes a GPU when there is one [default: cpu]"""
     workers: int | None = None
     """processes [default: the CPUs that this process may use]"""
     ablation: bool = False
     """train again without IMU, attitude and controls, for a table in the report (takes longer)"""
     tensorboard: bool = False
-    """write TensorBoard events into the run too (needs the extra `tensorboard`)"""
+    """write TensorBoard events into the run too (needs the package tensorboard)"""
     resume: bool = False
-    """go on with the run of this --name; start it if there is none"""
+    """go on with the run of this --name and its settings; start it if there is none"""
     overwrite: bool = False
-    """replace the run of this --name"""
+    """replace the run of this --name once the new one trains"""
 
     def run(self, console: Console) -> int:
         """Train, judge, report."""
@@ -93,25 +115,29 @@ class Fit(JsonOption):
 
         if self.resume and self.name is None:
             raise InputError("--resume needs the --name of the run to go on with")
-        config = self._config()
+        if self.resume and self.overwrite:
+            raise InputError("--resume goes on with a run, --overwrite replaces it: give one")
+        self._check_choices()
         folder = self._folder()
-        workers = self.workers or len(os.sched_getaffinity(0))
+        config = self._config(self._stored(folder) if self.resume else None)
+        if self.tensorboard:
+            _event_writer_type()
+        if self.leave_out_each_dive:
+            from learn.folds import dives_with_truth
+
+            dives_with_truth(config)
+        workers = len(os.sched_getaffinity(0)) if self.workers is None else self.workers
         history = shlex.join(["learn", *sys.argv[1:]])
-        try:
-            with _Watcher(console, config, folder, events=self.tensorboard) as watcher:
-                run = fit(
-                    config,
-                    folder,
-                    resume=self.resume,
-                    workers=workers,
-                    watch=watcher.see,
-                    history=history,
-                )
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(
-                f"what is trained so far is in {folder}; `learn fit --name {folder.name} --resume`"
-                " with the same settings goes on from there"
-            ) from None
+        with _Watcher(console, config, folder, events=self.tensorboard) as watcher:
+            run = fit(
+                config,
+                folder,
+                resume=self.resume,
+                replace=self.overwrite,
+                workers=workers,
+                watch=watcher.see,
+                history=history,
+            )
         if self.leave_out_each_dive:
             self._leave_out(console, run, config, workers)
         if self.ablation:
@@ -120,63 +146,84 @@ class Fit(JsonOption):
         self._report(console, run)
         return EXIT_OK
 
-    def _config(self) -> FitConfig:
+    def _check_choices(self) -> None:
+        for option, allowed in CHOICES.items():
+            given = getattr(self, option)
+            if given is not None and given not in allowed:
+                raise InputError(unknown_name(f"word for --{option}", given, allowed))
+
+    def _folder(self) -> Path:
+        name = self.name or free_name()
+        if Path(name).name != name or name.startswith("."):
+            raise InputError(f"--name {name!r} must be a plain name: the run goes into {RUNS}/NAME")
+        return RUNS / name
+
+    def _stored(self, folder: Path) -> FitConfig | None:
+        """Settings of the run that is gone on with, None where there is none yet."""
+        from learn.fit import FitConfig
+
+        if not (folder / DESCRIPTION).is_file():
+            return None
+        return FitConfig.of(read_description(folder)["settings"], folder)
+
+    def _config(self, stored: FitConfig | None) -> FitConfig:
+        """The settings: those that are given, the stored ones of a run that is gone on with, and
+        the defaults."""
         from learn.features import INPUT_SETS, select_features
         from learn.fit import FitConfig
         from learn.networks import NetworkConfig
         from learn.schedule import TrainingConfig
 
-        chosen = {"kind": self.kind, "hidden": self.hidden, "layers": self.layers}
-        chosen |= {"delays": self.delays}
-        budget: dict[str, float | int | None] = {"seconds": self.seconds, "epochs": self.epochs}
-        if self.epochs is not None and self.seconds is None:
-            budget["seconds"] = 0.0
-        features = select_features(self.features or INPUT_SETS[self.inputs], self.without)
-        network = NetworkConfig(**{k: v for k, v in chosen.items() if v is not None})  # type: ignore[arg-type]
-        period, start = self.period, None
+        base = stored or FitConfig(
+            store=str(DEFAULT_STORE),
+            features=select_features(INPUT_SETS[DEFAULT_INPUTS]),
+            members=DEFAULT_MEMBERS,
+        )
+        features, network, period, start = base.features, base.network, base.period, base.start
+        kinds = {name: getattr(self, name) for name in ("kind", "hidden", "layers", "delays")}
+        kinds = {name: value for name, value in kinds.items() if value is not None}
+        inputs = self.features or self.without or self.inputs is not None
         if self.start is not None:
-            from learn.run import open_run
-
-            if self.features or self.without or any(v is not None for v in chosen.values()):
+            if inputs or kinds:
                 raise InputError(
-                    "--start takes inputs and kind of network from the run: leave out --features, "
-                    "--without, --kind, --hidden, --layers and --delays"
+                    "--start takes inputs and kind of network from the run: leave out --inputs, "
+                    "--features, --without, --kind, --hidden, --layers and --delays"
                 )
             first = open_run(self.start)
-            features, network = (
-                first.features,
-                NetworkConfig(**first.description["settings"]["network"]),
-            )
-            period, start = first.period, str(first.path)
+            start, period, features = str(first.path), first.period, first.features
+            network = NetworkConfig(**first.description["settings"]["network"])
             if self.period not in (None, period):
                 raise InputError(
                     f"run {first.name} has a sample every {period:g} s: leave --period out"
                 )
-        settings = {"optimiser": self.optimiser, "seed": self.seed, "device": self.device, **budget}
-        settings |= {"window": self.window, "washin": self.washin}
+        elif self.period is not None:
+            period = self.period
+        if inputs:
+            chosen = self.features or INPUT_SETS[self.inputs or DEFAULT_INPUTS]
+            features = select_features(chosen, self.without)
+        budget = {"seconds": self.seconds, "epochs": self.epochs}
+        if self.epochs is not None and self.seconds is None:
+            budget["seconds"] = 0.0
+        settings = {name: getattr(self, name) for name in ("optimiser", "seed", "device")}
+        settings |= {"window": self.window, "washin": self.washin, **budget}
+        settings = {name: value for name, value in settings.items() if value is not None}
         return FitConfig(
-            store=str(self.store),
+            store=self._store(base),
             features=features,
-            network=network,
-            training=TrainingConfig(**{k: v for k, v in settings.items() if v is not None}),  # type: ignore[arg-type]
-            members=self.members,
-            division=self.division,
-            mirror=not self.no_mirror,
+            network=NetworkConfig(**{**asdict(network), **kinds}),
+            training=TrainingConfig(**{**asdict(base.training), **settings}),
+            members=base.members if self.members is None else self.members,
+            division=base.division if self.division is None else self.division,  # type: ignore[arg-type]
+            mirror=base.mirror and not self.no_mirror,
             period=period,
             start=start,
         )
 
-    def _folder(self) -> Path:
-        name = self.name or free_name()
-        if Path(name).name != name or name in (".", ".."):
-            raise InputError(f"--name {name!r} must be a plain name: the run goes into {RUNS}/NAME")
-        folder = RUNS / name
-        if self.overwrite and folder.exists():
-            if not (folder / DESCRIPTION).is_file():
-                raise InputError(f"{folder} is in the way and is not a run; choose another --name")
-            if not self.resume:
-                shutil.rmtree(folder)
-        return folder
+    def _store(self, base: FitConfig) -> str:
+        """The store as the settings have it: another way to the same place is no other store."""
+        if self.store is None or self.store.absolute() == Path(base.store).absolute():
+            return base.store
+        return str(self.store)
 
     def _ablate(self, console: Console, run: Run, config: FitConfig, workers: int) -> None:
         from learn.ablation import ablate, masked
@@ -244,7 +291,8 @@ class _Watcher:
             total=100.0 * len(config.jobs()), label="fit", unit="%"
         )
         self._shares: dict[str, float] = {}
-        self._writer = _event_writer(folder) if events else None
+        self._folder, self._events = folder, events
+        self._writer: Any = None
 
     def __enter__(self) -> _Watcher:
         self._progress.__enter__()
@@ -262,16 +310,19 @@ class _Watcher:
         known = report.validation_mse == report.validation_mse  # not NaN
         error = report.validation_mse if known else report.train_mse
         self._progress.update(done, **{f"{job.name} MSE": error, "rate": report.rate})
-        if self._writer is not None:
+        if self._events:
+            # made late: a folder that is in the way of the run must not come from here
+            self._writer = self._writer or _event_writer_type()(str(self._folder / "events"))
             for name in ("train_mse", "validation_mse", "rate"):
                 self._writer.add_scalar(f"{job.name}/{name}", getattr(report, name), report.step)
 
 
-def _event_writer(folder: Path):  # type: ignore[no-untyped-def]
+def _event_writer_type() -> Any:
+    """TensorBoard's writer, imported when it is wanted."""
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError as error:
         raise InputError(
-            "--tensorboard needs the package tensorboard: pip install 'glider-twin[tensorboard]'"
+            "--tensorboard needs the package tensorboard: pip install tensorboard"
         ) from error
-    return SummaryWriter(str(folder / "events"))
+    return SummaryWriter
