@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,12 +12,14 @@ from navigation import add_fixes, trimmed_mission, write_store
 from factory.commands.generate import DEFAULT_OUT
 from learn.__main__ import PROGRAM
 from learn.baselines import BASELINES
+from learn.files import write_json
 from learn.fit import FitConfig, fit
 from learn.networks import NetworkConfig
 from learn.run import DEFAULT_STORE, newest_run, open_run
 from learn.schedule import TrainingConfig
 from twin.errors import InputError, StoreError
 
+PAGE = Path(__file__).parents[2] / "docs" / "learn.md"
 SMALL = {"epochs": 1, "hidden": 6, "layers": 1, "members": 1, "workers": 1}
 QUICK = tuple(word for name, value in SMALL.items() for word in (f"--{name}", str(value)))
 
@@ -136,7 +139,7 @@ def test_a_name_in_use_is_refused_and_resume_completes_it(here, capsys):
         *QUICK,
     )
     assert code == 2
-    assert "was started with training" in err
+    assert "was started with seed 0 instead of 9" in err
 
 
 def test_two_processes_train_the_same_networks_as_one(here):
@@ -249,7 +252,7 @@ def test_the_help_of_fit_names_the_defaults_that_apply(here, capsys):
     ("words", "message"),
     [
         (("evaluate", "nothing"), "is not a run"),
-        (("evaluate", "data/missions.zarr"), "give the run first, then the store"),
+        (("evaluate", "data/missions.zarr"), "as in `learn evaluate runs/"),
         (("evaluate", "first", "none.zarr"), "no store at none.zarr"),
         (("evaluate", "first", "--tracks", "t.txt"), "the ending must be one of"),
         (("evaluate", "first", "--split", "tset"), "did you mean 'test'"),
@@ -257,7 +260,11 @@ def test_the_help_of_fit_names_the_defaults_that_apply(here, capsys):
         (("fit", "--features", "attitud"), "did you mean 'attitude'"),
         (("fit", "--name", "a/b"), "must be a plain name"),
         (("fit", "--resume"), "needs the --name"),
-        (("fit", "--kind", "rnn"), "allowed"),
+        (("fit", "--kind", "rnn"), "(allowed: elman, gru, lstm, mlp, tcn)"),
+        (("fit", "--device", "cud"), "did you mean 'cuda'"),
+        (("evaluate", "first", "--tracks", "data"), "the ending must be one of"),
+        (("evaluate", "first", "--out", "data/missions.zarr/zarr.json"), "is a file, not a folder"),
+        (("evaluate", "first", "--tracks", "runs/first/run.json/t.npz"), "is a file, not a folder"),
         (("compare", "nothing"), "is not a run"),
         (("export", "first", "--store", "none.zarr"), "no store at"),
     ],
@@ -298,6 +305,128 @@ def test_networks_of_another_schema_or_in_the_wrong_place_are_refused(here, tmp_
         shutil.copy(tmp_path / "bad" / f"sway-0{end}", path.with_suffix(end))
     with pytest.raises(StoreError, match="network for sway, not surge"):
         open_run(tmp_path / "bad").networks()
+
+
+def damage(folder, name, change):
+    """Change a JSON file of a copy of the first run."""
+    path = folder / name
+    found = json.loads(path.read_text())
+    change(found)
+    path.write_text(json.dumps(found))
+
+
+DAMAGES = {
+    "a figure is gone": ("evaluation.json", lambda f: f.pop("surge_mse"), "no 'surge_mse'"),
+    "baselines are gone": ("evaluation.json", lambda f: f.pop("baselines"), "no 'baselines'"),
+    "of the floor": ("evaluation.json", lambda f: f["floor"].pop("dives"), "no 'dives'"),
+    "settings": ("run.json", lambda f: f.pop("settings"), "no 'settings'"),
+    "network": ("run.json", lambda f: f["settings"].pop("network"), "no 'network'"),
+    "a short mean": (
+        "surge-0.json",
+        lambda f: f["normalisation"]["mean"].pop(),
+        "normalisation.mean has",
+    ),
+    "a mean that is no number": (
+        "surge-0.json",
+        lambda f: f["normalisation"]["mean"].__setitem__(0, None),
+        "normalisation.mean is not finite",
+    ),
+    "an error model": (
+        "run.json",
+        lambda f: f["error_model"].update(colour=1),
+        "error_model is not one",
+    ),
+}
+
+
+@pytest.mark.parametrize("which", DAMAGES)
+def test_a_damaged_file_of_a_run_is_named(here, capsys, tmp_path, which):
+    name, change, message = DAMAGES[which]
+    folder = tmp_path / "bad"
+    shutil.copytree(here / "runs" / "first", folder)
+    damage(folder, name, change)
+    command = {"evaluation.json": "compare", "surge-0.json": "export"}.get(name, "evaluate")
+    code, _, err = call(capsys, command, folder)
+    assert code == 2
+    assert f"bad/{name} is damaged" in err
+    assert message in err
+    assert len(err.strip().splitlines()) == 1
+    (folder / name).write_text((folder / name).read_text()[:-20])
+    code, _, err = call(capsys, command, folder)
+    assert code == 2
+    assert f"bad/{name} is damaged" in err
+
+
+def test_a_place_that_refuses_is_found_out_before_the_evaluation(here, capsys, monkeypatch):
+    def judge(*_, **__):
+        raise AssertionError("evaluated for nothing")
+
+    monkeypatch.setattr("learn.judge.judge", judge)
+    code, _, err = call(capsys, "evaluate", "first", "--tracks", "runs/first/run.json/t.csv")
+    assert code == 2
+    assert "is a file, not a folder" in err
+
+
+def test_json_files_are_written_whole(tmp_path, monkeypatch):
+    path = tmp_path / "figures.json"
+    write_json(path, {"a": 1})
+
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(OSError, match="No space"):
+        write_json(path, {"a": 2})
+    assert json.loads(path.read_text()) == {"a": 1}
+
+
+def test_a_baseline_that_cannot_run_has_null_figures(here, capsys, tmp_path):
+    store = tmp_path / "less.zarr"
+    shutil.copytree(here / "data" / "missions.zarr", store)
+    shutil.rmtree(store / "measured_dvl_surge")
+    root = json.loads((store / "zarr.json").read_text())
+    del root["consolidated_metadata"]["metadata"]["measured_dvl_surge"]
+    (store / "zarr.json").write_text(json.dumps(root))
+    code, out, err = call(capsys, "evaluate", "first", store, "--json")
+    assert code == 0, err
+    assert "no baseline dvl: the store has no channel measured_dvl_surge" in err
+    found = json.loads(out)["baselines"]
+    assert set(found) == set(BASELINES)
+    assert found["dvl"].keys() == found["ekf"].keys()
+    for name in ("surge_mse", "dr_water_percent_mean", "dr_ground_m_p90"):
+        assert found["dvl"][name] is None
+        assert found["ekf"][name] is not None
+    assert found["dvl"]["dives"]["previous"]["dr_percent_median"] is None
+
+
+def test_compare_takes_the_newest_run(here, capsys):
+    code, out, err = call(capsys, "compare", "--json")
+    assert code == 0, err
+    assert list(json.loads(out)["runs"]) == [newest_run().name]
+
+
+def test_export_names_the_features_once_and_fits_a_terminal(here, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(here / "runs" / "first", "runs/first")
+    shutil.copytree(here / "data", "data")
+    code, out, err = call(capsys, "export")
+    assert code == 0, err
+    lines = [line for line in out.splitlines() if not line.startswith("checked over")]
+    assert max(map(len, lines)) <= 100
+    features = open_run("first").features
+    assert ", ".join(features) in " ".join(out.split())
+
+
+def test_the_python_of_the_page_runs_as_it_is_written(here, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(here / "runs" / "first", "runs/first")
+    shutil.copytree(here / "data", "data")
+    assert call(capsys, "export")[0] == 0
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    assert len(blocks) == 2
+    for block in blocks:
+        exec(block, {})
+    assert float(capsys.readouterr().out.split()[0]) >= 0.0
 
 
 def test_without_runs_the_newest_is_bad_input(tmp_path, monkeypatch):
