@@ -1,12 +1,14 @@
 """Known parameters come back from simulated logs within their stated uncertainty."""
 
 import importlib.util
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from twin.identify import identify, load_calibration, load_logs
+from twin.identify.pitch import battery_shift, righting_arm, with_righting_arm
 from twin.identify.rollout import refine
 from twin.vehicle import load_vehicle
 
@@ -109,26 +111,38 @@ def test_steady_model_recovers_trim_and_drag_in_water_of_one_density(tmp_path, m
 
 
 @pytest.mark.parametrize("seed", [0, 3])
-def test_full_twin_recovers_trim_drag_and_the_battery_s_place(tmp_path, seed):
+def test_full_twin_recovers_what_the_moments_tell(tmp_path, seed):
+    """Trim and drag, the place of the battery, of the centre of gravity and of the pump."""
     rng = np.random.default_rng(seed)
     drag, neutral = float(np.exp(rng.normal(0, 0.15))), 1025.0 + float(rng.normal(0, 0.5))
     place = VEHICLE.movable_neutral_x + float(rng.normal(0.0, 3e-3))
+    nominal = load_calibration("glider")
+    arm = righting_arm(nominal) * float(np.exp(rng.normal(0.0, 0.15)))
+    pump_position = float(rng.normal(0.0, 0.5))
     vehicle = simulated.changed(VEHICLE, drag=drag, neutral_density=neutral)
     vehicle = vehicle.replace(movable_neutral_x=place)
+    vehicle = with_righting_arm(nominal.replace(vehicle=vehicle), arm).vehicle
     runs = [
         simulated.flown(vehicle, 100 * seed + k, pitch=pitch, yos=1)
         for k, pitch in enumerate(((22.0, 30.0), (30.0, 22.0)))
     ]
     logs = load_logs(simulated.stored(tmp_path / "twin.zarr", runs))
-    flight = identify(logs, load_calibration("glider"), parameters=["neutral_density", "drag"])
+    # the battery that a vehicle with its pump elsewhere would have needed for the same flight
+    moved = nominal.replace(vehicle=vehicle, pump_position=-pump_position)
+    logs = [replace(log, shift=battery_shift(moved, log.shift, log.pump)) for log in logs]
+    flight = identify(logs, nominal, parameters=["neutral_density", "drag"])
     refined = refine(logs, flight)
     found = refined.identification
     truth = {
         "neutral_density": neutral,
         "drag": drag * VEHICLE.drag[0],
         "shift_offset": 1e3 * place,
+        "righting_arm": 1e3 * arm,
+        "pump_position": pump_position,
     }
     assert set(found.determined) == set(truth)
     assert max(map(abs, deviations(found, truth).values())) < MOST_DEVIATIONS
-    assert abs(found["shift_offset"].value - 1e3 * place) < 0.3  # [mm], a tenth of what was drawn
+    assert abs(found["shift_offset"].value - 1e3 * place) < 0.6  # [mm], a fifth of what was drawn
+    assert abs(found["pump_position"].value - pump_position) < 0.1  # [m], the same
     assert refined.depth_rate_rmse < 0.01
+    assert refined.pitch_rmse < np.deg2rad(1.0)

@@ -21,6 +21,7 @@ from twin.vehicle import CUBIC_CM, Vehicle, load_vehicle
 Array = NDArray[np.float64]
 
 HULL_NUMERIC, SENSOR_NUMERIC = "hull_and_water", "sensor_errors"
+PUMP_NUMERIC = "pump_position"
 """Names of the MJCF numerics that hold what `Vehicle` does not."""
 ALUMINIUM_EXPANSION = 7.1e-5
 """[1/K] of volume: three times the 23.6e-6 of aluminium alloys; the Seaglider basestation's
@@ -48,6 +49,8 @@ class Calibration:
     """[1/K], relative volume gained per temperature of the hull, where a log has temperature."""
     thermal_lag: float = THERMAL_LAG
     """[s], first-order lag of the hull's temperature behind the water's."""
+    pump_position: float = 0.0
+    """[m] of the pumped volume forward of the CB, where vehicle files have it; see `pitch`."""
     pitch_scale: float = 1.0
     """True pitch = scale * measured + offset."""
     pitch_offset: float = 0.0
@@ -93,6 +96,7 @@ class Calibration:
             "water_density": self.water_density,
             "thermal_expansion": self.thermal_expansion,
             "thermal_lag": self.thermal_lag,
+            "pump_position": self.pump_position,
             "pitch_scale": self.pitch_scale,
             "pitch_offset": self.pitch_offset,
             "heading_offset": self.heading_offset,
@@ -137,6 +141,9 @@ def load_calibration(
         calibration = calibration.replace(
             water_density=hull[0], thermal_expansion=hull[1], thermal_lag=hull[2]
         )
+    pump = _numbers(loaded, numerics, PUMP_NUMERIC, 1)
+    if pump is not None:
+        calibration = calibration.replace(pump_position=pump[0])
     sensors = _numbers(loaded, numerics, SENSOR_NUMERIC, 7)
     if sensors is not None:
         calibration = calibration.replace(

@@ -3,8 +3,9 @@
 The flight model takes the attitude from the log; the twin makes its own. Parts of the log are
 flown again from the state that the flight model finds at their beginning, with the logged battery
 and pump as commands, and the depth rate and the pitch that come out are compared with the logged
-ones. That adds what only the moments tell: where the battery's neutral position lies. All windows
-and all steps of the finite differences fly side by side in one `twin.fleet.Fleet`.
+ones. That adds what only the moments tell (`twin.identify.pitch`): where the battery's neutral
+position, the centre of gravity and the pump lie. All windows and all steps of the finite
+differences fly side by side in one batch.
 """
 
 from __future__ import annotations
@@ -23,14 +24,17 @@ from twin.identify.calibration import Calibration
 from twin.identify.fit import Estimate, Identification, correlation_samples, robust_scale
 from twin.identify.log import Log
 from twin.identify.parameters import Parameter, choose
-from twin.identify.speed import motion_of
+from twin.identify.pitch import PITCHING, balanced, battery_shift
+from twin.identify.speed import density_of, motion_of
 from twin.scenario import Scenario, Start
 from twin.schedule import Schedule
 
 Array = NDArray[np.float64]
 
-WINDOW_S = 400.0
-"""[s] of one rollout: longer, and the twin's depth leaves the water that the log was in."""
+WINDOWS_S = (400.0, 200.0, 100.0)
+"""[s] of one rollout: longer, and the twin's depth leaves the water that the log was in; shorter
+where dives are too short for enough of them."""
+ENOUGH_WINDOWS = 4
 SETTLE_S = 30.0
 """[s] at its start that are not compared: the start is an estimate."""
 MOST_WINDOWS = 12
@@ -38,8 +42,10 @@ LEAST_DEPTH = 10.0
 """[m] where a window may start."""
 REFINED = ("neutral_density", "drag", "lift_ratio", "compressibility")
 """Parameters of `twin.identify.parameters` that the twin flies with."""
-ITERATIONS = 4
+ITERATIONS = 6
 """Gauss-Newton steps: it starts at the flight model's answer."""
+PARTS = (1.0, 0.5, 0.2, 0.05, 0.0)
+"""Of a Gauss-Newton step that are tried side by side; the best is taken."""
 STEP = 0.02
 """Spreads of the finite differences: well above what the time step leaves."""
 PROMPT_LAG, PROMPT_RATE = 0.2, 1e4
@@ -50,15 +56,6 @@ MOST_PITCH = np.deg2rad(3.0)
 """[rad] of pitch that a refined twin may be off: more, and its drag answers for the wrong angle."""
 DENSITY_STEP = 2.0
 """[m] of the density profile taken from the log."""
-
-SHIFT_OFFSET = Parameter(
-    name="shift_offset",
-    unit="mm",
-    meaning="battery position less the vehicle file's, at encoder zero",
-    spread=10.0,  # encoders are zeroed in the workshop, the centre of gravity is trimmed at sea
-    get=lambda c: 1e3 * c.vehicle.movable_neutral_x,
-    set=lambda c, x: c.replace(vehicle=c.vehicle.replace(movable_neutral_x=1e-3 * x)),
-)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -103,12 +100,11 @@ def refine(logs: Sequence[Log], flight: Identification) -> Refinement:
     """
     windows = _windows(logs, flight.calibration)
     names = [name for name in flight.determined if name in REFINED]
-    parameters = (*choose(names), SHIFT_OFFSET)
+    parameters = (*choose(names), *PITCHING)
     nominal = flight.nominal
     centres = np.array([p.get(nominal) for p in parameters])
-    x = np.array(
-        [_offset(p, c, flight.calibration) for p, c in zip(parameters, centres, strict=True)]
-    )
+    start = balanced(logs, flight.calibration)
+    x = np.array([_offset(p, c, start) for p, c in zip(parameters, centres, strict=True)])
 
     def calibrated(offsets: Array) -> Calibration:
         out = flight.calibration
@@ -119,33 +115,26 @@ def refine(logs: Sequence[Log], flight: Identification) -> Refinement:
     for _ in range(ITERATIONS):
         points = [x] + [x + STEP * unit for unit in np.eye(len(x))]
         flown = _fly(windows, [calibrated(point) for point in points])
-        rates = [_rate_residual(w, f) for w, f in zip(windows, flown[0], strict=True)]
-        pitches = [
-            _pitch_residual(w, f, calibrated(x)) for w, f in zip(windows, flown[0], strict=True)
-        ]
-        scales = [
-            _scale(rates, windows[0].log.period, 0.0),
-            _scale(pitches, windows[0].log.period, PITCH_BIAS),
-        ]
+        scales = _scales(windows, flown[0], calibrated(x))
 
-        def stacked(results: list[_Flown], calibration: Calibration, scales: Any = scales) -> Array:
-            parts = [
-                _rate_residual(w, f) / scales[0] for w, f in zip(windows, results, strict=True)
-            ]
-            parts += [
-                _pitch_residual(w, f, calibration) / scales[1]
-                for w, f in zip(windows, results, strict=True)
-            ]
-            return np.concatenate(parts)
+        def stacked(
+            results: list[_Flown], offsets: Array, scales: tuple[float, float] = scales
+        ) -> Array:
+            return _residual(windows, results, calibrated(offsets), scales)
 
-        base = stacked(flown[0], calibrated(x))
+        base = stacked(flown[0], x)
         columns = [
-            (stacked(f, calibrated(p)) - base) / STEP
-            for f, p in zip(flown[1:], points[1:], strict=True)
+            (stacked(f, p) - base) / STEP for f, p in zip(flown[1:], points[1:], strict=True)
         ]
         jacobian = np.stack(columns, axis=1)
         hessian = jacobian.T @ jacobian + np.eye(len(x))
-        x = x - np.linalg.solve(hessian, jacobian.T @ base + x)
+        step = np.linalg.solve(hessian, jacobian.T @ base + x)
+        tried = [x - part * step for part in PARTS]
+        costs = [
+            np.sum(stacked(f, p) ** 2) + np.sum(p**2)
+            for f, p in zip(_fly(windows, [calibrated(p) for p in tried]), tried, strict=True)
+        ]
+        x = tried[int(np.argmin(costs))]
     covariance = np.asarray(np.linalg.inv(hessian), np.float64)
     final = calibrated(x)
     results = _fly(windows, [final])[0]
@@ -157,9 +146,9 @@ def refine(logs: Sequence[Log], flight: Identification) -> Refinement:
     pitch_rmse = float(np.sqrt(np.mean(pitch**2)))
     if pitch_rmse > MOST_PITCH:
         raise InputError(
-            f"the twin does not pitch as this log says (RMSE {np.rad2deg(pitch_rmse):.1f} deg): "
-            f"vehicle {final.vehicle.name!r} pitches by its battery alone, against the righting "
-            "moment of its file; use --model flight, which takes the pitch from the log"
+            f"the twin does not pitch as this log says (RMSE {np.rad2deg(pitch_rmse):.1f} deg), "
+            "with any place of battery, pump and centre of gravity near those of vehicle "
+            f"{final.vehicle.name!r}; use --model flight, which takes the pitch from the log"
         )
     return Refinement(
         identification=_merged(flight, final, parameters, centres, deviation, covariance),
@@ -179,33 +168,41 @@ def _offset(parameter: Parameter, centre: float, calibration: Calibration) -> fl
 
 def _windows(logs: Sequence[Log], calibration: Calibration) -> list[_Window]:
     """Parts of the logs under water with battery positions, spread over all of them."""
-    found = []
-    for log in logs:
-        if log.shift is None:
-            continue
-        length = round(WINDOW_S / log.period)
-        profile = _density(log, calibration)
-        for first in range(0, len(log.depth) - length, length):
-            part = slice(first, first + length + 1)
-            deep = log.depth[first] > LEAST_DEPTH and log.depth[part].min() > 0.5 * LEAST_DEPTH
-            if deep and log.use[part].all():
-                found.append(_Window(log=log, first=first, last=first + length, density=profile))
+    found: list[_Window] = []
+    for seconds in WINDOWS_S:
+        found = [w for log in logs for w in _windows_of(log, calibration, seconds)]
+        if len(found) >= ENOUGH_WINDOWS:
+            break
     if not found:
         raise InputError(
-            f"no {WINDOW_S:g} s under water with battery positions in these logs; "
+            f"no {WINDOWS_S[-1]:g} s under water with battery positions in these logs; "
             "use --model flight"
         )
     chosen = np.unique(np.linspace(0, len(found) - 1, MOST_WINDOWS).round().astype(int))
     return [found[k] for k in chosen]
 
 
-def _density(log: Log, calibration: Calibration) -> DensityProfile:
-    if log.density is None:
-        ends = np.array([0.0, max(float(log.depth.max()), 1.0)])
-        return DensityProfile(depth=ends, values=calibration.sea_density(ends))
-    bins = np.maximum(np.round(log.depth / DENSITY_STEP), 0).astype(int)
+def _windows_of(log: Log, calibration: Calibration, seconds: float) -> list[_Window]:
+    if log.shift is None:
+        return []
+    length, found = round(seconds / log.period), []
+    for first in range(0, len(log.depth) - length, length):
+        part = slice(first, first + length + 1)
+        deep = log.depth[first] > LEAST_DEPTH and log.depth[part].min() > 0.5 * LEAST_DEPTH
+        if deep and log.use[part].all():
+            profile = _density(log, calibration, part)
+            found.append(_Window(log=log, first=first, last=first + length, density=profile))
+    return found
+
+
+def _density(log: Log, calibration: Calibration, part: slice) -> DensityProfile:
+    """The water of a window, as dense as it feels to a hull that swells with its temperature,
+    which the twin's physics does not know."""
+    swelling = 1.0 + calibration.thermal_expansion * log.hull_warming(calibration.thermal_lag)
+    density = (density_of(log, calibration) * swelling)[part]
+    bins = np.maximum(np.round(log.depth[part] / DENSITY_STEP), 0).astype(int)
     used = np.unique(bins)
-    values = np.array([np.median(log.density[bins == k]) for k in used])
+    values = np.array([np.median(density[bins == k]) for k in used])
     return DensityProfile(depth=used * DENSITY_STEP, values=values)
 
 
@@ -233,7 +230,8 @@ def _scenario(window: _Window, calibration: Calibration) -> Scenario:
     part = slice(first, last + 1)
     assert log.shift is not None
     rotation = np.zeros_like(log.shift) if log.rotation is None else log.rotation
-    commands = np.stack([log.shift[part], rotation[part], log.pump[part]], axis=1)
+    shift = battery_shift(calibration, log.shift, log.pump)
+    commands = np.stack([shift[part], rotation[part], log.pump[part]], axis=1)
     # Half a sample early: a held position then lags the logged one by nothing on average.
     times = np.maximum(log.period * (np.arange(len(commands)) - 0.5), 0.0)
     times[0] = -log.period
@@ -267,6 +265,30 @@ def _scenario(window: _Window, calibration: Calibration) -> Scenario:
     )
 
 
+def _scales(
+    windows: Sequence[_Window], flown: list[_Flown], calibration: Calibration
+) -> tuple[float, float]:
+    """What depth rates [m/s] and pitches [rad] are divided by."""
+    rates = [_rate_residual(w, f) for w, f in zip(windows, flown, strict=True)]
+    pitches = [_pitch_residual(w, f, calibration) for w, f in zip(windows, flown, strict=True)]
+    period = windows[0].log.period
+    return _scale(rates, period, 0.0), _scale(pitches, period, PITCH_BIAS)
+
+
+def _residual(
+    windows: Sequence[_Window],
+    flown: list[_Flown],
+    calibration: Calibration,
+    scales: tuple[float, float],
+) -> Array:
+    """Depth rates and pitches of all windows, in independent deviations, flat."""
+    pairs = list(zip(windows, flown, strict=True))
+    parts = [_rate_residual(w, f) / scales[0] for w, f in pairs]
+    return np.concatenate(
+        parts + [_pitch_residual(w, f, calibration) / scales[1] for w, f in pairs]
+    )
+
+
 def _rate_residual(window: _Window, flown: _Flown) -> Array:
     log = window.log
     skip = round(SETTLE_S / log.period)
@@ -286,7 +308,7 @@ def _scale(series: list[Array], period: float, least: float) -> float:
     `least` is an error that a whole window shares, such as a sensor's bias.
     """
     scale = robust_scale(np.concatenate(series))
-    samples = correlation_samples(series, round(WINDOW_S / period))
+    samples = correlation_samples(series, round(WINDOWS_S[0] / period))
     length = float(np.mean([len(s) for s in series]))
     return float(max(scale * np.sqrt(samples), least * np.sqrt(length)))
 

@@ -14,12 +14,20 @@ from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
+import numpy as np
+
 from twin.errors import InputError, VehicleError
-from twin.identify.calibration import HULL_NUMERIC, SENSOR_NUMERIC, Calibration
+from twin.frames import flip_vector
+from twin.identify.calibration import HULL_NUMERIC, PUMP_NUMERIC, SENSOR_NUMERIC, Calibration
 from twin.vehicle import Vehicle, parse_vehicle
 
 PROVENANCE = "identification"
 """Name of the `<text>` element."""
+WRITTEN = (
+    *("reference_density", "hull_compressibility", "mass", "drag", "lift", "side_force"),
+    *("movable_neutral_x", "static_cg"),
+)
+"""Fields of a vehicle that identification may change."""
 DIGITS = 10
 """Significant digits of a written number: far finer than any parameter is known."""
 
@@ -37,12 +45,15 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
     xml = _numeric(xml, "hull_compressibility", [vehicle.hull_compressibility], vehicle)
     xml = _numeric(xml, "drag", vehicle.drag, vehicle)
     xml = _numeric(xml, "lift", vehicle.lift, vehicle)
+    xml = _numeric(xml, "side_force", vehicle.side_force, vehicle)
     if vehicle.mass != original.mass:
         xml = _numeric(xml, "added_mass", vehicle.added_mass.ravel(), vehicle)
         xml = _hull_inertial(xml, vehicle, vehicle.mass / original.mass)
+    if vehicle.static_cg[2] != original.static_cg[2]:
+        xml = _hull_place(xml, vehicle)
     if vehicle.movable_neutral_x != original.movable_neutral_x:
         xml = _battery_place(xml, vehicle, vehicle.movable_neutral_x - original.movable_neutral_x)
-    for name in (HULL_NUMERIC, SENSOR_NUMERIC):
+    for name in (HULL_NUMERIC, PUMP_NUMERIC, SENSOR_NUMERIC):
         xml = re.sub(rf"[ \t]*<numeric name={name!r}[^>]*/>\n?".replace("'", '"'), "", xml)
     xml = re.sub(rf'[ \t]*<text name="{PROVENANCE}"[^>]*/>\n?', "", xml)
     hull = [calibration.water_density, calibration.thermal_expansion, calibration.thermal_lag]
@@ -57,6 +68,8 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
         "    <!-- identified: water in a log without CTD [kg/m3], thermal expansion [1/K] and\n"
         "         thermal lag [s] of the hull; read by identification only -->\n"
         f'    <numeric name="{HULL_NUMERIC}" data="{_text(hull)}"/>\n'
+        "    <!-- identified: pumped volume forward of the CB [m]; for identification only -->\n"
+        f'    <numeric name="{PUMP_NUMERIC}" data="{_text([calibration.pump_position])}"/>\n'
         "    <!-- identified: true pitch = scale * measured + offset [rad]; true less measured\n"
         "         heading [rad]: mean, cos, sin, cos and sin of twice the heading -->\n"
         f'    <numeric name="{SENSOR_NUMERIC}" data="{_text(sensors)}"/>\n'
@@ -128,6 +141,13 @@ def _hull_inertial(xml: str, vehicle: Vehicle, scale: float) -> str:
     )
 
 
+def _hull_place(xml: str, vehicle: Vehicle) -> str:
+    """Centre of gravity of the hull; MJCF's axes are forward-port-up."""
+    head = r'(<body\s+name="hull".*?<inertial\b[^>]*?\bpos=")[^"]*(")'
+    place = flip_vector(vehicle.static_cg)
+    return _substitute(xml, head, _text(place), "the hull's centre of gravity", vehicle)
+
+
 def _battery_place(xml: str, vehicle: Vehicle, moved: float) -> str:
     pattern = re.compile(r'(<body\s+name="battery"\s+pos=")([^"]*)(")')
     found = pattern.search(xml)
@@ -140,10 +160,9 @@ def _battery_place(xml: str, vehicle: Vehicle, moved: float) -> str:
 def _check(xml: str, vehicle: Vehicle) -> None:
     """What was written must read back as the vehicle that was meant."""
     again = parse_vehicle(xml, vehicle.path)
-    for name in ("reference_density", "mass", "drag", "lift", "movable_neutral_x"):
-        mine, theirs = getattr(vehicle, name), getattr(again, name)
-        pairs = zip(mine, theirs, strict=True) if isinstance(mine, tuple) else [(mine, theirs)]
-        if any(abs(a - b) > 1e-8 * max(abs(a), 1.0) for a, b in pairs):
+    for name in WRITTEN:
+        mine, theirs = (np.atleast_1d(getattr(v, name)) for v in (vehicle, again))
+        if (np.abs(mine - theirs) > 1e-8 * np.maximum(np.abs(mine), 1.0)).any():
             raise VehicleError(
                 f"vehicle file {vehicle.path}: {name} reads back as {theirs}, not {mine}"
             )
