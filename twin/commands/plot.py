@@ -52,13 +52,15 @@ class Plot:
     def run(self, console: Console) -> int:
         """Draw and save; says which files were written."""
         from twin.plot import FIGURES
+        from twin.plot.caption import mission_caption
         from twin.render.tracks import choose_tracks, read_tracks
-        from twin.store import read_trajectory
+        from twin.store import open_store, read_trajectory
 
         if self.figure not in (*FIGURES, ALL):
             raise InputError(unknown_name("figure", self.figure, (*FIGURES, ALL)))
         out = self._out()
         trajectory = read_trajectory(self.store, self.mission)
+        caption = mission_caption(open_store(self.store), self.mission, self.store.name)
         tracks = []
         if self.tracks is not None:
             tracks = choose_tracks(read_tracks(self.tracks, self.mission), self.only)
@@ -66,7 +68,7 @@ class Plot:
             name = self.figure
             if name == "overview" and "true_depth" not in trajectory.signals:
                 name = "log"
-            self._save(self._draw(name, trajectory, tracks), out, console)
+            self._save(self._draw(name, trajectory, tracks), out, caption, console)
             return 0
         missing = []
         for name in FIGURES:
@@ -75,7 +77,7 @@ class Plot:
             except InputError as error:
                 missing.append(f"no {name} figure: {error}")
                 continue
-            self._save(figure, out / f"{name}.png", console)
+            self._save(figure, out / f"{name}.png", caption, console)
         if len(missing) == len(FIGURES):
             raise InputError(missing[0])
         for reason in missing:
@@ -111,7 +113,10 @@ class Plot:
                 f"{name} figure shows"
             ) from error
 
-    def _save(self, figure: Figure, path: Path, console: Console) -> None:
+    def _save(self, figure: Figure, path: Path, caption: str, console: Console) -> None:
+        from twin.plot.caption import add_caption
+
+        add_caption(figure, caption)
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=PRINT_DPI)
         console.say(str(path))

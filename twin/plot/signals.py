@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MultipleLocator
 from numpy.typing import NDArray
 
 from twin.plot import style
@@ -109,9 +110,10 @@ def draw_lines(
 ) -> None:
     """Signals against time: `entries` are (signal name, label, colour); setpoints are dashed."""
     time, seconds, _ = thinned_time(trajectory)
+    centre = circular_mean(trajectory[entries[-1][0]]) if unwrap else 0.0
     for name, label, colour in entries:
         (values,) = style.thin(trajectory[name])
-        values = wrapped_line(values) if unwrap else values
+        values = centred_line(values, centre) if unwrap else values
         dashed = name.startswith("commanded_")
         axes.plot(
             time / seconds,
@@ -123,12 +125,33 @@ def draw_lines(
             zorder=3 if dashed else 2,
         )
     axes.set_xlim(time[0] / seconds, time[-1] / seconds)
+    if unwrap:
+        low, high = axes.get_ylim()
+        step = next((s for s in HEADING_STEPS if (high - low) / s <= MOST_TICKS), HEADING_STEPS[-1])
+        axes.yaxis.set_major_locator(MultipleLocator(step))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value % 360.0:g}"))
 
 
-def wrapped_line(heading: Array) -> Array:
-    """Heading [degree] with NaN where it jumps across north, so that no line is drawn there."""
-    values = np.array(heading, float)
-    values[1:][np.abs(np.diff(heading)) > 180.0] = np.nan
+HEADING_STEPS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0)
+"""[degree] between ticks of a heading"""
+MOST_TICKS = 4
+
+
+def circular_mean(heading: Array) -> float:
+    """Mean direction [degree] of the finite values; 0 without any."""
+    finite = np.radians(heading[np.isfinite(heading)])
+    if not finite.size:
+        return 0.0
+    return float(np.degrees(np.arctan2(np.sin(finite).mean(), np.cos(finite).mean())))
+
+
+def centred_line(heading: Array, centre: float) -> Array:
+    """Heading [degree] within 180 of `centre`, so that a vehicle that flies north draws one line.
+
+    NaN where it still jumps, on the far side of the centre.
+    """
+    values = centre + (np.asarray(heading, float) - centre + 180.0) % 360.0 - 180.0
+    values[1:][np.abs(np.diff(values)) > 180.0] = np.nan
     return values
 
 
