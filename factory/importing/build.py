@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from factory.importing.current import averaged_current
 from factory.importing.dataset import FRAMES, Row, rows_dataset
@@ -20,6 +21,7 @@ from factory.importing.seawater import depth_of, pressure_of
 from factory.importing.segments import Rules, Segment, cut
 from factory.importing.surface import zeroed
 from factory.importing.tally import ImportReport, Tally, summarise
+from factory.importing.unread import stand_ins, tell_unread
 from twin.errors import InputError
 from twin.schema import VARIABLES
 
@@ -31,6 +33,8 @@ WANTED = (
     "measured_rotation", "measured_density",
 )  # fmt: skip
 """Channels whose absence the report names."""
+HAS_NONE = {"slocum": ("measured_rotation",), "lrauv": ("measured_rotation",)}
+"""Channels that no vehicle of the kind has: their absence is no news."""
 _EQUATOR = 0.0
 """[degree] Latitude for depth where a log has no position: 0.5 % of gravity's range."""
 
@@ -52,23 +56,30 @@ def build(
     """
     rows: list[Row] = []
     lacking: dict[str, list[str]] = {}
+    deepened: list[Log] = []
     for log in sorted(logs, key=lambda one: (one.span[0], one.deployment)):
         log = zeroed(with_depth(log, tally), rules, tally)
+        deepened.append(log)
         depth = log.channel("measured_depth")
         check_signs(log, tally)
         if not len(log.fixes):
             lacking.setdefault("GPS fixes", []).append(log.deployment)
         for name in WANTED:
-            if not len(log.channel(name)):
+            if not len(log.channel(name)) and name not in HAS_NONE.get(kind, ()):
                 lacking.setdefault(name, []).append(log.deployment)
+        if not len(log.channel("measured_pitch")):
+            tally.add(
+                "suspect", "measured_pitch", 1,
+                f"{log.deployment} has none: identification and dead reckoning need it",
+            )  # fmt: skip
         segments = cut(log, depth, rules, tally)
-        tally.add(
-            "left out", "depth samples", _outside(depth, segments),
-            "outside every row: at the surface between dives, or in dives left out",
-        )  # fmt: skip
+        if not segments:
+            tally.add("left out", log.deployment, 1, f"no dive: deepest {depth.values.max():.3g} m")
+        _tell_outside(depth, segments, rules, tally)
         for name in ("true_speed", "velocity_north"):
             truth = log.channel(name)
-            tally.add("left out", name, _outside(truth, segments), "truth samples outside rows")
+            outside = int(_outside(truth, segments).sum())
+            tally.add("left out", name, outside, "truth samples outside rows")
         for number, segment in enumerate(segments):
             times = grid(segment, period)
             signals = on_grid(
@@ -82,9 +93,16 @@ def build(
                 complete=whole, driven=numbers.get("thruster_fraction", 0.0),
             )  # fmt: skip
             rows.append(Row(log=log, segment=segment, signals=signals, numbers=numbers))
+    tell_unread(tally)
+    instead = stand_ins(tuple(lacking), tally.unread)
     for name, deployments in lacking.items():
         split = " (rows are split by depth)" if name == "GPS fixes" else ""
-        tally.add("missing", name, len(deployments), f"in {summarise(deployments, 3)}{split}")
+        other = f"; is it {instead[name]!r}, which is not read?" if name in instead else ""
+        tally.add(
+            "missing", name, len(deployments), f"in {summarise(deployments, 3)}{split}{other}"
+        )
+    if not rows and max(len(log.channel("measured_depth")) for log in deepened) < 2:
+        raise InputError(f"{summarise(files)}: the log holds 1 sample; a dive needs many")
     if not rows:
         raise InputError(
             f"no dive deeper than {rules.min_depth:g} m and longer than {rules.min_duration:g} s "
@@ -145,11 +163,23 @@ def with_depth(log: Log, tally: Tally) -> Log:
     return dataclasses.replace(log, channels=channels)
 
 
-def _outside(depth: Channel, segments: Sequence[Segment]) -> int:
+def _tell_outside(depth: Channel, segments: Sequence[Segment], rules: Rules, tally: Tally) -> None:
+    """Count the depths that no row holds, by where the vehicle was."""
+    outside = _outside(depth, segments)
+    shallow = depth.values <= rules.surface_depth
+    for where, count in (
+        (f"at the surface between dives (above {rules.surface_depth:g} m)", outside & shallow),
+        ("under water, but no dive: too shallow or too short", outside & ~shallow),
+    ):
+        tally.add("left out", "depth samples", int(count.sum()), where)
+
+
+def _outside(depth: Channel, segments: Sequence[Segment]) -> NDArray[np.bool_]:
+    """True for samples in no segment."""
     inside = np.zeros(len(depth), bool)
     for segment in segments:
         inside |= (depth.time >= segment.start) & (depth.time <= segment.end)
-    return int((~inside).sum())
+    return ~inside
 
 
 def _numbers(

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from factory.importing.tally import Tally
+from factory.importing.tally import Tally, summarise
 from twin.errors import InputError
 
 KINDS = ("slocum", "seaglider", "seaexplorer", "og1", "lrauv")
@@ -85,9 +85,8 @@ def expand(kind: str, paths: Sequence[Path], tally: Tally) -> list[Path]:
                     f"folder {path} holds no {kind} logs ({' '.join(sorted(SUFFIXES[kind]))}); "
                     "folders below it are not searched"
                 )
-            tally.add(
-                "left out", "files", len(every) - len(inside), "in a folder, of no log format"
-            )
+            others = [p.name for p in every if p not in inside]
+            tally.add("left out", "files", len(others), f"of no {kind} format: {summarise(others)}")
             files += inside
         elif path.exists():
             files.append(path)

@@ -22,6 +22,7 @@ from factory.importing.log import NO_FIXES, Channel, Fixes, Log
 from factory.importing.seawater import ctd_channels
 from factory.importing.table import parse_stamps, read_table, tidy, unix_seconds
 from factory.importing.tally import Tally
+from factory.importing.unread import note_unread
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -81,6 +82,11 @@ WANTED_UNIT = {
     "commanded_shift": "m",
 }  # fmt: skip
 _PROPELLER = ("platform_propeller_rotation_rate", "platform_propeller_rotation_rate_1")
+_READ = (
+    *(name for names in SOURCES.values() for name in names), *_PROPELLER, "latitude", "longitude",
+    "latitude_fix", "longitude_fix", "sea_water_temperature", "sea_water_salinity",
+    "EpochSeconds", "Timestamp", "time", "time_fix",
+)  # fmt: skip
 _WITH_UNIT = re.compile(r"^\s*([-+0-9.eE]+|nan)\s*([^\d\s].*)?$", re.IGNORECASE)
 _TURNING = 1.0
 """[rad/s] A propeller that turns faster drives."""
@@ -204,6 +210,7 @@ def _log(
         time, columns = tidy(time, {name: values}, source, tally)
         return clean(name, time, columns[name], tally, subject=source)
 
+    note_unread("LRAUV log", series, _READ, tally)
     channels: dict[str, Channel] = {}
     for target, names in SOURCES.items():
         source = next((n for n in names if n in series), None)

@@ -22,6 +22,7 @@ from factory.importing.log import EMPTY, NO_FIXES, Channel, Fixes, Log
 from factory.importing.seawater import ctd_channels, siemens
 from factory.importing.table import tidy, unix_seconds
 from factory.importing.tally import Tally
+from factory.importing.unread import note_unread
 from factory.og1_terms import MEASURED
 from twin.errors import InputError
 from twin.schema import VARIABLES
@@ -44,6 +45,10 @@ ALIASES = {
 """Names seen in OG1.0 files for channels of the store, in order of preference."""
 TEMPERATURES, SALINITIES = ("TEMP", "TEMP_ADJUSTED"), ("PSAL", "PSAL_ADJUSTED")
 CONDUCTIVITIES = ("CNDC",)
+_READ = (
+    *OURS, *(name for names in ALIASES.values() for name in names), *TEMPERATURES, *SALINITIES,
+    *CONDUCTIVITIES, "LATITUDE", "LONGITUDE", "LATITUDE_GPS", "LONGITUDE_GPS", "TIME", "TIME_GPS",
+)  # fmt: skip
 _RADIAN = frozenset({"rad", "radian", "radians"})
 _LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
 
@@ -93,6 +98,7 @@ def _file(path: Path, variation_deg: float | None, tally: Tally) -> Log:
     columns = {**raw, "TIME_GPS": gps_time}
     time, columns = tidy(time, columns, path.name, tally)
     tally.add("read", path.name, len(time), "measurements")
+    note_unread("OG1 file", columns, _READ, tally)
     if simulated:
         tally.add("note", path.name, 1, "its title says that it is simulated, not observed")
     fixes = _fixes(columns, tally)

@@ -22,6 +22,7 @@ from factory.importing.log import EMPTY, NO_FIXES, Channel, Fixes, Log
 from factory.importing.seawater import ctd_channels, pressure_of
 from factory.importing.table import Table, parse_stamps, read_table, stacked, tidy, unix_seconds
 from factory.importing.tally import Tally
+from factory.importing.unread import note_unread
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -83,6 +84,12 @@ def read_seaexplorer(
         if not len(table):
             raise InputError(f"{path.name} holds column names and no rows")
         tally.add("read", path.name, len(table), what)
+    for what, logs, read in (
+        ("navigation log", navigation, _NAVIGATION),
+        ("payload log", payload, [n for p in payload.values() for t in p for n in t if _ctd(n)]),
+    ):
+        names = [n for pieces in logs.values() for piece in pieces for n in piece]
+        note_unread(what, names, ("time", "Timestamp", "PLD_REALTIMECLOCK", *read), tally)
     alone = [name for name in payload if name not in navigation]
     if alone:
         raise InputError(
@@ -93,6 +100,12 @@ def read_seaexplorer(
         _log(name, pieces, payload.get(name, []), files[name], variation_deg, tally)
         for name, pieces in navigation.items()
     ]
+
+
+def _ctd(name: str) -> bool:
+    """Whether a payload's column is read."""
+    parts = ("TEMPERATURE", "SALINITY", "CONDUCTIVITY", "PRESSURE")
+    return any(name == f"{prefix}_{part}" for prefix in _CTDS for part in parts)
 
 
 def deployment_of(path: Path) -> str:

@@ -29,6 +29,7 @@ from factory.importing.seaglider_adcp import adcp_truth
 from factory.importing.seawater import ctd_channels
 from factory.importing.table import Table, read_table, stacked, tidy, unix_seconds
 from factory.importing.tally import Tally
+from factory.importing.unread import note_unread
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -42,6 +43,18 @@ SAMPLE_COLUMNS = (
     "sal_psu", "rho_insitu",
 )  # fmt: skip
 """Columns of a table of samples that are read; `rotation_deg` comes from netCDF files only."""
+
+
+_READ = {
+    "samples": (*SAMPLE_COLUMNS, "glider"),
+    "dives": (
+        *(f"{fix}_{part}" for fix in ("gps1", "gps2", "gpsE") for part in ("time", "lat", "lon")),
+        "glider", "dive", "magnetic_variation", "depth_avg_curr_north", "depth_avg_curr_east",
+        "log_C_PITCH", "log_PITCH_CNV",
+    ),
+    "adcp": ("glider", "dive", "time", "depth_m", "u_ttw", "v_ttw", "w_ttw", "u_ocn", "v_ocn"),
+}  # fmt: skip
+"""Columns that each kind of table is read for."""
 
 
 @dataclasses.dataclass
@@ -109,6 +122,7 @@ def _table(table: Table, gliders: dict[str, Glider], tally: Tally) -> None:
     if not len(table):
         raise InputError(f"{subject} holds column names and no rows")
     tally.add("read", subject, len(table), f"rows of {what}")
+    note_unread(f"table of {what}", [*table.columns, *table.texts], _READ[what], tally)
     owners = table.texts.get("glider")
     fallback = subject.split("_")[0].split(".")[0].upper()
     if owners is None:

@@ -107,11 +107,12 @@ def slocum_log(
                     volume = to_cm3(one.values, name, tally)
                     channels[target] = clean(target, one.time, volume, tally, subject=name)
             break
-    for name, target in (("m_battpos", "measured_shift"), ("c_battpos", "commanded_shift")):
+    batteries = (("m_battpos", "measured_shift"), ("c_battpos", "commanded_shift"))
+    unit = _shift_unit([native[name].values for name, _ in batteries if name in native], tally)
+    for name, target in batteries:
         if name in native:
             one = native[name]
-            shift = _metres(one.values, name, tally)
-            channels[target] = clean(target, one.time, shift, tally, subject=name)
+            channels[target] = clean(target, one.time, unit * one.values, tally, subject=name)
     channels |= slocum_pressure(native, tally)
     if "measured_pressure" in channels and not len(native.get("m_depth", EMPTY)):
         pitch = channels.get("measured_pitch", EMPTY)
@@ -170,17 +171,38 @@ def _common(native: Native, names: Sequence[str]) -> list[Array]:
     return columns
 
 
-_SMALL_SHIFT = 0.06
-"""[inch] A battery that moves less than 1.5 mm while the pitch swings is given in metres."""
+_TRAVELS = (
+    (1e-3, 0.06, 1.0, "metres"),
+    (0.06, 4.0, INCH, "inches"),
+    (4.0, 12.0, 0.01, "cm"),
+    (12.0, 120.0, 1e-3, "mm"),
+)
+"""Range of a battery's positions from..to, metres in its unit, and the unit. A Slocum's battery
+travels 2 to 10 cm; less than 4 cm given in cm cannot be told from inches."""
 
 
-def _metres(values: Array, subject: str, tally: Tally) -> Array:
-    """Battery position [m] from inch, or from metres when it is plainly in metres; counted."""
-    good = values[np.isfinite(values)]
-    if good.size > 100 and 1e-3 < np.ptp(np.percentile(good, [1, 99])) < _SMALL_SHIFT:
-        tally.add("repaired", subject, good.size, "was in metres where inches are native")
-        return values
-    return values * INCH
+def _shift_unit(positions_: Sequence[Array], tally: Tally) -> float:
+    """[m] in the unit of the battery's positions, by how far it travels; counted if not inches."""
+    for values in positions_:
+        good = values[np.isfinite(values)]
+        if good.size <= 100:
+            continue
+        travel = float(np.ptp(np.percentile(good, [2.0, 98.0])))
+        for low, high, factor, unit in _TRAVELS:
+            if low < travel <= high:
+                if unit != "inches":
+                    tally.add(
+                        "repaired", "m_battpos", good.size,
+                        f"was in {unit} where inches are native: travels {travel:.3g}",
+                    )  # fmt: skip
+                return factor
+        if travel > _TRAVELS[-1][1]:
+            tally.add(
+                "suspect", "measured_shift", good.size,
+                f"the battery travels {travel:.3g}, in no unit that of a glider",
+            )  # fmt: skip
+        return INCH
+    return INCH
 
 
 def _ctd(

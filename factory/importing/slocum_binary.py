@@ -50,7 +50,8 @@ def read_slocum_binary(
     files: dict[str, list[str]] = {}
     for path in paths:
         header = read_header(path)
-        vehicle = vehicle_of(header, path)
+        # the name that tables of the vehicle carry: unit_334 is unit334
+        vehicle = vehicle_of(header, path).replace("_", "")
         with tempfile.TemporaryDirectory() as folder:
             # dbdreader writes into its cache folder: it gets a copy
             _gather_caches(path, header, caches, cache, Path(folder))

@@ -21,6 +21,7 @@ from factory.importing.log import EMPTY, NO_FIXES, Channel, Fixes, Log
 from factory.importing.slocum import WANTED, gps_fixes, native_variation, slocum_log
 from factory.importing.table import Table, parse_stamps, read_table, tidy, unix_seconds
 from factory.importing.tally import Tally
+from factory.importing.unread import note_unread
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -30,6 +31,13 @@ LATITUDES, LONGITUDES = ("lat", "latitude", "m_gps_lat"), ("lon", "longitude", "
 _ROLE_WORDS = re.compile(
     r"[_-](flight|gps|segments?|dvl|truth|events?|dr|ctd|science|sci|dbd|ebd|sbd|tbd)\b"
 )
+_READ: dict[str, tuple[str, ...]] = {
+    "flight": WANTED,
+    "science": WANTED,
+    "gps": (*LATITUDES, *LONGITUDES, *WANTED, "status", "mag_var_rad"),
+    "truth": ("U_dvl_ms",),
+}
+"""Columns that each kind of table is read for."""
 _FAR = 50e3
 """[m] GPS fixes so far from the vehicle's own positions are another vehicle's."""
 
@@ -90,6 +98,10 @@ def read_slocum_tables(
         if not len(table):
             raise InputError(f"{path.name} holds column names and no rows")
         tables.setdefault(which, []).append(table)
+    for which, some in tables.items():
+        if which in _READ:
+            names = [n for table in some for n in (*table.columns, *table.texts)]
+            note_unread(f"{which} table", names, (*TIMES, *_READ[which]), tally)
     if "flight" not in tables:
         raise InputError(
             "none of the files is a flight table (m_depth or m_pressure, m_pitch, m_heading); "
@@ -186,12 +198,28 @@ def _attach(which: str, table: Table, groups: list[Parts], tally: Tally) -> None
                 parts.variation.append(native_variation(native, tally))
                 break
     elif which == "truth":
-        values = columns["U_dvl_ms"]
+        values = _metres_per_second(columns["U_dvl_ms"], tally)
         there = np.isfinite(values)
         parts.speed.append(Channel(time[there], values[there]))
         tally.add("read", "U_dvl_ms", int(there.sum()), "finite truth samples")
     else:
         _native(parts, time, columns)
+
+
+_CM_PER_M = 100.0
+_FAST = 5.0
+"""[m/s] A median speed of a glider above it is in cm/s."""
+
+
+def _metres_per_second(values: Array, tally: Tally) -> Array:
+    """Speed of a DVL in m/s; cm/s and mm/s by their size are converted, counted."""
+    good = values[np.isfinite(values)]
+    middle = float(np.median(good)) if good.size else 0.0
+    for factor, unit in ((_CM_PER_M, "cm/s"), (_CM_PER_M * 10.0, "mm/s")):
+        if _FAST < middle <= _FAST * factor / 5.0:
+            tally.add("repaired", "U_dvl_ms", good.size, f"was in {unit} where m/s is native")
+            return values / factor
+    return values
 
 
 def _attach_events(table: Table, groups: list[Parts], tally: Tally) -> None:

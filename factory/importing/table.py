@@ -95,8 +95,10 @@ def _csv(path: Path) -> Table:
             rows = list(csv.reader(file, delimiter=delimiter))
     except (OSError, EOFError, zlib.error, csv.Error) as error:
         raise InputError(f"{path} cannot be read to its end: {_line(error)}") from error
-    if len(names) < 2 or any(not name for name in names[:-1]):
+    if len(names) < 2 or any(not name for name in names[1:-1]):
         raise InputError(f"{path} does not begin with a line of column names")
+    if not names[0]:  # the index that pandas writes
+        names, rows = names[1:], [row[1:] for row in rows]
     names = [name for name in names if name]
     rows = [row for row in rows if row]
     columns: dict[str, Array] = {}
@@ -179,7 +181,7 @@ def unix_seconds(time: Array, subject: str, tally: Tally) -> Array:
 def tidy(
     time: Array, columns: Mapping[str, Array], subject: str, tally: Tally
 ) -> tuple[Array, dict[str, Array]]:
-    """Sort by time and make times unique; of repeated times each column's first value is kept.
+    """Sort by time and make times unique; repeated times become one row.
 
     Rows without a time are left out. Everything is counted.
     """
@@ -191,19 +193,51 @@ def tidy(
     order = np.argsort(time, kind="stable")
     unique, first = np.unique(time[order], return_index=True)
     repeated = time.size - unique.size
-    tally.add("removed", subject, repeated, "rows that repeat a time")
     out: dict[str, Array] = {}
     for name, values in columns.items():
         infinite = np.isinf(values)
         tally.add("removed", name, int(infinite.sum()), "infinite")
-        ordered = np.where(infinite, np.nan, values)[known]
-        if repeated:
-            # of each time, rows with a value come first
-            best = np.lexsort((np.arange(time.size), ~np.isfinite(ordered), time))
-            out[name] = ordered[best][first]
-        else:
-            out[name] = ordered[order]
+        out[name] = np.where(infinite, np.nan, values)[known][order]
+    if repeated:
+        out = _once(first, out, subject, tally)
     return unique, out
+
+
+def _once(
+    first: NDArray[np.intp], columns: Mapping[str, Array], subject: str, tally: Tally
+) -> dict[str, Array]:
+    """Rows of one time as one row.
+
+    Where they agree, each column's first value; where they do not, the first row that has any,
+    alone: values of two rows that contradict each other are not mixed.
+
+    Args:
+      first: index of the first row of each time; rows are in order of time.
+    """
+    total = len(next(iter(columns.values()))) if columns else 0
+    group = np.zeros(total, np.intp)
+    group[first[1:]] = 1
+    group = np.cumsum(group)
+    clash = np.zeros(len(first), bool)
+    some = np.zeros(total, bool)
+    filled: dict[str, Array] = {}
+    for name, values in columns.items():
+        there = np.isfinite(values)
+        some |= there
+        best = np.lexsort((np.arange(total), ~there, group))
+        filled[name] = values[best][first]
+        differs = there & (values != filled[name][group])
+        clash[group[differs]] = True
+    leading = np.lexsort((np.arange(total), ~some, group))[first]
+    extra = np.bincount(group, minlength=len(first)) - 1
+    tally.add("repeated", subject, int(extra[~clash].sum()), "samples written twice: kept once")
+    tally.add(
+        "removed", subject, int(extra[clash].sum()),
+        "rows that repeat a time with other values: the first is kept",
+    )  # fmt: skip
+    return {
+        name: np.where(clash, values[leading], filled[name]) for name, values in columns.items()
+    }
 
 
 def stacked(pieces: Sequence[Mapping[str, Array]], names: Sequence[str]) -> dict[str, Array]:

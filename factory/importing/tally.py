@@ -28,6 +28,8 @@ class Tally:
 
     def __init__(self) -> None:
         self._counts: dict[tuple[str, str, str], int] = {}
+        self.unread: dict[str, list[str]] = {}
+        """Names that files hold and nobody reads, by kind of file (`unread.tell_unread`)."""
 
     def add(self, action: str, subject: str, count: int = 1, detail: str = "") -> None:
         """Count something; nothing is recorded for a count of 0."""

@@ -174,7 +174,7 @@ def test_lrauv_logs_have_a_time_for_each_variable(
     assert np.median(np.abs(dataset["measured_depth"].values[1, :n] - truth["depth"])) < 0.3
     if write is write_mat:
         assert report.rows_with_fixes == FLIGHT.dives
-        assert report.count("removed", "depth") == len(FLIGHT.time[::5])
+        assert report.count("repeated", "depth") == len(FLIGHT.time[::5])
         assert np.nanmedian(dataset["measured_temperature"]) == pytest.approx(10.0, abs=1e-3)
     else:
         steady = (truth["depth"] > 5.0) & (truth["depth"] < 95.0)
@@ -208,7 +208,8 @@ def test_lrauv_shore_logs_and_simulator() -> None:
     dataset, report = import_logs("lrauv", [SHORE])
     assert report.rows == 24
     assert report.rows_with_fixes == 23
-    assert report.count("removed", "depth") == 942
+    assert report.count("repeated", "depth") == 942
+    assert report.count("removed", "depth") == 0
     assert float(np.nanmax(dataset["measured_depth"])) == pytest.approx(78.0, abs=1.0)
     # propelled at about 1 m/s
     speed = np.hypot(dataset["displacement_north"], dataset["displacement_east"])

@@ -106,7 +106,7 @@ def test_disorder_repeats_gaps_spikes_and_sentinels_are_repaired_and_counted(
     dataset, report = import_logs("slocum", [folder])
     assert report.count("removed", "m_pressure") == 1
     assert report.count("removed", "m_pitch") == 1
-    assert report.count("removed", "unit1_flight.csv") == 3
+    assert report.count("repeated", "unit1_flight.csv") == 3
     assert report.count("sorted", "unit1_flight.csv") > 0
     gap = dataset["measured_gap"].values[1]
     marked = np.nansum(gap) * 2.0
@@ -157,9 +157,12 @@ def test_a_pressure_alone_is_scaled_by_the_speed_that_it_gives(tmp_path: Path) -
 def test_a_sign_that_contradicts_the_dives_is_suspect(
     tmp_path: Path, column: str, subject: str
 ) -> None:
-    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    columns = slocum_columns(FLIGHT)
+    # a heading that never changes is suspect by itself
+    wobble = {"m_heading": columns["m_heading"] + 1e-3 * np.sin(FLIGHT.time)}
+    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **wobble))
     assert report.count("suspect") == 0
-    changed = {column: -slocum_columns(FLIGHT)[column]}
+    changed = {**wobble, column: -columns[column]}
     _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **changed))
     assert report.count("suspect", subject) == report.count("suspect") == len(FLIGHT.time)
 
