@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -12,6 +13,7 @@ from twin.console import Console, JsonOption
 
 if TYPE_CHECKING:
     from twin.identify import Identification
+    from twin.identify.rollout import Refinement
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +93,7 @@ class Identify(JsonOption):
 
             refined = refine(logs, found)
             found = refined.identification
-        self._say(console, found, len(logs))
+        self._say(console, found, len(logs), refined)
         if self.out is not None:
             from twin.identify.provenance import provenance_of
             from twin.identify.vehicle_file import write_vehicle
@@ -115,7 +117,13 @@ class Identify(JsonOption):
             console.answer(**refined.describe())
         return 0
 
-    def _say(self, console: Console, found: Identification, missions: int) -> None:
+    def _say(
+        self,
+        console: Console,
+        found: Identification,
+        missions: int,
+        refined: Refinement | None,
+    ) -> None:
         rows = [
             {
                 "parameter": e.name,
@@ -137,6 +145,11 @@ class Identify(JsonOption):
                     f"(nominal vehicle {100 * found.nominal_current_change:.2f})"
                 )
             }
+        if refined is not None:
+            changes["twin flown in MuJoCo"] = (
+                f"{refined.windows} windows: depth rate, RMSE {100 * refined.depth_rate_rmse:.2f} "
+                f"cm/s, pitch {math.degrees(refined.pitch_rmse):.2f} deg"
+            )
         console.pairs(
             {
                 "model": found.model,
