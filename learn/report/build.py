@@ -9,7 +9,7 @@ from typing import Any
 
 from learn.dataset import Mission
 from learn.evaluate import NETWORK, Evaluation
-from learn.report import figures, tables
+from learn.report import figures, spread_figures, tables, track_figures
 from learn.report.page import Page
 from learn.report.shown import Shown
 from learn.score import Reference
@@ -63,7 +63,7 @@ def build_page(folder: Path, contents: Contents) -> Path:
         _paper_test(page, contents.paper_test)
     elif test.shown:
         _tracks(page, test.shown[0])
-        page.figure("errors", figures.error_figure(test.shown), ERROR_CAPTION)
+        page.figure("errors", track_figures.error_figure(test.shown), ERROR_CAPTION)
     if contents.error_model is not None and test.shown:
         _uncertainty(page, test.shown[0], contents.error_model, test.figures)
     if contents.ablation:
@@ -141,16 +141,19 @@ def _dead_reckoning(page: Page, judged: Judged) -> None:
         rows = tables.track_rows(judged.figures, track)
         if rows:
             page.table(rows, caption)
+    absent = tables.without_track(judged.figures, "water")
+    if absent:
+        page.say(absent)
     page.figure(
         "distribution",
-        figures.distribution_figure(judged.evaluation),
+        spread_figures.distribution_figure(judged.evaluation),
         "Every mission a dot, the median a bar.",
     )
 
 
 def _over_ground(page: Page, judged: Judged) -> None:
     rows = tables.dive_rows(judged.figures)
-    drawn = figures.dive_figure(judged.evaluation)
+    drawn = spread_figures.dive_figure(judged.evaluation)
     if not rows or drawn is None:
         page.say("No mission has two dives between GPS fixes, so nothing is known of a current.")
         return
@@ -169,7 +172,7 @@ def _paper_test(page: Page, judged: Judged) -> None:
     page.table(tables.velocity_rows(judged.figures))
     page.table(tables.track_rows(judged.figures, "water"), "Through the water.")
     _tracks(page, judged.shown[0])
-    page.figure("errors", figures.error_figure(judged.shown), ERROR_CAPTION + STEADY_CAPTION)
+    page.figure("errors", track_figures.error_figure(judged.shown), ERROR_CAPTION + STEADY_CAPTION)
 
 
 def _tracks(page: Page, shown: Shown) -> None:
@@ -177,12 +180,12 @@ def _tracks(page: Page, shown: Shown) -> None:
         [
             (
                 "track",
-                figures.track_figure(shown, DRAWN_METHODS),
+                track_figures.track_figure(shown, DRAWN_METHODS),
                 f"Dead-reckoned tracks through the water, {shown.label}.",
             ),
             (
                 "track_3d",
-                figures.track_3d_figure(shown, DRAWN_METHODS),
+                track_figures.track_3d_figure(shown, DRAWN_METHODS),
                 "The same with the measured depth; the vertical scale is its own.",
             ),
         ]

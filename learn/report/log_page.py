@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from learn.log_score import sentences
-from learn.report import figures, tables
+from learn.report import spread_figures, tables
 from learn.report.build import Judged
 from learn.report.page import Page
 
@@ -32,7 +32,7 @@ def build_log_page(
     if rows := tables.track_rows(found, "ground"):
         page.section("Dead reckoning")
         page.table(rows, "Over ground from fix to fix, nothing known of the current.")
-    rows, drawn = tables.dive_rows(found), figures.dive_figure(test.evaluation)
+    rows, drawn = tables.dive_rows(found), spread_figures.dive_figure(test.evaluation)
     if rows and drawn is not None:
         page.table(
             rows,

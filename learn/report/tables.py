@@ -66,6 +66,25 @@ def track_rows(evaluation: Figures, track: str) -> list[Row]:
     return rows
 
 
+WITHOUT_WATER = {
+    "dvl": "The {title} method is missing in the tables through the water: in less "
+    "than half of the samples its log was in water lock, and a log in bottom lock measures the velocity over ground, so "
+    "that it says nothing on the one through the water. It is among the tracks over ground.",
+    "onboard": "The {title} is missing in them: it was reset at fixes, which puts the current "
+    "into it.",
+}
+"""Why a method can have no track through the water."""
+
+
+def without_track(evaluation: Figures, track: str) -> str:
+    """Sentences on the methods that `track_rows` leaves out; empty when there are none."""
+    return " ".join(
+        WITHOUT_WATER[name].format(title=title_of(name))
+        for name, figures in methods_of(evaluation)
+        if name in WITHOUT_WATER and figures[f"dr_{track}_percent_mean"] is None
+    )
+
+
 def dive_rows(evaluation: Figures) -> list[Row]:
     """Errors over ground between GPS fixes, by what is known of the current."""
     rows = []

@@ -104,18 +104,98 @@ def test_every_figure_is_a_png_beside_the_page(page):
 
 
 def test_every_figure_has_labelled_axes(judged):
-    from learn.report import figures
+    from learn.report import figures, track_figures
 
     shown = judged.shown[0]
     drawn = [
         figures.velocity_figure(shown),
-        figures.track_figure(shown, ("network", "steady_flight")),
-        figures.error_figure(judged.shown),
+        track_figures.track_figure(shown, ("network", "steady_flight")),
+        track_figures.error_figure(judged.shown),
         figures.uncertainty_figure(shown, np.linspace(0.0, 10.0, len(shown.time))),
     ]
     for figure in drawn:
         texts = [axes.get_xlabel() + axes.get_ylabel() for axes in figure.axes]
         assert any("[" in text for text in texts)
+
+
+def test_the_rows_of_errors_have_one_scale_and_name_their_missions(judged):
+    from learn.report.track_figures import error_figure
+
+    figure = error_figure(judged.shown)
+    axes = np.reshape(figure.axes, (2, 2))
+    for row in axes:
+        assert row[0].get_ylim() == row[1].get_ylim()
+        low, high = row[0].get_ylim()
+        for place in row:
+            for line in place.lines[: len(judged.shown)]:
+                assert low < np.min(line.get_ydata()) <= np.max(line.get_ydata()) < high
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == [shown.label for shown in judged.shown]
+    assert len({line.get_linewidth() for line in axes[0, 0].lines[: len(labels)]}) == 1
+
+
+def test_tracks_tell_methods_apart_and_name_those_without(judged):
+    from learn.report.track_figures import track_figure
+
+    methods = ("network", "pitch_plus_alpha", "steady_flight", "sextant")
+    figure = track_figure(judged.shown[0], methods)
+    plan, distance = figure.axes
+    drawn = [line for line in plan.lines if line.get_linestyle() != "None"]
+    assert len({line.get_linestyle() + str(line._dash_pattern) for line in drawn[1:]}) == 3
+    assert drawn[0].get_linewidth() > 2 * drawn[1].get_linewidth()
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert {"truth", "start", "end", "no track: sextant"} <= set(texts)
+    assert len(distance.lines) == 3
+    assert "distance" in distance.get_title(loc="left")
+
+
+def test_the_track_in_space_has_ends_and_a_shadow(judged):
+    from learn.report.track_figures import track_3d_figure
+
+    figure = track_3d_figure(judged.shown[0], ("network",))
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert texts == ["truth", "networks", "truth on the floor", "start", "end"]
+
+
+def test_a_launch_does_not_set_the_scale_of_errors(judged):
+    from learn.report.figures import after_launch, velocity_figure
+
+    time = np.arange(0.0, 4000.0)
+    error = np.where(time < 20.0, 500.0, np.sin(time))
+    assert 0.9 < after_launch(error, time) < 1.5
+    assert after_launch(np.zeros(5), np.arange(5.0)) == 1.0
+    figure = velocity_figure(judged.shown[0])
+    for place in figure.axes[2:]:
+        low, high = place.get_ylim()
+        assert low == -high
+        assert any(np.allclose(line.get_ydata(), 0.0) for line in place.lines)
+    assert "mission 0" in figure.get_suptitle()
+
+
+def test_what_dots_and_bars_are_is_in_the_figure(judged):
+    from learn.report.spread_figures import distribution_figure, dive_figure
+
+    texts = [t.get_text() for t in distribution_figure(judged.evaluation).legends[0].get_texts()]
+    assert texts[:2] == ["a mission", "median"]
+    lacking = [n for n, f in judged.figures["baselines"].items()
+               if f["dr_water_percent_mean"] is None]  # fmt: skip
+    assert lacking
+    assert "no track through the water" in texts[2]
+    dives = [t.get_text() for t in dive_figure(judged.evaluation).legends[0].get_texts()]
+    assert dives == ["a dive", "median"]
+
+
+def test_the_page_says_why_a_method_has_no_track_through_the_water(judged):
+    from learn.report.tables import without_track
+
+    without = {**judged.figures["baselines"]["steady_flight"], "dr_water_percent_mean": None}
+    figures = {**judged.figures, "baselines": {"dvl": without, "onboard": without}}
+    said = without_track(figures, "water")
+    assert "DVL-aided method is missing" in said
+    assert "bottom lock measures the velocity over ground" in said
+    assert "on-board track is missing in them: it was reset" in said
+    known = {"steady_flight": judged.figures["baselines"]["steady_flight"]}
+    assert without_track({**judged.figures, "baselines": known}, "water") == ""
 
 
 def test_without_dives_there_is_no_table_of_them(judged):

@@ -18,6 +18,8 @@ PANE = (0.97, 0.98, 0.99, 1.0)
 """Colour of the box's walls"""
 BOTTOM, RIGHT = 0.02, 0.94
 """Edges of the axes over the figure's size: the depth label reaches beyond the right one"""
+BLANK = 0.15
+"""Of a square's height that a box this flat leaves free above itself"""
 LEGEND: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.02, 0.99), "columnspacing": 1.0}
 """Where `figure.legend` goes"""
 
@@ -34,7 +36,9 @@ def space_axes(figure: Figure, *, floor: float, unit: str, top: float) -> Any:
       matplotlib's Axes3D, which takes east, north and depth in this order.
     """
     figure.set_layout_engine("none")  # it does not know how far the labels of 3-D axes reach
-    axes: Any = figure.add_axes((0.0, BOTTOM, RIGHT, top - BOTTOM), projection="3d")
+    # the blank above the box reaches beyond `top`, under the legend, and is no white stripe
+    height = (top - BOTTOM) / (1.0 - BLANK)
+    axes: Any = figure.add_axes((0.0, BOTTOM, RIGHT, height), projection="3d")
     axes.set_zlim(floor, 0.0)
     axes.set_xlabel(f"east [{unit}]")
     axes.set_ylabel(f"north [{unit}]")

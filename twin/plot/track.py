@@ -22,12 +22,16 @@ OTHER_COLOURS = tuple(c for name, c in style.PALETTE.items() if name not in ("bl
 """Colours of tracks beside the truth."""
 
 
+MARKS = {"start": (0, "o"), "end": (-1, "s")}
+"""Sample and marker of a track's ends"""
 MOST_COLUMNS = 3
 """Columns of a legend at column width"""
 LONG_NAME = 14
 """Letters of a name from which a legend at column width has one column less"""
 LEGEND_ROW = 0.16
 """[in] height of a legend's row"""
+SPACE_HEIGHT = 2.95
+"""[in] of a figure in space with one row of names"""
 MOST_3D = 2500
 """Points of a line in space"""
 
@@ -66,8 +70,7 @@ def draw_track(axes: Axes, trajectory: Trajectory, tracks: Sequence[NamedTrack] 
         bar = axes.figure.colorbar(lines, ax=axes, shrink=0.85, pad=0.02, aspect=25)
         bar.set_label(f"time [{time_name}]")
         bar.outline.set_visible(False)
-    marks = {"start": (0, "o"), "end": (-1, "s")}
-    for name, (index, marker) in marks.items():
+    for name, (index, marker) in MARKS.items():
         axes.plot(
             east[index] / metres,
             north[index] / metres,
@@ -133,8 +136,8 @@ def track_3d_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -
     """The track in space, depth down; the vertical scale is its own, as oceanographers plot it."""
     with style.styled():
         columns = legend_columns(tracks)
-        rows = -(-(len(tracks) + 2) // columns)
-        height = 3.3 + LEGEND_ROW * (rows - 1)
+        rows = -(-(len(tracks) + 4) // columns)
+        height = SPACE_HEIGHT + LEGEND_ROW * (rows - 1)
         figure = style.new_figure(height=height)
         north, east, depth, time = style.thin(
             *(trajectory[f"true_{n}"] for n in ("north", "east", "depth")),
@@ -153,5 +156,10 @@ def track_3d_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -
             n, e, t = style.thin(track.north, track.east, track.time, most=MOST_3D)
             d = np.interp(t, time, depth)
             axes.plot(e / metres, n / metres, d, lw=0.9, label=track.title, **line_look(index))
+        for name, (index, marker) in MARKS.items():
+            axes.plot(
+                east[index] / metres, north[index] / metres, depth[index], marker, ms=5,
+                mfc="white", mec=style.COMMAND, mew=1.2, ls="none", label=name, zorder=10,
+            )  # fmt: skip
         figure.legend(**LEGEND, ncols=columns)
     return figure

@@ -1,0 +1,100 @@
+"""Figures of a report over many missions or dives: every one a dot, the median a bar."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from learn.dead_reckoning import Array
+from learn.dives import KNOWLEDGE
+from learn.evaluate import Evaluation
+from learn.report.names import KNOWLEDGE_TITLES, colour_of, title_of
+from twin.plot import style
+
+
+def distribution_figure(evaluation: Evaluation) -> Figure:
+    """Dead-reckoning error through the water over missions, each a dot, on a logarithmic axis."""
+    rows = [
+        (name, [s.tracks["water"].percent for s in method.scores if "water" in s.tracks])
+        for name, method in evaluation.methods.items()
+    ]
+    rows = [(name, values) for name, values in rows if values]
+    missing = [name for name in evaluation.methods if name not in {row for row, _ in rows}]
+    with style.styled():
+        figure = style.new_figure(style.PAGE_WIDTH * 0.75, 0.42 * len(rows) + 1.15)
+        axes = figure.add_subplot()
+        for place, (name, values) in enumerate(reversed(rows)):
+            _dots(axes, place, np.array(values), colour_of(name))
+        axes.set_yticks(range(len(rows)), [title_of(name) for name, _ in reversed(rows)])
+        axes.set_xscale("log")
+        axes.grid(visible=False, axis="y")
+        axes.set_xlabel("error at mission end [% of the path through the water]")
+        axes.set_title("through the water, measured attitude")
+        _explain(
+            figure,
+            "a mission",
+            [f"no track through the water: {titles(missing)}"] if missing else [],
+        )
+    return figure
+
+
+def dive_figure(evaluation: Evaluation) -> Figure | None:
+    """Error over ground at the end of a dive, by what is known of the current; None without dives.
+
+    Corrected afterwards the end is pinned to the fix, so there it is the largest error on the way.
+    """
+    kept: dict[str, dict[str, Array]] = {}
+    for name, method in evaluation.methods.items():
+        for knowledge in KNOWLEDGE:
+            errors = [e for score in method.scores for e in score.dives.get(knowledge, ())]
+            if errors:
+                values = [e.max_percent if knowledge == "corrected" else e.percent for e in errors]
+                kept.setdefault(name, {})[knowledge] = np.array(values)
+    if not kept:
+        return None
+    with style.styled():
+        figure = style.new_figure(style.PAGE_WIDTH, 0.36 * len(kept) + 1.3)
+        axes = figure.subplots(1, len(KNOWLEDGE), sharey=True, sharex=True)
+        for place, knowledge in zip(axes, KNOWLEDGE, strict=True):
+            for row, (name, found) in enumerate(reversed(kept.items())):
+                if knowledge in found:
+                    _dots(place, row, found[knowledge], colour_of(name))
+            place.set_title(KNOWLEDGE_TITLES[knowledge])
+            place.set_xscale("log")
+            place.grid(visible=False, axis="y")
+        axes[0].set_yticks(range(len(kept)), [title_of(name) for name in reversed(kept)])
+        axes[1].set_xlabel("error over ground [% of the dive's path through the water]")
+        _explain(figure, "a dive", [])
+    return figure
+
+
+def titles(names: Sequence[str]) -> str:
+    """Methods in words, one after the other."""
+    return ", ".join(title_of(name) for name in names)
+
+
+def _explain(figure: Figure, dots: str, notes: Sequence[str]) -> None:
+    """What dots and bars are, and what is missing, above the axes."""
+    dot = Line2D([], [], marker="o", ms=3.2, ls="none", color=style.GUIDE, label=dots)
+    bar = Line2D([], [], marker="|", ms=9, mew=2.2, ls="none", color=style.GUIDE, label="median")
+    blank = [Line2D([], [], ls="none", label=note) for note in notes]
+    figure.legend(handles=[dot, bar, *blank], loc="outside upper left", ncols=3)
+
+
+def _dots(axes: Axes, row: int, values: Array, colour: str) -> None:
+    """Each value a dot, the median a bar; jittered by rank so that equal ones stay visible."""
+    values = np.maximum(values[np.isfinite(values)], LEAST_PERCENT)
+    jitter = 0.22 * (np.mod(np.arange(len(values)) * GOLDEN, 1.0) - 0.5)
+    axes.plot(values, row + jitter, "o", ms=3.2, color=colour, alpha=0.55, mew=0)
+    median = float(np.median(values))
+    axes.plot([median, median], [row - 0.3, row + 0.3], color=colour, lw=2.2)
+
+
+LEAST_PERCENT = 1e-4
+"""Left end of logarithmic axes: a metre in a thousand kilometres."""
+GOLDEN = 0.6180339887
+"""Fractional part of the golden ratio, whose multiples spread evenly."""

@@ -1,0 +1,175 @@
+"""Figures of a report in the horizontal: tracks from above and in space, their errors over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from learn.dead_reckoning import Array
+from learn.evaluate import FLOOR, NETWORK
+from learn.report.names import colour_of, title_of
+from learn.report.shown import Shown
+from twin.plot import style
+from twin.plot.space import LEGEND, space_axes
+
+LEAST_ERROR_M = 0.05
+"""Span of an error axis that hardly varies: centimetres are noise to a navigator."""
+MARGIN = 0.12
+"""Of the range, above and below the lines together"""
+LEAST_DISTANCE_M = 0.01
+"""Lower end of logarithmic distances: a centimetre"""
+DASHES = ((0, (6, 2)), (0, (1, 1.4)), (0, (6, 2, 1, 2)), (0, (3, 1.5)))
+"""Of methods in their order: each tells itself from the others without its colour"""
+MISSION_DASHES = ((0, ()), (0, (7, 4)), (0, (1.5, 3)))
+"""Of missions: gaps leave what lies below visible"""
+MISSION_COLOURS = (style.TRUTH, style.PALETTE["orange"], style.PALETTE["black"])
+TRUTH_LINE: dict[str, Any] = {"color": style.TRUTH, "lw": 4.0, "alpha": 0.35, "label": "truth"}
+"""Wide and pale, so that what lies on it is seen"""
+MARKS = {"start": (0, "o"), "end": (-1, "s")}
+
+
+def track_figure(shown: Shown, methods: Sequence[str]) -> Figure:
+    """North-east track through the water from above, and how far each method is from the truth."""
+    with style.styled():
+        figure = style.new_figure(style.COLUMN_WIDTH * 1.25, 5.2)
+        axes, below = figure.subplots(2, 1, height_ratios=(3.0, 1.0))
+        lines = _water_lines(shown, methods)
+        metres, unit = style.length_unit(*(line[:, k] for line in lines.values() for k in (0, 1)))
+        for place, (name, line) in enumerate(lines.items()):
+            north, east = style.thin(line[:, 0], line[:, 1])
+            axes.plot(east / metres, north / metres, **_look(name, place))
+        for name, line in lines.items():
+            _ends(axes, line / metres, name)
+        axes.set_xlabel(f"east [{unit}]")
+        axes.set_ylabel(f"north [{unit}]")
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.margins(0.06)
+        _distances(below, shown, lines)
+        _legend(figure, axes, methods, lines)
+    return figure
+
+
+def track_3d_figure(shown: Shown, methods: Sequence[str]) -> Figure:
+    """The same track in space, depth down, and the truth on the floor; its own vertical scale."""
+    with style.styled():
+        figure = style.new_figure(style.COLUMN_WIDTH * 1.25, 3.5)
+        lines = _water_lines(shown, methods)
+        metres, unit = style.length_unit(*(line[:, k] for line in lines.values() for k in (0, 1)))
+        depth = shown.reference.mission.signals["measured_depth"]
+        floor = float(np.max(depth)) * 1.1 + 1.0
+        axes = space_axes(figure, floor=floor, unit=unit, top=0.86)
+        truth = lines["truth"] / metres
+        for place, (name, line) in enumerate(lines.items()):
+            north, east, down = style.thin(line[:, 0], line[:, 1], depth, most=2500)
+            axes.plot(east / metres, north / metres, down, **_look(name, place))
+        north, east = style.thin(truth[:, 0], truth[:, 1], most=2500)
+        axes.plot(east, north, floor, color=style.GUIDE, lw=0.8, label="truth on the floor")
+        for name, (index, marker) in MARKS.items():
+            axes.plot(
+                truth[index, 1], truth[index, 0], depth[index], marker, ms=5, mfc="white",
+                mec=style.COMMAND, mew=1.2, ls="none", label=name, zorder=10,
+            )  # fmt: skip
+        figure.legend(**LEGEND, ncols=3)
+    return figure
+
+
+def error_figure(missions: Sequence[Shown]) -> Figure:
+    """North and east error of the networks' track against time, one line per mission.
+
+    The paper's figure for its three currents, through the water (above) and over ground with
+    nothing known of the current (below); no fixes. Both panels of a row have one scale.
+    """
+    with style.styled():
+        figure = style.new_figure(style.PAGE_WIDTH, 4.6)
+        axes = figure.subplots(2, 2, sharex=True, sharey="row")
+        seconds, unit = style.time_unit(max((s.time for s in missions), key=len))
+        for k, shown in enumerate(missions):
+            track = shown.water_track(NETWORK)
+            assert track is not None
+            for row, truth in zip(
+                axes, (shown.reference.water_track, shown.reference.ground_track), strict=True
+            ):
+                for place, values in zip(row, (track - truth).T, strict=True):
+                    time, error = style.thin(shown.time / seconds, values)
+                    place.plot(
+                        time, error, lw=1.5, label=shown.label,
+                        color=MISSION_COLOURS[k % len(MISSION_COLOURS)],
+                        ls=MISSION_DASHES[k % len(MISSION_DASHES)],
+                    )  # fmt: skip
+        for row in axes:
+            for place in row:
+                place.axhline(0.0, color=style.GUIDE, lw=0.7, zorder=0)
+            values = np.concatenate([np.asarray(line.get_ydata()) for a in row for line in a.lines])
+            low, high = float(np.nanmin(values)), float(np.nanmax(values))
+            reach = 0.5 * max((1.0 + MARGIN) * (high - low), LEAST_ERROR_M)
+            row[0].set_ylim(0.5 * (low + high) - reach, 0.5 * (low + high) + reach)
+        for row, where in zip(axes, ("through the water", "over ground"), strict=True):
+            for place, name in zip(row, ("north", "east"), strict=True):
+                place.set_title(f"{name} error, {where}")
+            row[0].set_ylabel("estimate − truth [m]")
+            row[1].tick_params(labelleft=True)
+        for place in axes[1]:
+            style.label_time(place, unit)
+        figure.suptitle("position error of the networks' dead reckoning", x=0.01, ha="left")
+        figure.legend(
+            *axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=len(missions)
+        )
+    return figure
+
+
+def _distances(axes: Axes, shown: Shown, lines: dict[str, Array]) -> None:
+    """Distance of each method from the truth over time, on a logarithmic axis."""
+    seconds, unit = style.time_unit(shown.time)
+    for place, (name, line) in enumerate(lines.items()):
+        if name == "truth":
+            continue
+        away = np.maximum(np.hypot(*(line - lines["truth"]).T), LEAST_DISTANCE_M)
+        time, distance = style.thin(shown.time / seconds, away)
+        axes.plot(time, distance, **_look(name, place))
+    axes.set_yscale("log")
+    axes.set_ylabel("[m]")
+    axes.set_title("distance from the truth")
+    style.label_time(axes, unit)
+
+
+def _legend(figure: Figure, axes: Axes, methods: Sequence[str], lines: dict[str, Array]) -> None:
+    handles, names = axes.get_legend_handles_labels()
+    missing = [title_of(name) for name in methods if name not in lines]
+    if missing:
+        handles = [*handles, axes.plot([], [], ls="none")[0]]
+        names = [*names, f"no track: {', '.join(missing)}"]
+    figure.legend(handles, names, loc="outside upper left", ncols=2, columnspacing=1.0)
+
+
+def _water_lines(shown: Shown, methods: Sequence[str]) -> dict[str, Array]:
+    lines = {"truth": shown.reference.water_track}
+    for name in methods:
+        track = shown.water_track(name) if name in shown.estimates else None
+        if track is not None and name != FLOOR:
+            lines[name] = track
+    return lines
+
+
+def _look(name: str, place: int) -> dict[str, Any]:
+    """Line of a method, `place` in the order of those drawn; the truth is the first."""
+    if name == "truth":
+        return TRUTH_LINE
+    dashes = DASHES[(place - 1) % len(DASHES)]
+    return {"color": colour_of(name), "lw": 1.4, "ls": dashes, "label": title_of(name)}
+
+
+def _ends(axes: Axes, track: Array, name: str) -> None:
+    """Start and end of the truth, the end of a method in its colour."""
+    for label, (index, marker) in MARKS.items():
+        if name != "truth" and label == "start":
+            continue
+        truth = name == "truth"
+        axes.plot(
+            track[index, 1], track[index, 0], marker, ms=6.5 if truth else 4.0, mfc="white",
+            mec=style.COMMAND if truth else colour_of(name), mew=1.2, ls="none",
+            label=label if truth else None, zorder=5 if truth else 6,
+        )  # fmt: skip
