@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from learn.log_score import sentences
-from learn.report import spread_figures, tables
+from learn.report import figures, spread_figures, tables
 from learn.report.build import Judged
 from learn.report.page import Page
 

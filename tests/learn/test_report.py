@@ -192,7 +192,7 @@ def test_the_page_says_why_a_method_has_no_track_through_the_water(judged):
     figures = {**judged.figures, "baselines": {"dvl": without, "onboard": without}}
     said = without_track(figures, "water")
     assert "DVL-aided method is missing" in said
-    assert "bottom lock measures the velocity over ground" in said
+    assert "in bottom lock it measures the velocity over ground" in said
     assert "on-board track is missing in them: it was reset" in said
     known = {"steady_flight": judged.figures["baselines"]["steady_flight"]}
     assert without_track({**judged.figures, "baselines": known}, "water") == ""
