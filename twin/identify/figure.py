@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from twin.identify.fit import Identification
+from twin.identify.answer import Identification
 from twin.identify.log import Log
 from twin.identify.speed import FlightModel, SpeedEstimate, estimate
 from twin.plot import style

@@ -1,18 +1,11 @@
 """Fit: parameters of a vehicle from its own logs, by robust least squares with what is known.
 
-Compared are the depth rate at every sample under water and, where a store has fixes, the
-depth-averaged current of each mission with that of the mission before, which a wrong angle of
-attack or compass makes jump as the vehicle turns. Each parameter also has its nominal value and
-spread, so that what a log cannot tell stays where it was.
-
-Residuals of depth rate are not independent: internal waves last minutes. Their number is divided
-by the integrated autocorrelation time before anything is weighted, which is what makes the stated
-deviations hold (`tests/twin/test_identify_recovery.py`).
+Each parameter has its nominal value and spread beside what the logs say (`twin.identify.problem`),
+so that what a log cannot tell stays where it was.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -21,11 +14,12 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from twin.errors import InputError
+from twin.identify.answer import Estimate, Identification
 from twin.identify.calibration import Calibration
-from twin.identify.flight import Motion
 from twin.identify.log import Log
 from twin.identify.parameters import PARAMETERS, Parameter, choose
-from twin.identify.speed import FlightModel, horizontal, motion_of, steady_parts
+from twin.identify.problem import LEAST_PAIRS, Problem
+from twin.identify.speed import FlightModel
 from twin.vehicle import CUBIC_CM
 
 Array = NDArray[np.float64]
@@ -37,208 +31,19 @@ UNDETERMINED = 0.7
 then says as much as what was known before."""
 ALWAYS = ("neutral_density", "drag")
 """Without these two nothing flies as the log does: never kept at nominal."""
-OUTLIER = 3.0
-"""Deviations at which a residual's weight has fallen to a half."""
 PASSES = 3
 """Fits between which weights, deviation and autocorrelation time are taken anew."""
 COARSE: dict[str, Any] = {"max_nfev": 8, "xtol": 1e-2, "ftol": 1e-2}
 FINE: dict[str, Any] = {"max_nfev": 12, "xtol": 1e-4, "ftol": 1e-5, "x_scale": "jac"}
 """Ends of a search: offsets are in spreads, and a deviation is hardly below a hundredth of one."""
-STEP = 1e-4
-"""Spreads of the finite differences: far above rounding, far below any curvature."""
 AT_BOUND = 1e-3
 """Spreads from its bound at which a parameter is called bounded."""
 MOVING = 0.05
 """[m/s] of depth rate from which a glider sinks or rises."""
-LEAST_PAIRS = 6
-"""Pairs of missions with fixes below which fixes are not used."""
-LEAST_CURRENT_CHANGE = 0.01
-"""[m/s] between missions that no estimate of its spread falls below."""
 START_FACTORS = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Drag over nominal at which the search starts."""
 START_LOGS = 3
 """Missions that the search for a start looks at."""
-LONGEST_CORRELATION = 600.0
-"""[s] up to which autocorrelation is summed: half of a long dive."""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Estimate:
-    """What a fit says about one parameter."""
-
-    name: str
-    unit: str
-    meaning: str
-    nominal: float
-    value: float
-    deviation: float
-    """Standard deviation, given the model; NaN where not estimated."""
-    spread: float
-    """Standard deviation known beforehand, in `unit`."""
-    determined: bool
-    note: str = ""
-    """Why it was kept at nominal, or that it lies at its bound."""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Identification:
-    """A calibrated vehicle, how sure its parameters are, and what is left unexplained."""
-
-    calibration: Calibration
-    nominal: Calibration
-    model: str
-    estimates: tuple[Estimate, ...]
-    correlation: Array
-    """Of the determined parameters, in the order of `determined`."""
-    depth_rate_rmse: float
-    """[m/s] at the samples that were fitted, without weights."""
-    nominal_depth_rate_rmse: float
-    """[m/s] before."""
-    robust_deviation: float
-    """[m/s] of depth rate, outliers weighted down."""
-    correlation_time: float
-    """[s] integrated autocorrelation time of the residuals."""
-    samples: int
-    hours: float
-    """[h] of these samples"""
-    missions: int
-    current_change: float | None
-    """[m/s] median change of the depth-averaged current between missions; None without fixes."""
-    nominal_current_change: float | None
-    """[m/s] before."""
-
-    @property
-    def determined(self) -> tuple[str, ...]:
-        """Names of the parameters that the log determines."""
-        return tuple(e.name for e in self.estimates if e.determined)
-
-    def __getitem__(self, name: str) -> Estimate:
-        return next(e for e in self.estimates if e.name == name)
-
-
-class _Problem:
-    """Residuals of a set of logs as a function of offsets from nominal, in spreads."""
-
-    def __init__(
-        self,
-        logs: Sequence[Log],
-        nominal: Calibration,
-        parameters: tuple[Parameter, ...],
-        model: FlightModel,
-        fixes: bool,
-    ):
-        self.logs, self.nominal, self.parameters, self.model = logs, nominal, parameters, model
-        self.masks = [log.use & steady_parts(log) for log in logs]
-        self.centres = np.array([p.get(nominal) for p in parameters])
-        self.pairs = [
-            k
-            for k in range(1, len(logs))
-            if logs[k].follows
-            and logs[k].displacement is not None
-            and logs[k - 1].displacement is not None
-        ]
-        if not fixes or len(self.pairs) < LEAST_PAIRS:
-            self.pairs = []
-        self.weights = [np.full(int(mask.sum()), 100.0) for mask in self.masks]  # 1 / (1 cm/s)
-        self.pair_weights = np.full(2 * len(self.pairs), 1.0 / LEAST_CURRENT_CHANGE)
-
-    def calibration(self, x: Array) -> Calibration:
-        """The calibration at these offsets."""
-        out = self.nominal
-        for parameter, centre, offset in zip(self.parameters, self.centres, x, strict=True):
-            out = parameter.at(out, float(centre), float(offset))
-        return out
-
-    def motions(self, calibration: Calibration) -> list[Motion]:
-        return [motion_of(log, calibration, self.model) for log in self.logs]
-
-    def depth_rates(self, calibration: Calibration, motions: list[Motion]) -> list[Array]:
-        """Model less measured [m/s] at the used samples of each log."""
-        out = []
-        for log, mask, motion in zip(self.logs, self.masks, motions, strict=True):
-            sink = motion.sink_rate(log.roll, calibration.true_pitch(log.pitch))
-            out.append((log.filtered(sink) - log.depth_rate)[mask])
-        return out
-
-    def current_changes(self, calibration: Calibration, motions: list[Motion]) -> Array:
-        """North and east change of the depth-averaged current [m/s] of each pair, flat."""
-        if not self.pairs:
-            return np.zeros(0)
-        current = np.full((len(self.logs), 2), np.nan)
-        for k, (log, motion) in enumerate(zip(self.logs, motions, strict=True)):
-            if log.displacement is not None:
-                moved = [
-                    log.period * float(np.sum(v)) for v in horizontal(log, calibration, motion)
-                ]
-                current[k] = (np.array(log.displacement) - moved) / log.duration
-        return np.concatenate([current[k] - current[k - 1] for k in self.pairs])
-
-    def weighted(self, calibration: Calibration, motions: list[Motion]) -> Array:
-        rates = self.depth_rates(calibration, motions)
-        parts = [r * w for r, w in zip(rates, self.weights, strict=True)]
-        parts.append(self.current_changes(calibration, motions) * self.pair_weights)
-        return np.concatenate(parts)
-
-    def residual(self, x: Array) -> Array:
-        """Weighted residuals followed by the offsets themselves; infinite where nothing flies,
-        from which a search steps back."""
-        calibration = self.calibration(x)
-        try:
-            motions = self.motions(calibration)
-        except InputError:
-            return np.full(
-                sum(w.size for w in self.weights) + self.pair_weights.size + x.size, np.inf
-            )
-        return np.concatenate([self.weighted(calibration, motions), x])
-
-    def jacobian(self, x: Array) -> Array:
-        """Forward differences; the compass changes no motion, only where it leads."""
-        calibration = self.calibration(x)
-        motions = self.motions(calibration)
-        base = self.weighted(calibration, motions)
-        columns = []
-        for k, parameter in enumerate(self.parameters):
-            moved = x.copy()
-            moved[k] += STEP
-            calibration = self.calibration(moved)
-            turns = parameter.name.startswith("heading")
-            there = self.weighted(calibration, motions if turns else self.motions(calibration))
-            columns.append((there - base) / STEP)
-        return np.concatenate([np.stack(columns, axis=1), np.eye(len(x))])
-
-    @property
-    def lowest(self) -> Array:
-        """Bounds of the offsets from below: no hull grows under pressure."""
-        bounds = [
-            (p.least - centre) / p.spread if p.least is not None else -np.inf
-            for p, centre in zip(self.parameters, self.centres, strict=True)
-        ]
-        return np.array(bounds)
-
-    def reweight(self, x: Array) -> tuple[float, float]:
-        """Weights of the next fit; returns deviation [m/s] and correlation time [s]."""
-        calibration = self.calibration(x)
-        motions = self.motions(calibration)
-        rates = self.depth_rates(calibration, motions)
-        scale = robust_scale(np.concatenate(rates))
-        shares = [1.0 / (1.0 + (r / (OUTLIER * scale)) ** 2) for r in rates]
-        total = sum(float(s.sum()) for s in shares)
-        square = sum(float((s * r * r).sum()) for s, r in zip(shares, rates, strict=True))
-        deviation = float(np.sqrt(square / total))
-        period = self.logs[0].period
-        samples = correlation_samples(
-            [np.sqrt(s) * r for s, r in zip(shares, rates, strict=True)],
-            round(LONGEST_CORRELATION / period),
-        )
-        self.weights = [np.sqrt(s / samples) / deviation for s in shares]
-        changes = self.current_changes(calibration, motions)
-        if changes.size:
-            spread = max(robust_scale(changes), LEAST_CURRENT_CHANGE)
-            # Differences of one series: each current enters two of them, hence twice the variance.
-            self.pair_weights = 1.0 / (
-                np.sqrt(2.0) * spread * np.sqrt(1.0 + (changes / (OUTLIER * spread)) ** 2)
-            )
-        return deviation, samples * period
 
 
 def identify(
@@ -272,7 +77,7 @@ def identify(
         nominal = _centred(logs, nominal)
     choose(list(known))
     notes: dict[str, str] = {}
-    problem = _Problem(logs, nominal, (), model, fixes)
+    problem = Problem(logs, nominal, (), model, fixes)
     samples = sum(int(mask.sum()) for mask in problem.masks)
     if samples < LEAST_SAMPLES:
         raise InputError(
@@ -289,7 +94,7 @@ def identify(
     report(0.05)
     start = _start(logs, nominal, free, model)
     report(0.15)
-    first = _Problem(logs, nominal, free, model, fixes)
+    first = Problem(logs, nominal, free, model, fixes)
     x, covariance, _ = _solve(first, start, PASSES - 1, lambda part: report(0.15 + 0.5 * part))
     deviation = np.sqrt(np.diag(covariance))
     loose = [
@@ -301,7 +106,7 @@ def identify(
     for name in loose:
         notes[name] = "the log does not determine it"
     kept = tuple(p for p in free if p.name not in loose)
-    final = _Problem(logs, nominal, kept, model, fixes)
+    final = Problem(logs, nominal, kept, model, fixes)
     x = np.array([x[free.index(p)] for p in kept])
     x, covariance, (scale, time) = _solve(final, x, PASSES, lambda part: report(0.65 + 0.35 * part))
     return _result(final, x, covariance, wanted, notes, before, scale, time)
@@ -332,7 +137,7 @@ def _neutral_pump(logs: Sequence[Log]) -> float:
     return float((sink * up + rise * down) / (down + up))
 
 
-def _lacking(parameter: Parameter, logs: Sequence[Log], problem: _Problem, *, asked: bool) -> str:
+def _lacking(parameter: Parameter, logs: Sequence[Log], problem: Problem, *, asked: bool) -> str:
     """Why the logs cannot tell anything about a parameter; empty when they may."""
     channel = parameter.channel
     if channel in ("density", "temperature") and any(getattr(log, channel) is None for log in logs):
@@ -357,7 +162,7 @@ def _start(
     if not pair:
         return np.zeros(len(free))
     longest = sorted(logs, key=lambda log: -int(log.use.sum()))[:START_LOGS]
-    problem = _Problem(longest, nominal, pair, model, False)
+    problem = Problem(longest, nominal, pair, model, False)
     best, cost = np.zeros(len(pair)), np.inf
     for factor in START_FACTORS:
         x = np.array([np.log(factor) if p.name == "drag" else 0.0 for p in pair])
@@ -378,7 +183,7 @@ def _start(
 
 
 def _solve(
-    problem: _Problem, x: Array, passes: int, report: Callable[[float], None]
+    problem: Problem, x: Array, passes: int, report: Callable[[float], None]
 ) -> tuple[Array, Array, tuple[float, float]]:
     """Robust fit; offsets, their covariance and (deviation [m/s], correlation time [s])."""
     statistics = problem.reweight(x)
@@ -399,7 +204,7 @@ def _solve(
 
 
 def _result(
-    problem: _Problem,
+    problem: Problem,
     x: Array,
     covariance: Array,
     wanted: tuple[Parameter, ...],
@@ -467,28 +272,8 @@ def _result(
     )
 
 
-def _unweighted(problem: _Problem, calibration: Calibration) -> tuple[Array, float | None]:
+def _unweighted(problem: Problem, calibration: Calibration) -> tuple[Array, float | None]:
     motions = problem.motions(calibration)
     changes = problem.current_changes(calibration, motions).reshape(-1, 2)
     median = float(np.median(np.hypot(*changes.T))) if len(changes) else None
     return np.concatenate(problem.depth_rates(calibration, motions)), median
-
-
-def robust_scale(values: Array) -> float:
-    """Standard deviation about zero from the median, as for normal values."""
-    return float(1.4826 * np.median(np.abs(values)) + 1e-12)
-
-
-def correlation_samples(series: list[Array], longest: int) -> float:
-    """Integrated autocorrelation time in samples, at least 1: 1 + 2 sum rho(k), up to the first
-    lag at which rho is no longer positive (Geyer 1992)."""
-    longest = min(longest, max(len(s) for s in series) - 1)
-    total = np.zeros(longest + 1)
-    for s in series:
-        size = 1 << (2 * len(s) - 1).bit_length()
-        spectrum = np.fft.rfft(s, size)
-        covariance = np.fft.irfft(spectrum * spectrum.conj(), size)[: longest + 1]
-        total[: len(covariance)] += covariance[: len(total)]
-    rho = total / total[0]
-    stop = int(np.argmax(rho <= 0.0)) if (rho <= 0.0).any() else len(rho)
-    return float(max(1.0 + 2.0 * rho[1:stop].sum(), 1.0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from twin.identify.fit import Identification
+from twin.identify.answer import Identification
 from twin.identify.log import store_hash
 from twin.version import __version__
 

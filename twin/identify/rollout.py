@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 from twin.density import DensityProfile
 from twin.errors import InputError, SimulationUnstable
 from twin.fleet import make_batch
+from twin.identify.answer import Estimate, Identification
 from twin.identify.calibration import Calibration
-from twin.identify.fit import Estimate, Identification, correlation_samples, robust_scale
 from twin.identify.log import Log
 from twin.identify.parameters import Parameter, choose
 from twin.identify.pitch import PITCHING, balanced, battery_shift
+from twin.identify.problem import correlation_samples, robust_scale
 from twin.identify.speed import density_of, motion_of
 from twin.scenario import Scenario, Start
 from twin.schedule import Schedule

@@ -1,0 +1,184 @@
+"""Problem: what a vehicle's parameters leave unexplained in its logs.
+
+Compared are the depth rate at every sample under water and, where a store has fixes, the
+depth-averaged current of each mission with that of the mission before, which a wrong angle of
+attack or compass makes jump as the vehicle turns.
+
+Residuals of depth rate are not independent: internal waves last minutes. Their number is divided
+by the integrated autocorrelation time before anything is weighted, which is what makes the stated
+deviations hold (`tests/twin/test_identify_recovery.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.identify.calibration import Calibration
+from twin.identify.flight import Motion
+from twin.identify.log import Log
+from twin.identify.parameters import Parameter
+from twin.identify.speed import FlightModel, horizontal, motion_of, steady_parts
+
+Array = NDArray[np.float64]
+
+OUTLIER = 3.0
+"""Deviations at which a residual's weight has fallen to a half."""
+STEP = 1e-4
+"""Spreads of the finite differences: far above rounding, far below any curvature."""
+LEAST_PAIRS = 6
+"""Pairs of missions with fixes below which fixes are not used."""
+LEAST_CURRENT_CHANGE = 0.01
+"""[m/s] between missions that no estimate of its spread falls below."""
+LONGEST_CORRELATION = 600.0
+"""[s] up to which autocorrelation is summed: half of a long dive."""
+
+
+class Problem:
+    """Residuals of a set of logs as a function of offsets from nominal, in spreads."""
+
+    def __init__(
+        self,
+        logs: Sequence[Log],
+        nominal: Calibration,
+        parameters: tuple[Parameter, ...],
+        model: FlightModel,
+        fixes: bool,
+    ):
+        self.logs, self.nominal, self.parameters, self.model = logs, nominal, parameters, model
+        self.masks = [log.use & steady_parts(log) for log in logs]
+        self.centres = np.array([p.get(nominal) for p in parameters])
+        self.pairs = [
+            k
+            for k in range(1, len(logs))
+            if logs[k].follows
+            and logs[k].displacement is not None
+            and logs[k - 1].displacement is not None
+        ]
+        if not fixes or len(self.pairs) < LEAST_PAIRS:
+            self.pairs = []
+        self.weights = [np.full(int(mask.sum()), 100.0) for mask in self.masks]  # 1 / (1 cm/s)
+        self.pair_weights = np.full(2 * len(self.pairs), 1.0 / LEAST_CURRENT_CHANGE)
+
+    def calibration(self, x: Array) -> Calibration:
+        """The calibration at these offsets."""
+        out = self.nominal
+        for parameter, centre, offset in zip(self.parameters, self.centres, x, strict=True):
+            out = parameter.at(out, float(centre), float(offset))
+        return out
+
+    def motions(self, calibration: Calibration) -> list[Motion]:
+        """Velocities through the water of every log."""
+        return [motion_of(log, calibration, self.model) for log in self.logs]
+
+    def depth_rates(self, calibration: Calibration, motions: list[Motion]) -> list[Array]:
+        """Model less measured [m/s] at the used samples of each log."""
+        out = []
+        for log, mask, motion in zip(self.logs, self.masks, motions, strict=True):
+            sink = motion.sink_rate(log.roll, calibration.true_pitch(log.pitch))
+            out.append((log.filtered(sink) - log.depth_rate)[mask])
+        return out
+
+    def current_changes(self, calibration: Calibration, motions: list[Motion]) -> Array:
+        """North and east change of the depth-averaged current [m/s] of each pair, flat."""
+        if not self.pairs:
+            return np.zeros(0)
+        current = np.full((len(self.logs), 2), np.nan)
+        for k, (log, motion) in enumerate(zip(self.logs, motions, strict=True)):
+            if log.displacement is not None:
+                moved = [
+                    log.period * float(np.sum(v)) for v in horizontal(log, calibration, motion)
+                ]
+                current[k] = (np.array(log.displacement) - moved) / log.duration
+        return np.concatenate([current[k] - current[k - 1] for k in self.pairs])
+
+    def weighted(self, calibration: Calibration, motions: list[Motion]) -> Array:
+        """Residuals of depth rate and current, in independent deviations."""
+        rates = self.depth_rates(calibration, motions)
+        parts = [r * w for r, w in zip(rates, self.weights, strict=True)]
+        parts.append(self.current_changes(calibration, motions) * self.pair_weights)
+        return np.concatenate(parts)
+
+    def residual(self, x: Array) -> Array:
+        """Weighted residuals followed by the offsets themselves; infinite where nothing flies,
+        from which a search steps back."""
+        calibration = self.calibration(x)
+        try:
+            motions = self.motions(calibration)
+        except InputError:
+            return np.full(
+                sum(w.size for w in self.weights) + self.pair_weights.size + x.size, np.inf
+            )
+        return np.concatenate([self.weighted(calibration, motions), x])
+
+    def jacobian(self, x: Array) -> Array:
+        """Forward differences; the compass changes no motion, only where it leads."""
+        calibration = self.calibration(x)
+        motions = self.motions(calibration)
+        base = self.weighted(calibration, motions)
+        columns = []
+        for k, parameter in enumerate(self.parameters):
+            moved = x.copy()
+            moved[k] += STEP
+            calibration = self.calibration(moved)
+            turns = parameter.name.startswith("heading")
+            there = self.weighted(calibration, motions if turns else self.motions(calibration))
+            columns.append((there - base) / STEP)
+        return np.concatenate([np.stack(columns, axis=1), np.eye(len(x))])
+
+    @property
+    def lowest(self) -> Array:
+        """Bounds of the offsets from below: no hull grows under pressure."""
+        bounds = [
+            (p.least - centre) / p.spread if p.least is not None else -np.inf
+            for p, centre in zip(self.parameters, self.centres, strict=True)
+        ]
+        return np.array(bounds)
+
+    def reweight(self, x: Array) -> tuple[float, float]:
+        """Weights of the next fit; returns deviation [m/s] and correlation time [s]."""
+        calibration = self.calibration(x)
+        motions = self.motions(calibration)
+        rates = self.depth_rates(calibration, motions)
+        scale = robust_scale(np.concatenate(rates))
+        shares = [1.0 / (1.0 + (r / (OUTLIER * scale)) ** 2) for r in rates]
+        total = sum(float(s.sum()) for s in shares)
+        square = sum(float((s * r * r).sum()) for s, r in zip(shares, rates, strict=True))
+        deviation = float(np.sqrt(square / total))
+        period = self.logs[0].period
+        samples = correlation_samples(
+            [np.sqrt(s) * r for s, r in zip(shares, rates, strict=True)],
+            round(LONGEST_CORRELATION / period),
+        )
+        self.weights = [np.sqrt(s / samples) / deviation for s in shares]
+        changes = self.current_changes(calibration, motions)
+        if changes.size:
+            spread = max(robust_scale(changes), LEAST_CURRENT_CHANGE)
+            # Differences of one series: each current enters two of them, hence twice the variance.
+            self.pair_weights = 1.0 / (
+                np.sqrt(2.0) * spread * np.sqrt(1.0 + (changes / (OUTLIER * spread)) ** 2)
+            )
+        return deviation, samples * period
+
+
+def robust_scale(values: Array) -> float:
+    """Standard deviation about zero from the median, as for normal values."""
+    return float(1.4826 * np.median(np.abs(values)) + 1e-12)
+
+
+def correlation_samples(series: list[Array], longest: int) -> float:
+    """Integrated autocorrelation time in samples, at least 1: 1 + 2 sum rho(k), up to the first
+    lag at which rho is no longer positive (Geyer 1992)."""
+    longest = min(longest, max(len(s) for s in series) - 1)
+    total = np.zeros(longest + 1)
+    for s in series:
+        size = 1 << (2 * len(s) - 1).bit_length()
+        spectrum = np.fft.rfft(s, size)
+        covariance = np.fft.irfft(spectrum * spectrum.conj(), size)[: longest + 1]
+        total[: len(covariance)] += covariance[: len(total)]
+    rho = total / total[0]
+    stop = int(np.argmax(rho <= 0.0)) if (rho <= 0.0).any() else len(rho)
+    return float(max(1.0 + 2.0 * rho[1:stop].sum(), 1.0))
