@@ -99,10 +99,10 @@ def coasting(fixes: Fixes, fastest: float) -> Mask:
 
 def _afloat(fixes: Fixes, depth: Channel, rules: Rules, tally: Tally) -> Fixes:
     """Fixes at the surface, and those just below it where the receiver has hardly coasted yet."""
-    near = np.abs(nearest(depth.time, fixes.time) - fixes.time) < _NEAR
+    away = np.abs(nearest(depth.time, fixes.time) - fixes.time)
+    # a silent log says little about the fix; well below on both sides it says enough
+    near = (away < rules.fix_lag) | ((away < _NEAR) & _well_below(fixes.time, depth))
     deep = near & ~_at_surface(fixes.time, depth, rules)
-    if deep.sum() > _SHARE * near.sum() and deep.sum() >= _LEAST:
-        tally.add("suspect", "GPS fixes", int(deep.sum()), _clocks(fixes.time, depth, rules))
     keep = ~deep
     coasted = 0
     last = -1
@@ -115,6 +115,9 @@ def _afloat(fixes: Fixes, depth: Channel, rules: Rules, tally: Tally) -> Fixes:
             moved = _distance(fixes, last, i) if known else 0.0
             keep[i] = moved <= rules.coast
             coasted += int(keep[i])
+    wet = int((~keep).sum())
+    if wet > _SHARE * near.sum() and wet >= _LEAST:
+        tally.add("suspect", "GPS fixes", wet, _clocks(fixes.time, depth, rules))
     tally.add(
         "removed", "GPS fixes", int((~keep).sum()),
         f"under water: deeper than {rules.fix_depth:g} m",
@@ -125,6 +128,13 @@ def _afloat(fixes: Fixes, depth: Channel, rules: Rules, tally: Tally) -> Fixes:
         f" {rules.coast:g} m of the last one there: kept",
     )  # fmt: skip
     return fixes.keep(keep)
+
+
+def _well_below(times: Array, depth: Channel) -> Mask:
+    """Whether the samples before and after are both far below the surface."""
+    right = np.clip(np.searchsorted(depth.time, times), 0, len(depth) - 1)
+    left = np.maximum(right - 1, 0)
+    return np.minimum(depth.values[left], depth.values[right]) > STATION_DEPTH
 
 
 def _at_surface(times: Array, depth: Channel, rules: Rules) -> Mask:
@@ -139,7 +149,9 @@ def _at_surface(times: Array, depth: Channel, rules: Rules) -> Mask:
 
 def _just_dived(time: float, depth: Channel, rules: Rules) -> bool:
     before = depth.within(time - rules.fix_lag, time)
-    return bool(len(before)) and bool(before.values.min() <= rules.fix_depth)
+    if not len(before) or before.time[0] == time:  # the log begins with the fix
+        return bool(depth.at(np.array([time]))[0] <= STATION_DEPTH)
+    return bool(before.values.min() <= rules.fix_depth)
 
 
 def _clocks(times: Array, depth: Channel, rules: Rules) -> str:

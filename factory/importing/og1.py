@@ -113,6 +113,7 @@ def _file(path: Path, variation_deg: float | None, tally: Tally) -> Log:
         magnetic_variation=variation,
         auxiliary=_track(time, columns, tally),
         files=(path.name,),
+        station="seaglider" in platform.lower(),
         simulated=simulated,
     )
 

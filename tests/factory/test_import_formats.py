@@ -161,6 +161,29 @@ def test_og1_magnetic_headings_need_the_variation(tmp_path: Path) -> None:
     assert np.nanmax(dataset["measured_pitch"]) == pytest.approx(FLIGHT.pitch, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("log", "kind"),
+    [("slocum_unit334_2023", "slocum"), ("seaglider_apl_basestation3", "seaglider")],
+)
+def test_real_logs_come_back_from_their_og1_files(tmp_path: Path, log: str, kind: str) -> None:
+    """Fixes just below the surface, and silent logs around them, make the same rows again."""
+    from factory.og1_logs import export_og1_logs
+    from factory.stored_logs import StoredLogs
+    from twin.store import write_store
+
+    pytest.importorskip("pyarrow")
+    if not (SHARED / log).is_dir():
+        pytest.skip("needs the shared logs")
+    dataset, report = import_logs(kind, [SHARED / log])
+    store = write_store(dataset, tmp_path / "a.zarr")
+    files = export_og1_logs(StoredLogs(store), range(report.rows), tmp_path / "og1")
+    back, again = import_logs("og1", list(files), period=report.period)
+    assert again.rows == report.rows
+    assert again.count("suspect") == again.count("removed", "GPS fixes") == 0
+    moved = [np.sort(d["displacement_north"].values) for d in (dataset, back)]
+    assert np.allclose(*moved, atol=1.0)
+
+
 @pytest.mark.parametrize("write", [write_mat, write_nc4])
 def test_lrauv_logs_have_a_time_for_each_variable(
     tmp_path: Path, write: Callable[[Path, Flight], Path]
