@@ -69,7 +69,8 @@ def track_rows(evaluation: Figures, track: str) -> list[Row]:
 WITHOUT_WATER = {
     "dvl": "The {title} method is missing in the tables through the water: in less "
     "than half of the samples its log was in water lock, and in bottom lock it measures "
-    "the velocity over ground, so that it says nothing on the one through the water. It is among the tracks over ground.",
+    "the velocity over ground, so that it says nothing on the one through the water. It is "
+    "among the tracks over ground.",
     "onboard": "The {title} is missing in them: it was reset at fixes, which puts the current "
     "into it.",
 }
