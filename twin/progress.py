@@ -37,7 +37,9 @@ class Progress:
         interval_s: float = LINE_INTERVAL_S,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`total` is in `unit`; `clock` gives seconds and is replaced in tests."""
+        """`total` is in `unit`, or an empty one where only the share that is done means anything;
+        `clock` gives seconds and is replaced in tests.
+        """
         self.total = total
         self.label = label
         self.unit = unit
@@ -62,7 +64,9 @@ class Progress:
                 file=self._stream,
                 dynamic_ncols=True,
                 bar_format="{desc}: {percentage:3.0f}% |{bar}| {n:.4g}/{total:.4g} {unit} "
-                "[{rate_fmt}, {remaining} left{postfix}]",
+                "[{rate_fmt}, {remaining} left{postfix}]"
+                if self.unit
+                else "{desc}: {percentage:3.0f}% |{bar}| {remaining} left{postfix}",
             )
         return self
 
@@ -74,7 +78,7 @@ class Progress:
     ) -> None:
         if self._bar is not None:
             self._bar.close()
-        elif self._printed:
+        elif self._printed and not isinstance(error, KeyboardInterrupt):
             self._print_line()
 
     def update(self, amount: float = 1.0, **figures: object) -> None:
@@ -98,13 +102,13 @@ class Progress:
     def line(self) -> str:
         """The present state in words."""
         elapsed = self._clock() - self._start
-        parts = [
-            f"{format_number(self.done, 3)} of {format_number(self.total, 3)} {self.unit}"
-            + (f" ({100.0 * self.done / self.total:.0f} %)" if self.total > 0.0 else "")
-        ]
+        share = f"{100.0 * self.done / self.total:.0f} %" if self.total > 0.0 else ""
+        done = f"{format_number(self.done, 3)} of {format_number(self.total, 3)} {self.unit}"
+        parts = [(done + (f" ({share})" if share else "")) if self.unit else share]
         if elapsed > 0.0 and self.done > 0.0:
             rate = self.done / elapsed
-            parts.append(f"{format_number(rate, 3)} {self.unit}/s")
+            if self.unit:
+                parts.append(f"{format_number(rate, 3)} {self.unit}/s")
             parts.append(f"{format_duration(max(self.total - self.done, 0.0) / rate)} left")
         parts += [f"{name} {text}" for name, text in self._figures.items()]
         return f"{self.label}: {', '.join(parts)}"

@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Identify(JsonOption):
-    """Estimate trim, drag, lift, hull and sensor errors from depth, attitude, pump and density."""
+    """Estimate trim, drag, lift, hull and sensor errors from depth, attitude, pump and density.
+
+    Takes about 20 s of computing for ten hours of log (a minute on a busy machine); --model twin
+    takes longer.
+    """
 
     store: Annotated[Path, tyro.conf.Positional]
     """store of logs, as `factory import` writes it; a simulated one with sensors will do too"""
@@ -39,8 +43,9 @@ class Identify(JsonOption):
     """values that are known and not to be estimated, such as mass=70 lift_ratio=48"""
     missions: str = "all"
     """missions of the store to fit, such as 0-11,14"""
-    fixes: bool = True
-    """compare the current between GPS fixes too; without it only the depth rate is used"""
+    no_fixes: bool = False
+    """fit the depth rate only; without this option the change of current between GPS fixes is
+    compared too, where the log has fixes"""
     pitch_scale: float | None = None
     """known error of the pitch sensor: true pitch = scale * measured + offset"""
     pitch_offset: float | None = None
@@ -84,7 +89,7 @@ class Identify(JsonOption):
                 parameters=self.parameters or None,
                 known=tuple(known),
                 model="steady" if self.model == "steady" else "flight",
-                fixes=self.fixes,
+                fixes=not self.no_fixes,
                 progress=report,
             )
         refined = None
