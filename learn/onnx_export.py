@@ -314,6 +314,7 @@ def export_step(predictor: Predictor, path: Path, mission: Mission) -> Parity:
         path.unlink()
         raise StoreError(
             f"the exported {predictor.target} model differs by {largest:.2g} m/s from the network "
-            f"on mission {mission.index} (allowed {TOLERANCE:g}); it was not kept"
+            f"on mission {mission.index} (allowed {TOLERANCE:g}); it was not kept. A network whose "
+            "state amplifies rounding does so: train it longer, or with another --seed"
         )
     return Parity(path, mission.index, mission.samples, largest, 1e6 * seconds / mission.samples)
