@@ -67,12 +67,16 @@ def block_marks(canvas: Canvas, layout: Layout, view: View) -> list[Mark]:
 def map_marks(canvas: Canvas, layout: Layout, view: View) -> list[Mark]:
     """North and east of the start along the chart's grid, and the length of the scale bar."""
     step, found = sea.grid_step(layout), []
-    for axis, letter in enumerate("NE"):
+    for axis, (forward, back) in enumerate((("N", "S"), ("E", "W"))):
         values = sea.grid_values(layout, axis, step)
         points = np.tile([layout.low[0], layout.low[1], 0.0], (len(values), 1))
         points[:, axis] = values
         anchor, gap = ("rm", (-canvas.px(7), 0)) if axis == 0 else ("mt", (0, canvas.px(4)))
-        names = _names(values, after=f" {letter}")
+        letters = [forward if value >= 0.0 else back for value in values]
+        names = [
+            f"{name} {letter}"
+            for name, letter in zip(_names(np.abs(values), every=True), letters, strict=True)
+        ]
         found += _marks(canvas, view, layout.display_block(points), names, anchor, gap)
     length, (left, top, wide, _) = scale_bar(canvas, layout, view)
     name = _names(np.array([length]))[0]
@@ -177,9 +181,11 @@ def _marks(
     ]
 
 
-def _names(metres: Array, after: str = "") -> list[str]:
-    """Distances as text; the last one says the unit, and what comes `after` it."""
+def _names(metres: Array, *, every: bool = False) -> list[str]:
+    """Distances as text; the last one says the unit, or `every` one."""
     kilo = bool(np.abs(metres).max(initial=0.0) >= 2 * KILO)
     values = metres / KILO if kilo else metres
     names = [f"{value if value else 0.0:g}".replace("-", MINUS) for value in values]
-    return [*names[:-1], *(f"{name} {'km' if kilo else 'm'}{after}" for name in names[-1:])]
+    first = 0 if every else len(names) - 1
+    unit = "km" if kilo else "m"
+    return [f"{name} {unit}" if k >= first else name for k, name in enumerate(names)]

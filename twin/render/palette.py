@@ -38,17 +38,18 @@ GLASS = np.array([0.55, 0.88, 1.0])
 OTHER_TRACKS = tuple(
     np.array(colour)
     for colour in (
-        (1.00, 1.00, 1.00),
         (0.15, 0.90, 0.50),
         (1.00, 0.58, 0.78),
         (0.50, 0.92, 1.00),
         (0.74, 0.68, 1.00),
         (0.74, 1.00, 0.30),
         (0.62, 0.68, 0.75),
+        (1.00, 1.00, 1.00),
     )
 )
 """Colours of dead-reckoned tracks, in order; they come round again after the last. Light ones: the
-water is blue and dark, and the true track takes the warm hues."""
+water is blue and dark, and the true track takes the warm hues. White, that of the current's arrows,
+comes last."""
 WHITE, DIM, INK = (255, 255, 255), (158, 188, 208), (6, 16, 28)
 """Text, its labels and the ground of the heads-up strip, 0 to 255"""
 CAUTION = (255, 196, 60)
