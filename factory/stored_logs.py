@@ -18,9 +18,9 @@ from twin.store import open_store
 Array = NDArray[np.float64]
 
 NANOSECONDS = 1e9
-CURRENTS = (("dac_north", "dac_east"), ("vehicle_dac_north", "vehicle_dac_east"))
-"""Depth-averaged currents that a store may have, the better ones first: from the fixes and the
-dead-reckoned track, or as the vehicle reported them."""
+CURRENTS = (("vehicle_dac_north", "vehicle_dac_east"), ("dac_north", "dac_east"))
+"""Depth-averaged currents that a store may have, the better ones first: as the vehicle or its
+basestation reported them, from a flight model, or the import's, from depth rate and pitch."""
 
 
 class StoredLogs(Stored):

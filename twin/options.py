@@ -117,11 +117,12 @@ def _explain(event: parse_errors.ParseErrorEvent, command: type) -> str:
         names = ", ".join(missing.arg.display_name() for missing in event.missing_arguments)
         return f"missing {names}"
     if isinstance(event, parse_errors.InvalidChoice):
-        near = difflib.get_close_matches(event.value, event.choices, n=1, cutoff=0.5)
+        allowed = [choice for choice in event.choices if choice != "None"]  # an option left out
+        near = difflib.get_close_matches(event.value, allowed, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}? " if near else ""
         return (
             f"{event.argument.display_name()} cannot be {event.value!r}: "
-            f"{hint}(allowed: {', '.join(event.choices)})"
+            f"{hint}(allowed: {', '.join(allowed)})"
         )
     if isinstance(event, parse_errors.BadValue):
         return f"{event.argument.display_name()} needs a value"

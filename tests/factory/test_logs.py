@@ -274,7 +274,7 @@ def test_currents_are_drawn_and_pages_are_named_by_deployment(
 def test_better_currents_come_first(imported: xr.Dataset, tmp_path: Path) -> None:
     data = imported.assign(
         {name: ("mission", np.full(3, 0.1 * k)) for k, name in
-         enumerate(("dac_north", "dac_east", "vehicle_dac_north", "vehicle_dac_east"))}
+         enumerate(("vehicle_dac_north", "vehicle_dac_east", "dac_north", "dac_east"))}
     )  # fmt: skip
     logs = StoredLogs(write_store(data, tmp_path / "currents.zarr"))
     assert logs.current(1) == pytest.approx((0.0, 0.1))
