@@ -48,16 +48,11 @@ Array = NDArray[np.float64]
 
 GAPPED = ("measured_pitch", "measured_roll", "measured_heading", "measured_pressure")
 """Left out where `measured_gap` says that they are interpolated"""
-PROFILER = {
-    "true_speed": "TRUE_SPEED",
-    "true_surge": "PROFILER_SURGE",
-    "true_sway": "PROFILER_SWAY",
-    "true_heave": "PROFILER_HEAVE",
-    "true_current_north": "PROFILER_CURRENT_NORTH",
-    "true_current_east": "PROFILER_CURRENT_EAST",
-}
-"""What a Doppler log or profiler measured. The import reads TRUE_SPEED back; the others would be
-interpolated between their sparse samples, so that they have names of their own."""
+PROFILER = (
+    *("true_speed", "true_surge", "true_sway", "true_heave"),
+    *("true_current_north", "true_current_east"),
+)
+"""What a Doppler log or profiler measured."""
 SENSOR_NAMES = {
     "SENSOR_PRESSURE": "pressure transducer",
     "SENSOR_AHRS": "attitude and heading sensor",
@@ -151,9 +146,9 @@ def _series(track: Track, deployment: str) -> Iterator[tuple[str, Series]]:
             if stored in GAPPED:
                 values = np.where(gap, np.nan, values)
             yield name, _signal(values, stored, {"sensor": sensor} if sensor else {})
-    for stored, name in PROFILER.items():
+    for stored in PROFILER:
         if stored in seen:
-            yield name, _signal(track.signal(stored), stored, {})
+            yield stored.upper(), _signal(track.signal(stored), stored, {})
     yield from _currents(track)
 
 

@@ -20,7 +20,11 @@ HELD = frozenset(
      "commanded_heading", "commanded_segment", "measured_dvl_mode"}
 )  # fmt: skip
 """Set at once and kept: the last value holds."""
-SPARSE = frozenset({"true_speed", "measured_dvl_surge", "measured_dvl_sway", "measured_dvl_heave"})
+SPARSE = frozenset(
+    {"true_speed", "true_surge", "true_sway", "true_heave", "true_current_north",
+     "true_current_east", "true_current_down", "measured_dvl_surge", "measured_dvl_sway",
+     "measured_dvl_heave"}
+)  # fmt: skip
 """Only where an original sample lies within half a period: the nearest one."""
 WATER = frozenset({"measured_temperature", "measured_salinity", "measured_density"})
 """Interpolated over short gaps of the CTD alone."""

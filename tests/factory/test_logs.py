@@ -93,6 +93,17 @@ def test_an_exported_log_comes_back(og1: Path, imported: xr.Dataset) -> None:
     assert compared >= 10
 
 
+def test_what_a_profiler_measured_stays_as_sparse_as_it_was(
+    imported: xr.Dataset, tmp_path: Path
+) -> None:
+    sparse = np.full(imported["measured_depth"].shape, np.nan)
+    sparse[:, 5:40:7] = 0.3
+    data = imported.assign(true_surge=(("mission", "time"), sparse))
+    logs = StoredLogs(write_store(data, tmp_path / "profiler.zarr"))
+    again, _ = import_logs("og1", export_og1_logs(logs, range(3), tmp_path), period=PERIOD)
+    np.testing.assert_allclose(again["true_surge"].values, sparse, atol=1e-6)
+
+
 @pytest.mark.skipif(
     importlib.util.find_spec("compliance_checker") is None,
     reason="compliance-checker is not installed (extra `test`)",
