@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -14,6 +15,10 @@ from twin.console import Console, JsonOption
 if TYPE_CHECKING:
     from twin.identify import Identification
     from twin.identify.rollout import Refinement
+
+
+UNUSUAL = 2.0
+"""Usual spreads away from nominal at which an estimate is remarked on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,8 +58,6 @@ class Identify(JsonOption):
 
     def run(self, console: Console) -> int:
         """Fit, report, write."""
-        import math
-
         from twin.commands.simulate import check_plot_path
         from twin.errors import InputError
         from twin.identify import identify, load_calibration, load_logs
@@ -65,6 +68,12 @@ class Identify(JsonOption):
             raise InputError(f"--out {str(self.out)!r} must end in .xml")
         if self.out is not None and self.out.exists() and not self.overwrite:
             raise InputError(f"{self.out} exists already; use --overwrite or another --out")
+        for option, target in (("out", self.out), ("plot", self.plot)):
+            folder = None if target is None else target.absolute().parent
+            if folder is not None and not (folder.is_dir() and os.access(folder, os.W_OK)):
+                raise InputError(
+                    f"--{option} {target}: {folder} is no folder that can be written to"
+                )
         for name, value in (("scale", self.pitch_scale), ("offset", self.pitch_offset)):
             if value is not None and not math.isfinite(value):
                 raise InputError(f"--pitch-{name} must be a finite number, not {value}")
@@ -99,6 +108,7 @@ class Identify(JsonOption):
             refined = refine(logs, found)
             found = refined.identification
         self._say(console, found, len(logs), refined)
+        _remark(console, found)
         if self.out is not None:
             from twin.identify.provenance import provenance_of
             from twin.identify.vehicle_file import write_vehicle
@@ -136,7 +146,7 @@ class Identify(JsonOption):
                 "nominal": e.nominal,
                 "estimate": e.value,
                 "deviation": e.deviation,
-                "known before": e.spread,
+                "usual spread": e.spread,
                 "": e.note if e.determined else f"kept: {e.note}",
             }
             for e in found.estimates
@@ -196,6 +206,20 @@ class Identify(JsonOption):
         )
 
 
+def _remark(console: Console, found: Identification) -> None:
+    """Say which estimates are unlike the vehicle file's; trim and drag are every vehicle's own."""
+    from twin.identify.fit import ALWAYS
+
+    for one in found.estimates:
+        away = abs(one.value - one.nominal) / one.spread
+        if one.determined and one.name not in ALWAYS and away > UNUSUAL:
+            console.warn(
+                f"{one.name} {one.value:.4g} {one.unit} is {away:.1f} usual spreads away from "
+                f"{one.nominal:.4g}: the vehicle differs, or the model lacks something that this "
+                f"takes up; if you know it, give --known {one.name}=VALUE"
+            )
+
+
 def parse_rows(text: str) -> list[int] | None:
     """Mission numbers of a text such as "0-11,14"; None for "all".
 
@@ -224,11 +248,9 @@ def parse_known(texts: tuple[str, ...]) -> dict[str, float]:
     Raises:
       InputError: a text is not a name and a finite number.
     """
-    import math
-
     from twin.errors import InputError
 
-    known = {}
+    known: dict[str, float] = {}
     for text in texts:
         name, _, number = text.partition("=")
         try:
@@ -237,5 +259,7 @@ def parse_known(texts: tuple[str, ...]) -> dict[str, float]:
             value = math.nan
         if not math.isfinite(value):
             raise InputError(f"--known {text!r} must be a parameter and its value, such as mass=70")
+        if name.strip() in known:
+            raise InputError(f"--known gives {name.strip()} twice; once is enough")
         known[name.strip()] = value
     return known

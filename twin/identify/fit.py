@@ -91,6 +91,9 @@ def identify(
         if lacking:
             notes[parameter.name] = lacking
     free = tuple(p for p in wanted if p.name not in notes)
+    if not free:
+        reasons = ", ".join(f"{name}: {why}" for name, why in notes.items())
+        raise InputError(f"nothing is left to estimate ({reasons or 'no parameter asked for'})")
     report(0.05)
     start = _start(logs, nominal, free, model)
     report(0.15)
