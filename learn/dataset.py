@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -171,7 +172,7 @@ def thinning_step(have: float, want: float, store: str | Path) -> int:
     Raises:
       StoreError: the store has too few samples, or `want` is no multiple of its period.
     """
-    step = round(want / have)
+    step = round(want / have) if math.isfinite(want) else 0
     if step < 1 or abs(step * have - want) > TOLERANCE * have:
         raise StoreError(
             f"store {store} has a sample every {have:g} s and one every {want:g} s is wanted, no "

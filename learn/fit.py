@@ -81,6 +81,8 @@ class FitConfig:
     def __post_init__(self) -> None:
         if self.members < 1:
             raise InputError(f"members must be at least 1, not {self.members}")
+        if self.period is not None and not (math.isfinite(self.period) and self.period > 0.0):
+            raise InputError(f"period must be a finite number of seconds above 0: {self.period}")
         if not self.features:
             raise InputError("the networks need at least one input feature")
 

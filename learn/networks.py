@@ -23,6 +23,15 @@ from twin.errors import InputError, unknown_name
 
 Kind = Literal["elman", "lstm", "gru", "tcn", "mlp"]
 
+MOST = {"hidden": 4096, "layers": 64, "delays": 256, "kernel": 256, "dilation": 256}
+"""Sizes far beyond use (the paper's network has 3 layers of 50 units and 5 delays): above them a
+slip of the finger would end in the words of a memory allocator."""
+MOST_WEIGHTS = 1e9
+"""4 GB in float32; a training holds about four times that."""
+LSTM_WEIGHTS = 8
+"""Weights of an LSTM per pair of units, four gates from the layer below and from itself: the most
+of the kinds without delays and taps."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class NetworkConfig:
@@ -49,6 +58,18 @@ class NetworkConfig:
         for name in ("hidden", "layers", "delays", "kernel", "dilation"):
             if getattr(self, name) < 1:
                 raise InputError(f"network {name} must be at least 1, not {getattr(self, name)}")
+        for name, most in MOST.items():
+            if getattr(self, name) > most:
+                raise InputError(
+                    f"network {name} must be at most {most}, not {getattr(self, name)}"
+                )
+        per_pair = {"elman": 1 + self.delays, "tcn": self.kernel}.get(self.kind, LSTM_WEIGHTS)
+        if (weights := self.layers * self.hidden**2 * per_pair) > MOST_WEIGHTS:
+            raise InputError(
+                f"a network with {self.layers} layers of {self.hidden} units has about "
+                f"{weights:.1e} weights, at most {MOST_WEIGHTS:.0e} are possible: take fewer units, "
+                "layers or delays"
+            )
         if self.inputs < 0:
             raise InputError(f"network inputs must not be negative, got {self.inputs}")
 

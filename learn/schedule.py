@@ -57,6 +57,11 @@ class TrainingConfig:
         ):
             if getattr(self, name) not in allowed:
                 raise InputError(unknown_name(f"training {name}", getattr(self, name), allowed))
+        for name in ("seconds", "rate", "warmup", "clip", "weight_decay"):
+            if not math.isfinite(getattr(self, name)):
+                raise InputError(
+                    f"training {name} must be a finite number, not {getattr(self, name)}"
+                )
         for name in ("batch", "window", "full_window", "validations", "threads"):
             if getattr(self, name) < 1:
                 raise InputError(f"training {name} must be at least 1, not {getattr(self, name)}")

@@ -153,8 +153,8 @@ class Fit(JsonOption):
                 raise InputError(unknown_name(f"word for --{option}", given, allowed))
 
     def _folder(self) -> Path:
-        name = self.name or free_name()
-        if Path(name).name != name or name.startswith("."):
+        name = free_name() if self.name is None else self.name
+        if not name.strip() or Path(name).name != name or name.startswith("."):
             raise InputError(f"--name {name!r} must be a plain name: the run goes into {RUNS}/NAME")
         return RUNS / name
 
@@ -184,12 +184,12 @@ class Fit(JsonOption):
         kinds = {name: value for name, value in kinds.items() if value is not None}
         inputs = self.features or self.without or self.inputs is not None
         if self.start is not None:
+            first = open_run(self.start)
             if inputs or kinds:
                 raise InputError(
                     "--start takes inputs and kind of network from the run: leave out --inputs, "
                     "--features, --without, --kind, --hidden, --layers and --delays"
                 )
-            first = open_run(self.start)
             start, period, features = str(first.path), first.period, first.features
             network = NetworkConfig(**first.description["settings"]["network"])
             if self.period not in (None, period):

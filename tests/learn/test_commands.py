@@ -259,6 +259,7 @@ def test_the_help_of_fit_names_the_defaults_that_apply(here, capsys):
         (("fit", "none.zarr"), "no store at none.zarr"),
         (("fit", "--features", "attitud"), "did you mean 'attitude'"),
         (("fit", "--name", "a/b"), "must be a plain name"),
+        (("fit", "--name", ""), "must be a plain name"),
         (("fit", "--resume"), "needs the --name"),
         (("fit", "--kind", "rnn"), "(allowed: elman, gru, lstm, mlp, tcn)"),
         (("fit", "--device", "cud"), "did you mean 'cuda'"),
