@@ -87,7 +87,7 @@ TABLE: tuple[Parameter, ...] = (
               "how heavy the dive is (pump volume); the Sea-Wing's pump reaches 0.5 kg",
               per_segment=True),
     Parameter("mission.climb_net_mass_kg", "kg", "uniform(0.15, 0.45)", "uniform(0.25, 0.45)",
-              "how light the climb is", per_segment=True),
+              "how light the climb is; both are scaled down to a smaller pump", per_segment=True),
     Parameter("mission.heading_change_deg", "degree", "uniform(-180, 180)", "uniform(-120, 120)",
               "new heading of a saw-tooth, from the last one", per_segment=True),
     Parameter("mission.rotation_deg", "degree",

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from factory.bounds import Impossible
 from factory.chunk import encode, stored_values
 from factory.draw import sensor_seed
 from factory.flight import Flight, fly
+from factory.parameters import PARAMETERS
 from factory.recipe import Recipe
 from factory.record import Failure, Record
-from twin.errors import CurrentError, MissionError, SimulationUnstable, TwinError, VehicleError
+from twin.errors import (
+    CurrentError,
+    InputError,
+    MissionError,
+    SimulationUnstable,
+    TwinError,
+    VehicleError,
+)
 from twin.schema import VARIABLES
 
 MAX_ATTEMPTS = 20
@@ -23,7 +32,7 @@ def produce(recipe: Recipe, mission: int) -> tuple[Record, dict[str, bytes]]:
     """Fly mission number `mission`; failed attempts are recorded and replaced.
 
     Raises:
-      TwinError: no attempt succeeded.
+      InputError: no attempt succeeded; names the distributions to narrow.
     """
     failures: list[Failure] = []
     for attempt in range(MAX_ATTEMPTS):
@@ -54,10 +63,20 @@ def produce(recipe: Recipe, mission: int) -> tuple[Record, dict[str, bytes]]:
             failures=tuple(failures),
         )
         return record, encode_signals(flight, recipe.plan.samples)
-    raise TwinError(
+    raise InputError(
         f"mission {mission} failed {MAX_ATTEMPTS} times, last: {failures[-1].reason}; "
-        "narrow the distributions"
+        f"{to_narrow(recipe, failures[-1].reason)}"
     )
+
+
+def to_narrow(recipe: Recipe, reason: str) -> str:
+    """Which distributions to narrow: those that the reason speaks of, else those replaced."""
+    words = set(re.findall(r"\w+", reason))
+    named = [name for name in PARAMETERS if name.partition(".")[2] in words] or [*recipe.changes]
+    if not named:
+        return f"preset {recipe.preset!r} does not suit vehicle {recipe.vehicle.name!r}"
+    now = ", ".join(f"{name} (now {recipe.distributions[name].text()})" for name in named)
+    return f"narrow with --set: {now}"
 
 
 def reason(error: TwinError) -> str:

@@ -15,7 +15,7 @@ import mujoco
 import numba
 import numpy as np
 
-from factory.distribution import Distribution, Fixed
+from factory.distribution import Distribution, Fixed, Uniform
 from factory.draw import Parameters, draw_parameters
 from factory.given_current import GivenCurrent, given_current
 from factory.paper_test import paper_test_parameters, paper_test_plan
@@ -30,6 +30,13 @@ from twin.sensors import SensorSuite
 from twin.vehicle import Vehicle, load_vehicle
 from twin.version import __version__
 
+PUMP = 2
+"""Place of the pump among a vehicle's actuators."""
+NET_MASSES = {
+    "mission.net_mass_kg": "actuator_min",
+    "mission.climb_net_mass_kg": "actuator_max",
+}
+"""The table gives net masses for the Sea-Wing's pump; which end of the pump limits each of them."""
 DEFAULT_HOURS = 10.0
 """[h], as much as the paper's training set"""
 
@@ -89,6 +96,12 @@ class Recipe:
                 if name in self.changes:
                     raise InputError(f"--current replaces every drawn current: do not set {name}")
                 distributions[name] = Fixed(math.nan)
+        if not PRESETS[self.preset].fixed_missions:
+            for name, actuator_end in NET_MASSES.items():
+                if name not in self.changes:
+                    pump = float(getattr(self.vehicle, actuator_end)[PUMP])
+                    reach = abs(self.vehicle.net_mass_for_pump(pump))
+                    distributions[name] = within_reach(distributions[name], reach)
         return distributions
 
     def _currents(self) -> list[str]:
@@ -145,6 +158,16 @@ class Recipe:
         # as a store or journal gives it back: tuples become lists
         plain: dict[str, Any] = json.loads(json.dumps(description))
         return plain
+
+
+def within_reach(distribution: Distribution, reach: float) -> Distribution:
+    """A uniform distribution of net mass [kg] scaled down until its end is what the pump reaches.
+
+    The draws keep their order and their place in the range, and stores record what was drawn from.
+    """
+    if not isinstance(distribution, Uniform) or distribution.high <= reach or reach <= 0.0:
+        return distribution
+    return Uniform(distribution.low * reach / distribution.high, reach)
 
 
 def make_recipe(

@@ -201,3 +201,31 @@ def test_an_unknown_parameter_is_named_with_the_nearest() -> None:
 def test_values_that_make_no_mission_are_refused(changes: dict[str, str], message: str) -> None:
     with pytest.raises(InputError, match=message):
         _ = draw("paper", 0, **changes).deepest_m
+
+
+@pytest.mark.parametrize("preset", ["paper", "field"])
+@pytest.mark.parametrize("vehicle", ["glider", "slocum", "rogue"])
+def test_a_shipped_preset_draws_what_the_pump_of_a_shipped_vehicle_reaches(
+    preset: str, vehicle: str
+) -> None:
+    recipe = make_recipe(preset=preset, vehicle=vehicle)
+    drawn, declaration = recipe.distributions, declared(preset)
+    ends = {"mission.net_mass_kg": 0, "mission.climb_net_mass_kg": 1}
+    limits = recipe.vehicle.actuator_min, recipe.vehicle.actuator_max
+    for name, end in ends.items():
+        reach = abs(recipe.vehicle.net_mass_for_pump(float(limits[end][2])))
+        shown, full = drawn[name], declaration[name]
+        assert isinstance(shown, Uniform)
+        assert isinstance(full, Uniform)
+        assert shown.high <= reach
+        assert shown.low / shown.high == pytest.approx(full.low / full.high)
+        assert (shown == full) == (full.high <= reach)
+    changed = {name for name in drawn if drawn[name].text() != declaration[name].text()}
+    assert changed == (set(ends) if vehicle == "slocum" else set())
+
+
+def test_a_net_mass_that_the_user_gives_is_taken_as_it_is() -> None:
+    recipe = make_recipe(
+        preset="field", vehicle="slocum", changes={"mission.net_mass_kg": "uniform(0.1, 0.4)"}
+    )
+    assert recipe.distributions["mission.net_mass_kg"] == Uniform(0.1, 0.4)

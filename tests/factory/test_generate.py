@@ -286,8 +286,10 @@ def test_an_unstable_mission_is_recorded_replaced_and_counted(
 def test_a_mission_that_never_flies_ends_the_run(tmp_path: Path, recipe: Recipes) -> None:
     made = recipe(changes={"mission.pitch_deg": "2"})
     store = tmp_path / "missions.zarr"
-    with pytest.raises(TwinError, match=r"failed 20 times, last: .*too shallow"):
+    with pytest.raises(InputError, match=r"failed 20 times, last: .*too shallow") as told:
         generate(made, store, workers=2)
+    assert "narrow with --set: mission.pitch_deg (now 2)" in str(told.value)
+    assert told.value.exit_code == 2
     assert unfinished(store) is not None
 
 
