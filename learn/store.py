@@ -18,7 +18,7 @@ from learn.bounds import bounds
 from learn.features import leave_out
 from twin.errors import StoreError
 from twin.schema import MISSION, TIME, VARIABLES
-from twin.store import GLOBAL_ATTRIBUTES, N_SAMPLES, open_store
+from twin.store import GLOBAL_ATTRIBUTES, N_SAMPLES, open_store, read_array
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -55,19 +55,9 @@ def read(dataset: Any, name: str, store: str | Path, rows: Any = None) -> NDArra
     Raises:
       StoreError: its files are gone or cannot be decoded.
     """
-    if not (Path(store) / name / "zarr.json").is_file():
-        raise StoreError(f"store {store} is damaged: its array {name} is gone; make it anew")
-    array = dataset[name]
-    try:
-        if rows is None:
-            return np.asarray(array.values)
-        return np.asarray(array.isel({MISSION: rows}).transpose(MISSION, TIME).values)
-    except Exception as error:  # whatever a decoder raises means damaged files
-        why = " ".join(str(error).split()) or type(error).__name__
-        raise StoreError(
-            f"store {store} is damaged: channel {name} cannot be read ({why}); make it anew, or "
-            "bring back its files from a copy"
-        ) from error
+    if rows is not None:
+        dataset = dataset[[name]].isel({MISSION: rows}).transpose(MISSION, TIME)
+    return read_array(dataset, name, store)
 
 
 def period_of(dataset: Any, store: str | Path) -> float:

@@ -193,12 +193,12 @@ def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
     one = dataset.isel({MISSION: mission})
     samples = _samples(one, path, mission)
     one = one.isel({TIME: slice(0, samples)})
-    signals = {name: _values(one, name, path).astype(float) for name in VARIABLES if name in one}
-    states = _values(one, STATES, path) if STATES in one else np.zeros((0, len(STATE_COLUMNS)))
+    signals = {name: read_array(one, name, path).astype(float) for name in VARIABLES if name in one}
+    states = read_array(one, STATES, path) if STATES in one else np.zeros((0, len(STATE_COLUMNS)))
     if not np.isfinite(states).all():
         raise StoreError(f"store {path} is damaged: {STATES} of mission {mission} has gaps")
     return Trajectory(
-        time=_values(one, TIME, path).astype(float),
+        time=read_array(one, TIME, path).astype(float),
         signals=signals,
         states=states,
         provenance=dict(dataset.attrs),
@@ -209,7 +209,7 @@ def _samples(one: xr.Dataset, path: str | Path, mission: int) -> int:
     """The number of samples of a mission, which must fit the store's arrays."""
     if N_SAMPLES not in one:
         raise StoreError(f"store {path} is damaged: it has no array {N_SAMPLES}")
-    samples = int(np.nan_to_num(_values(one, N_SAMPLES, path), nan=0.0))
+    samples = int(np.nan_to_num(read_array(one, N_SAMPLES, path), nan=0.0))
     if not 0 < samples <= one.sizes[TIME]:
         raise StoreError(
             f"store {path} is damaged: mission {mission} has {samples} of at most "
@@ -218,12 +218,19 @@ def _samples(one: xr.Dataset, path: str | Path, mission: int) -> int:
     return samples
 
 
-def _values(one: xr.Dataset, name: str, path: str | Path) -> np.ndarray:
-    """Read an array; whatever a decoder raises means a damaged store."""
+def read_array(dataset: xr.Dataset, name: str, path: str | Path) -> np.ndarray:
+    """An array of a store that `open_store` opened, or of some of its missions.
+
+    Raises:
+      StoreError: its files are gone or cannot be decoded.
+    """
+    if not (Path(path) / name / "zarr.json").is_file():
+        raise StoreError(f"store {path} is damaged: its array {name} is gone; make it anew")
     try:
-        return np.asarray(one[name].values)
-    except Exception as error:
+        return np.asarray(dataset[name].values)
+    except Exception as error:  # whatever a decoder raises means damaged files
+        why = " ".join(str(error).split()) or type(error).__name__
         raise StoreError(
-            f"store {path} is damaged: its array {name} cannot be read "
-            f"({' '.join(str(error).split()) or type(error).__name__})"
+            f"store {path} is damaged: its array {name} cannot be read ({why}); make it anew, or "
+            "bring back its files from a copy"
         ) from error

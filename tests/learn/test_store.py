@@ -78,7 +78,7 @@ def chunks(store, name):
 def test_damaged_and_missing_files_name_store_and_channel(store):
     (chunk,) = chunks(store, "measured_depth")
     chunk.write_bytes(chunk.read_bytes()[:-9])
-    with pytest.raises(StoreError, match=r"s\.zarr is damaged: channel measured_depth"):
+    with pytest.raises(StoreError, match=r"s\.zarr is damaged: its array measured_depth"):
         load_missions(store, CHANNELS)
     shutil.rmtree(store / "measured_depth")
     with pytest.raises(StoreError, match="array measured_depth is gone"):

@@ -3,6 +3,7 @@
 import dataclasses
 import importlib.util
 import json
+import shutil
 from pathlib import Path
 
 import mujoco
@@ -221,6 +222,25 @@ def test_store_hash_follows_the_content(store, tmp_path, run):
     assert store_hash(store) == store_hash(store)
     other = simulated.flown(VEHICLE, 8, max_depth=40.0, yos=1)
     assert store_hash(simulated.stored(tmp_path / "b.zarr", [other])) != store_hash(store)
+
+
+def test_a_damaged_store_is_told(tmp_path, store):
+    broken = tmp_path / "broken.zarr"
+    shutil.copytree(store, broken)
+    chunk = next(
+        p for p in (broken / "measured_pitch").rglob("*") if p.is_file() and "c" in p.parts
+    )
+    chunk.write_bytes(chunk.read_bytes()[:20])
+    with pytest.raises(StoreError, match="its array measured_pitch cannot be read"):
+        load_logs(broken)
+    shutil.rmtree(broken / "measured_pitch")
+    with pytest.raises(StoreError, match="measured_pitch"):
+        load_logs(broken)
+
+
+def test_nothing_left_to_estimate_is_told(store):
+    with pytest.raises(InputError, match=r"nothing is left to estimate .*mass: given as known"):
+        identify(load_logs(store), load_calibration("glider"), parameters=["mass"], known=["mass"])
 
 
 def test_logs_that_cannot_be_used_are_named(tmp_path, store, run):

@@ -15,7 +15,7 @@ from scipy.signal import lfilter, savgol_filter
 from twin.errors import StoreError
 from twin.identify.calibration import REFERENCE_TEMPERATURE
 from twin.schema import MISSION, TIME
-from twin.store import open_store
+from twin.store import open_store, read_array
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -129,9 +129,9 @@ def load_logs(store: str | Path, rows: Sequence[int] | None = None) -> list[Log]
         if not 0 <= row < count:
             raise StoreError(f"store {store} has no mission {row}; it holds 0 to {count - 1}")
     names = [n for n in (*NEEDED, *OPTIONAL) if n in dataset]
-    loaded = dataset[names].isel({MISSION: chosen}).load()
+    some = dataset[names].isel({MISSION: chosen}).transpose(MISSION, TIME)
     period = _period(dataset, store)
-    arrays = {name: loaded[name].transpose(MISSION, TIME).values for name in names}
+    arrays = {name: read_array(some, name, store) for name in names}
     if "measured_density" in arrays and not np.isfinite(arrays["measured_density"]).any():
         del arrays["measured_density"]  # other vehicles of the store have a CTD, these have none
     lengths = (
