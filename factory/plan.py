@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -21,6 +23,11 @@ MIN_MISSIONS = len(SPLITS)
 MIN_DURATION_S = 60.0
 """A mission shorter than this has not even launched."""
 HOUR = 3600.0
+BYTES_PER_HOUR = 0.4e6
+"""Of a store, roughly: preset paper takes 0.45 MB, field up to 0.8"""
+GIGABYTE = 1e9
+MOST_HOURS = 1e7
+"""[h] Of one store; drawing the lengths of more missions takes minutes before the first flies."""
 _DURATION_STREAM, _SPLIT_STREAM = 0, 1
 
 
@@ -52,14 +59,42 @@ def samples_in(duration_s: float) -> int:
     return round(duration_s / SAMPLE_PERIOD) + 1
 
 
+def check_hours(hours: float) -> None:
+    """Raise InputError unless `hours` [h] is a positive number that can be planned."""
+    if np.isnan(hours):
+        raise InputError("--hours nan is not a number; give hours, such as 10")
+    if not hours > 0.0:
+        raise InputError(f"--hours {hours:g} must be above 0")
+    if hours > MOST_HOURS:
+        raise InputError(
+            f"--hours {hours:g} would need about {_size(hours)}; give at most {MOST_HOURS:g}, and "
+            "more as several stores of different --seed"
+        )
+
+
+def check_room(hours: float, store: Path) -> None:
+    """Raise InputError when the disk of `store` has no room for so many hours [h]."""
+    check_hours(hours)
+    folder = next(p for p in (store.absolute(), *store.absolute().parents) if p.is_dir())
+    free = shutil.disk_usage(folder).free
+    if hours * BYTES_PER_HOUR > free:
+        raise InputError(
+            f"--hours {hours:g} needs about {_size(hours)}, and {folder} has {free / GIGABYTE:.3g} "
+            "GB free: give fewer hours or an --out on another disk"
+        )
+
+
+def _size(hours: float) -> str:
+    return f"{hours * BYTES_PER_HOUR / GIGABYTE:.3g} GB"
+
+
 def plan_missions(duration_h: Distribution, *, hours: float, seed: int) -> Plan:
     """Draw missions until their durations make `hours` [h]; the last ones are cut to fit.
 
     Raises:
       InputError: hours that are not positive, or too few for three missions.
     """
-    if not (np.isfinite(hours) and hours > 0.0):
-        raise InputError(f"--hours {hours:g} must be above 0")
+    check_hours(hours)
     total = round(hours * HOUR / SAMPLE_PERIOD)
     if total * SAMPLE_PERIOD < MIN_MISSIONS * MIN_DURATION_S:
         raise InputError(

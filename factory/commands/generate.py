@@ -113,8 +113,11 @@ class Generate(JsonOption):
 
     def _recipe(self) -> Recipe:
         from factory.config import read_changes
+        from factory.plan import check_room
         from factory.recipe import make_recipe
 
+        if self.hours is not None:
+            check_room(self.hours, self.out)
         return make_recipe(
             preset=self.preset,
             hours=self.hours,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,7 @@ from factory.__main__ import PROGRAM
 from factory.commands.generate import raw_bytes
 from factory.config import read_changes
 from factory.parameters import TABLE
+from factory.plan import check_room
 from factory.recipe import make_recipe
 from factory.stored import StoredRun
 from twin.errors import InputError
@@ -85,6 +87,9 @@ def test_overrides_come_from_a_file_and_from_words_which_win(
     [
         (["generate", "--hours", "0"], "--hours 0 must be above 0"),
         (["generate", "--hours", "-2"], "--hours -2 must be above 0"),
+        (["generate", "--hours", "nan"], "--hours nan is not a number"),
+        (["generate", "--hours", "1e12"], "--hours 1e+12 would need about 4e+08 GB"),
+        (["generate", "--hours", "inf"], "would need about inf GB"),
         (["generate", "--hours", "0.001"], "give at least 0.05"),
         (["generate", "--preset", "feild"], "unknown preset 'feild': did you mean 'field'?"),
         (["generate", "--seed", "-1"], "--seed -1 must be at least 0"),
@@ -184,3 +189,13 @@ def test_generating_imports_no_library_that_it_does_not_need(tmp_path: Path) -> 
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_hours_that_the_disk_cannot_hold_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usage = shutil.disk_usage(tmp_path)._replace(free=1_000_000_000)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+    check_room(2000.0, tmp_path / "not" / "yet" / "there.zarr")
+    with pytest.raises(InputError, match=r"--hours 3000 needs about 1\.2 GB, .* has 1 GB free"):
+        check_room(3000.0, tmp_path / "not" / "yet" / "there.zarr")
