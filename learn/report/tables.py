@@ -147,6 +147,19 @@ JUDGED = {
     "dr_velocity_percent_mean": "through the water with the true attitude",
 }
 """Figures in which networks and baselines are set against each other, in words."""
+COLUMNS = {
+    "surge_mse": "surge MSE",
+    "sway_mse": "sway MSE",
+    "dr_water_percent_mean": "through the water, mean",
+    "dr_water_percent_p90": "through the water, p90",
+    "dr_velocity_percent_mean": "with true attitude, mean",
+    "dr_velocity_percent_p90": "with true attitude, p90",
+    "dr_ground_percent_mean": "over ground, mean",
+    "dr_ground_percent_p90": "over ground, p90",
+}
+"""The columns of `summary_rows` in which a baseline can be better."""
+LEAST_COMPARED = 10
+"""Missions or dives from which on a sentence says who is better: the median of a few is luck."""
 
 
 def verdicts(evaluation: Figures) -> list[str]:
@@ -160,6 +173,9 @@ def verdicts(evaluation: Figures) -> list[str]:
         lost = {name: value for name, value in theirs.items() if value <= mine}
         beaten = [title_of(name) for name in theirs if name not in lost]
         text = f"Dead reckoning {words}: the networks have {mine:.3g} % of the distance"
+        if evaluation["missions"] < LEAST_COMPARED:
+            sentences.append(f"{text} over {evaluation['missions']} missions, too few to compare.")
+            continue
         if beaten:
             text += f", better than {_list(beaten)}"
         if lost:
@@ -176,10 +192,48 @@ def verdicts(evaluation: Figures) -> list[str]:
         sentence = _dive_verdict(evaluation, knowledge)
         if sentence:
             sentences.append(sentence)
+    if lost := _columns_lost(evaluation):
+        sentences.append(f"A baseline has the lower figure in {'; '.join(lost)}.")
     return sentences
 
 
+def _columns_lost(evaluation: Figures) -> list[str]:
+    """Columns that no other sentence speaks of in which a baseline is better, with the best one."""
+    said = JUDGED if evaluation["missions"] >= LEAST_COMPARED else {}
+    paths: dict[tuple[str, ...], str] = {
+        (key,): words for key, words in COLUMNS.items() if key not in said
+    }
+    for knowledge, found in evaluation["dives"].items():
+        kind = "dr_max_percent" if knowledge == "corrected" else "dr_percent"
+        for part in ("median", "p90"):
+            compared = knowledge != "none" and found["dives"] >= LEAST_COMPARED
+            if part != "median" or not compared:
+                paths["dives", knowledge, f"{kind}_{part}"] = (
+                    f"{KNOWLEDGE_TITLES[knowledge]}, {part}"
+                )
+    lost = []
+    for path, words in paths.items():
+        mine = _figure(evaluation, path)
+        theirs = {n: _figure(f, path) for n, f in evaluation["baselines"].items()}
+        known = {name: value for name, value in theirs.items() if value is not None}
+        if mine is None or not known:
+            continue
+        best = min(known, key=lambda name: known[name])
+        if known[best] < mine:
+            lost.append(f"{words} ({title_of(best)} {known[best]:.3g}, networks {mine:.3g})")
+    return lost
+
+
+def _figure(figures: Figures, path: Sequence[str]) -> float | None:
+    """A figure by its keys; None where it is not known."""
+    found: Any = figures
+    for key in path:
+        found = None if found is None else found.get(key)
+    return found
+
+
 def _dive_verdict(evaluation: Figures, knowledge: str) -> str:
+    """Networks and baselines between fixes; without a comparison where dives are few."""
     key = "dr_max_percent_median" if knowledge == "corrected" else "dr_percent_median"
     mine = evaluation["dives"][knowledge][key]
     if mine is None:
@@ -190,6 +244,8 @@ def _dive_verdict(evaluation: Figures, knowledge: str) -> str:
         f"Between GPS fixes, {KNOWLEDGE_TITLES[knowledge]}: median {mine:.3g} % over "
         f"{evaluation['dives'][knowledge]['dives']} dives"
     )
+    if evaluation["dives"][knowledge]["dives"] < LEAST_COMPARED:
+        return text + ", too few to compare."
     if not better:
         return text + ", no baseline is better."
     return (

@@ -219,19 +219,32 @@ def test_tables_leave_out_what_a_method_does_not_define(judged):
 
 
 def test_verdicts_name_who_is_beaten_and_who_is_not(judged):
-    sentences = verdicts(judged.figures)
+    sentences = verdicts({**judged.figures, "missions": 10})
     water = sentences[0]
     mine = judged.figures["dr_water_percent_mean"]
     for name, title in (("steady_flight", "steady flight model"), ("ekf", "EKF")):
         theirs = judged.figures["baselines"][name]["dr_water_percent_mean"]
         after = water[water.index(title) :]
         assert (f"({theirs:.3g} %)" in after[:40]) == (theirs <= mine)
-    better = {
-        **judged.figures,
-        "dr_water_percent_mean": 0.0,
-    }
+    better = {**judged.figures, "missions": 10, "dr_water_percent_mean": 0.0}
     assert "not beat" not in verdicts(better)[0]
     assert "better than" in verdicts(better)[0]
+
+
+def test_few_missions_and_dives_are_not_compared_and_lost_columns_are_named(judged):
+    steady = judged.figures["baselines"]["steady_flight"]
+    dives = {k: {**f, "dr_percent_p90": 1e-9} for k, f in steady["dives"].items()}
+    baselines = {"steady_flight": {**steady, "sway_mse": -1.0, "dives": dives}}
+    said = verdicts({**judged.figures, "sway_mse": 1.0, "baselines": baselines})
+    assert "over 2 missions, too few to compare." in said[0]
+    previous = next(s for s in said if "previous dive's current: median" in s)
+    assert previous.endswith("dives, too few to compare.")
+    assert not any("no baseline is better" in s or "better than" in s for s in said)
+    assert "sway MSE (steady flight model -1, networks 1)" in said[-1]
+    assert "no current, p90 (steady flight model 1e-09" in said[-1]
+    known = judged.figures["dives"]["previous"] | {"dives": 10, "dr_percent_median": 0.0}
+    many = {**judged.figures, "dives": {**judged.figures["dives"], "previous": known}}
+    assert any("over 10 dives, no baseline is better" in s for s in verdicts(many))
 
 
 def test_comparison_puts_runs_first_and_baselines_once(judged):
