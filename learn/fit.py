@@ -19,7 +19,7 @@ from learn.features import channels_of
 from learn.logs import SPEED
 from learn.networks import NetworkConfig
 from learn.parent import end_with
-from learn.preparation import Division, prepare
+from learn.preparation import Division, check_truth, prepare
 from learn.run import (
     DESCRIPTION,
     FORMAT,
@@ -306,6 +306,7 @@ def _check_sources(config: FitConfig) -> str:
         for ensemble in open_run(config.start).networks().values():
             if ensemble.members[0].features != config.features:
                 raise InputError(f"run {config.start} has other inputs; leave them to --start")
+    check_truth(config.store)
     channels = (*channels_of(config.features), *(f"true_{name}" for name in TARGETS))
     load_missions(config.store, channels, limit=1, period=config.period)
     return content_hash(config.store, (*channels, SPEED))
@@ -414,11 +415,17 @@ def _start(job: Job, folder: Path) -> _Worker:
 
 def _work(job: Job, folder: Path, messages: Connection, parent: int) -> None:
     """One process: reports and the result go through the pipe."""
+    import logging
     import signal
     import sys
 
+    def leave(*_: object) -> None:
+        # reads of a store that are under way are dropped, of which nobody needs to be told
+        logging.getLogger("asyncio").disabled = True
+        sys.exit()
+
     end_with(parent)  # after an interrupt the parent ends this process, which leaves in good order
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
+    signal.signal(signal.SIGTERM, leave)
     try:
         last = train(job, folder, lambda report: messages.send(("report", report)))
     except TwinError as error:

@@ -67,8 +67,8 @@ class NetworkConfig:
         if (weights := self.layers * self.hidden**2 * per_pair) > MOST_WEIGHTS:
             raise InputError(
                 f"a network with {self.layers} layers of {self.hidden} units has about "
-                f"{weights:.1e} weights, at most {MOST_WEIGHTS:.0e} are possible: take fewer units, "
-                "layers or delays"
+                f"{weights:.1e} weights, at most {MOST_WEIGHTS:.0e} are possible: take fewer "
+                "units, layers or delays"
             )
         if self.inputs < 0:
             raise InputError(f"network inputs must not be negative, got {self.inputs}")

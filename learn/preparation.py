@@ -104,12 +104,52 @@ def _with_truth(missions: list[Mission], target: str, store: str | Path) -> list
     """Missions that say something about a target; in a simulated store all do."""
     kept = [m for m in missions if m.row is None or np.isfinite(m.target(target)).any()]
     if not kept:
-        raise StoreError(
-            f"store {store} has no truth to learn {target} from (neither {TARGETS[target]} nor "
-            f"{SPEED}); a run that is trained on another store can be judged on it: "
-            "`learn evaluate RUN`"
-        )
+        raise _no_truth(store, target)
     return kept
+
+
+def _no_truth(store: str | Path, target: str) -> StoreError:
+    return StoreError(
+        f"store {store} has no truth to learn {target} from (neither {TARGETS[target]} nor "
+        f"{SPEED}); a run that is trained on another store can be judged on it: "
+        f"`learn evaluate RUN {store}`"
+    )
+
+
+def check_truth(store: str | Path) -> None:
+    """Refuse logs that have no array of truth, before their signals are read.
+
+    Raises:
+      StoreError: see `prepare`.
+    """
+    dataset = open_missions(store)
+    try:
+        if is_real(dataset.attrs):
+            for target, channel in TARGETS.items():
+                if channel not in dataset and SPEED not in dataset:
+                    raise _no_truth(store, target)
+    finally:
+        dataset.close()
+
+
+def check_window(
+    store: str | Path, window: int, *, division: Division = "missions", period: float | None = None
+) -> None:
+    """Refuse a window of samples that no training mission fills.
+
+    Raises:
+      InputError: it is longer than the longest of them.
+      StoreError: see `load_missions`.
+    """
+    missions = load_missions(store, ("measured_depth",), split="all", period=period)
+    if division == "missions":
+        missions = [m for m in missions if m.split == "train"]
+    longest = max(missions, key=lambda m: m.samples, default=None)
+    if longest is not None and window > longest.samples:
+        raise InputError(
+            f"--window {window} is longer than every training mission of {store}: the longest, "
+            f"mission {longest.index}, has {longest.samples} samples"
+        )
 
 
 def _held_out(missions: list[Mission], held_out: Sequence[int], store: str | Path) -> list[Mission]:

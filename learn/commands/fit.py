@@ -112,6 +112,7 @@ class Fit(JsonOption):
         os.environ.setdefault("OMP_NUM_THREADS", "1")
         from learn.fit import fit
         from learn.judge import finish
+        from learn.preparation import check_window
 
         if self.resume and self.name is None:
             raise InputError("--resume needs the --name of the run to go on with")
@@ -122,6 +123,8 @@ class Fit(JsonOption):
         config = self._config(self._stored(folder) if self.resume else None)
         if self.tensorboard:
             _event_writer_type()
+        if self.window is not None and config.training.optimiser != "scg":
+            check_window(config.store, self.window, division=config.division, period=config.period)
         if self.leave_out_each_dive:
             from learn.folds import dives_with_truth
 

@@ -93,11 +93,21 @@ def test_missing_truth_in_a_simulated_store_is_an_error(small_store: Path, tmp_p
         prepare(broken, target="surge", features=("depth_rate",))
 
 
-def test_a_log_without_truth_cannot_be_learned_from(tmp_path: Path) -> None:
+def test_a_log_without_truth_cannot_be_learned_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     dataset, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT), period=4.0)
     store = write_store(dataset, tmp_path / "plain.zarr")
     with pytest.raises(StoreError, match=r"no truth to learn surge from.*learn evaluate RUN"):
         prepare(store, target="surge", features=INPUTS)
+
+    def started(*_: object, **__: object) -> None:
+        raise AssertionError("read or trained for nothing")
+
+    monkeypatch.setattr("learn.fit.load_missions", started)
+    monkeypatch.setattr("learn.fit._train_aside", started)
+    with pytest.raises(StoreError, match=r"no truth to learn surge from.*plain.zarr`"):
+        fit(config(store), tmp_path / "run", workers=2)
 
 
 def test_a_missing_channel_says_what_to_type(store: Path) -> None:
