@@ -24,7 +24,7 @@ from factory.record import Failure
 from twin.errors import StoreError
 from twin.schema import MISSION, TIME, VARIABLES
 from twin.sensors import DRAWN_UNITS, SensorSuite
-from twin.store import open_store
+from twin.store import check_arrays, open_store
 from twin.vehicle import Vehicle, parse_vehicle
 
 IMPORT_REPORT = "import_report"
@@ -97,6 +97,10 @@ class Stored:
                 f"store {self.path}: {name} of mission {mission} cannot be read "
                 f"({type(error).__name__}: {reason})"
             ) from error
+
+    def check_arrays(self) -> None:
+        """Raise StoreError when the files of an array are gone."""
+        check_arrays(self.dataset, self.path)
 
     def check_mission(self, mission: int) -> None:
         """Raise StoreError when there is no such mission."""

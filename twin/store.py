@@ -157,9 +157,14 @@ def open_store(path: str | Path) -> xr.Dataset:
     if not (path / "zarr.json").is_file():
         raise StoreError(f"{path} is not a zarr v3 store; give the folder that ends in .zarr")
     try:
-        attributes = json.loads((path / "zarr.json").read_text())["attributes"]
-        version = int(attributes["schema_version"])
-    except (KeyError, ValueError, OSError) as error:
+        metadata = json.loads((path / "zarr.json").read_text())
+    except (ValueError, OSError) as error:
+        raise StoreError(
+            f"store {path} is damaged: its zarr.json cannot be read ({error}); make it anew"
+        ) from error
+    try:
+        version = int(metadata["attributes"]["schema_version"])
+    except (KeyError, ValueError, TypeError) as error:
         raise StoreError(
             f"store {path} does not say its schema_version; it is not ours or damaged"
             f" ({type(error).__name__})"
@@ -186,10 +191,7 @@ def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
     count = dataset.sizes.get(MISSION, 0)
     if not 0 <= mission < count:
         raise StoreError(f"store {path} has missions 0 to {count - 1}, not {mission}")
-    # The consolidated metadata name arrays whose folders may be gone; they would read as NaN.
-    for name in map(str, dataset.variables):
-        if not (Path(path) / name / "zarr.json").is_file():
-            raise StoreError(f"store {path} is damaged: its array {name} is gone; make it anew")
+    check_arrays(dataset, path)
     one = dataset.isel({MISSION: mission})
     samples = _samples(one, path, mission)
     one = one.isel({TIME: slice(0, samples)})
@@ -203,6 +205,17 @@ def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
         states=states,
         provenance=dict(dataset.attrs),
     )
+
+
+def check_arrays(dataset: xr.Dataset, path: str | Path) -> None:
+    """Raise StoreError when an array is gone that the store's metadata name: it would read as NaN.
+
+    Args:
+      dataset: as `open_store` gave it.
+    """
+    for name in map(str, dataset.variables):
+        if not (Path(path) / name / "zarr.json").is_file():
+            raise StoreError(f"store {path} is damaged: its array {name} is gone; make it anew")
 
 
 def _samples(one: xr.Dataset, path: str | Path, mission: int) -> int:

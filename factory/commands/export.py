@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -9,6 +11,7 @@ from typing import Annotated, Literal
 import tyro
 
 from twin.console import Console, JsonOption
+from twin.errors import InputError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +26,7 @@ class Export(JsonOption):
     """format"""
     out: Path | None = None
     """folder (og1) or file (parquet) [default: the store's name with -og1 or .parquet]"""
-    mission: tuple[int, ...] = ()
+    mission: tuple[int, ...] | None = None
     """only these missions [default: all]"""
 
     def run(self, console: Console) -> int:
@@ -31,8 +34,11 @@ class Export(JsonOption):
         from factory.stored import StoredRun
         from factory.stored_logs import StoredLogs, open_stored
 
+        if self.mission is not None:
+            check_missions(self.mission)
         run = open_stored(self.store)
-        missions = list(self.mission) or list(range(len(run)))
+        run.check_arrays()
+        missions = list(range(len(run))) if self.mission is None else list(self.mission)
         for mission in missions:
             run.check_mission(mission)
         written: list[Path] = []
@@ -60,3 +66,14 @@ class Export(JsonOption):
         console.say(f"wrote {len(missions)} {what} to {where} ({size / 1e6:.1f} MB)")
         console.answer(store=self.store, to=self.to, out=where, missions=missions, bytes=size)
         return 0
+
+
+def check_missions(missions: Sequence[int]) -> None:
+    """Raise InputError unless `--mission` has numbers, each once."""
+    if not missions:
+        raise InputError(
+            "--mission needs a number, such as 0; leave it out to export all"
+        )
+    twice = [mission for mission, count in Counter(missions).items() if count > 1]
+    if twice:
+        raise InputError(f"--mission names mission {twice[0]} twice; name each once")

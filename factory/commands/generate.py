@@ -116,7 +116,7 @@ class Generate(JsonOption):
         from factory.plan import check_room
         from factory.recipe import make_recipe
 
-        if self.hours is not None:
+        if self.hours is not None and not self.resume:  # which may be nearly complete
             check_room(self.hours, self.out)
         return make_recipe(
             preset=self.preset,

@@ -76,6 +76,7 @@ class Info(JsonOption):
             )
             return 0
         run = open_stored(self.store)
+        run.check_arrays()
         if isinstance(run, StoredLogs):
             return self._logs(run, console)
         size, splits, drawn = stored_bytes(self.store), split_rows(run), drawn_rows(run)

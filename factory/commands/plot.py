@@ -37,6 +37,7 @@ class Plot(JsonOption):
 
         out = self.store.with_suffix(".png") if self.out is None else self.out
         run = open_stored(self.store)
+        run.check_arrays()
         pages = _pages(run, out) if isinstance(run, StoredLogs) else {out: store_page(run)}
         for path, figure in pages.items():
             try:

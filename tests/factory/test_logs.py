@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import importlib.util
 import json
+import shutil
 from pathlib import Path
 
 import netCDF4
@@ -301,3 +302,31 @@ def test_info_lists_deployments(store: Path, capsys: pytest.CaptureFixture[str])
 def test_a_mission_that_is_not_there_is_told(store: Path, tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"missions 0 to 2, not 7"):
         export_og1_logs(StoredLogs(store), [7], tmp_path)
+
+
+@pytest.mark.parametrize("words", [["info"], ["plot"], ["export", "--to", "parquet"]])
+def test_an_array_that_is_gone_is_named(
+    words: list[str], store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cut = tmp_path / "cut.zarr"
+    shutil.copytree(store, cut)
+    shutil.rmtree(cut / "measured_pitch")
+    code, _, err = call(capsys, words[0], cut, *words[1:])
+    assert code == 2
+    assert err.strip().endswith("is damaged: its array measured_pitch is gone; make it anew")
+    (cut / "zarr.json").write_text("{broken")
+    code, _, err = call(capsys, words[0], cut, *words[1:])
+    assert code == 2
+    assert "is damaged: its zarr.json cannot be read" in err
+    assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("missions", "message"), [(["0", "0"], "mission 0 twice"), ([], "needs a number")]
+)
+def test_each_exported_mission_is_named_once(
+    missions: list[str], message: str, store: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, err = call(capsys, "export", store, "--to", "parquet", "--mission", *missions)
+    assert code == 2
+    assert message in err
