@@ -70,8 +70,9 @@ def velocity_figure(shown: Shown) -> Figure:
             predicted = np.asarray(getattr(estimate, name), float)
             time, true, guess = style.thin(shown.time / seconds, truth, predicted)
             top, bottom = axes[:, column]
-            top.plot(time, true, color=style.TRUTH, lw=1.8, label="true")
-            top.plot(time, guess, color=style.ESTIMATE, lw=0.9, ls="--", label="predicted")
+            top.plot(time, guess, color=style.ESTIMATE, lw=1.8, label="predicted")
+            # above the other one, and thin: where both agree both are seen
+            top.plot(time, true, color=style.TRUTH, lw=0.8, label="true", zorder=3)
             spread = getattr(estimate, f"{name}_sd")
             if spread is not None:
                 (sd,) = style.thin(np.asarray(spread, float))
@@ -167,7 +168,9 @@ def uncertainty_figure(shown: Shown, deviation: Array) -> Figure:
         axes.set_ylim(bottom=0.0)
         axes.set_ylabel("horizontal position error [m]")
         style.label_time(axes, unit)
-        axes.set_title(shown.label)
+        inside = error[-1] <= 2.0 * deviation[-1]
+        place = "inside" if inside else "outside"
+        axes.set_title(f"{shown.label}:\nthe end lies {place} 2 deviations")
         axes.set_ylim(top=1.3 * axes.get_ylim()[1])  # room for the legend above the curves
         axes.legend(loc="upper left")
     return figure

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from learn.dead_reckoning import Array
 from learn.dives import KNOWLEDGE
@@ -30,7 +31,7 @@ def distribution_figure(evaluation: Evaluation) -> Figure:
         for place, (name, values) in enumerate(reversed(rows)):
             _dots(axes, place, np.array(values), colour_of(name))
         axes.set_yticks(range(len(rows)), [title_of(name) for name, _ in reversed(rows)])
-        axes.set_xscale("log")
+        _plain_decades(axes)
         axes.grid(visible=False, axis="y")
         axes.set_xlabel("error at mission end [% of the path through the water]")
         axes.set_title("through the water, measured attitude")
@@ -45,6 +46,9 @@ def distribution_figure(evaluation: Evaluation) -> Figure:
 def dive_figure(evaluation: Evaluation) -> Figure | None:
     """Error over ground at the end of a dive, by what is known of the current; None without dives.
 
+    Panels without any value are left out: between the fixes of a log nothing is known, so that a
+    track that is corrected afterwards has no error.
+
     Corrected afterwards the end is pinned to the fix, so there it is the largest error on the way.
     """
     kept: dict[str, dict[str, Array]] = {}
@@ -58,16 +62,19 @@ def dive_figure(evaluation: Evaluation) -> Figure | None:
         return None
     with style.styled():
         figure = style.new_figure(style.PAGE_WIDTH, 0.36 * len(kept) + 1.3)
-        axes = figure.subplots(1, len(KNOWLEDGE), sharey=True, sharex=True)
-        for place, knowledge in zip(axes, KNOWLEDGE, strict=True):
+        known = [name for name in KNOWLEDGE if any(name in found for found in kept.values())]
+        axes = figure.subplots(1, len(known), sharey=True, sharex=True, squeeze=False)[0]
+        for place, knowledge in zip(axes, known, strict=True):
             for row, (name, found) in enumerate(reversed(kept.items())):
                 if knowledge in found:
                     _dots(place, row, found[knowledge], colour_of(name))
             place.set_title(KNOWLEDGE_TITLES[knowledge])
-            place.set_xscale("log")
+            _plain_decades(place)
             place.grid(visible=False, axis="y")
         axes[0].set_yticks(range(len(kept)), [title_of(name) for name in reversed(kept)])
-        axes[1].set_xlabel("error over ground [% of the dive's path through the water]")
+        figure.supxlabel(
+            "error over ground [% of the dive's path through the water]", fontsize=LABEL_SIZE
+        )
         _explain(figure, "a dive", [])
     return figure
 
@@ -94,6 +101,24 @@ def _dots(axes: Axes, row: int, values: Array, colour: str) -> None:
     axes.plot([median, median], [row - 0.3, row + 0.3], color=colour, lw=2.2)
 
 
+def _plain_decades(axes: Axes) -> None:
+    """A logarithmic x axis whose few numbers are written out: 2, 5, 10, 20."""
+    axes.set_xscale("log")
+    low, high = axes.get_xlim()
+    decades = np.log10(high / low)
+    steps = (1.0, 2.0, 5.0) if decades < FEW_DECADES else (1.0,)
+    axes.xaxis.set_major_locator(LogLocator(subs=steps, numticks=MOST_TICKS))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_locator(LogLocator(subs=np.arange(2, 10), numticks=MOST_MINOR_TICKS))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+
+
+FEW_DECADES = 2.0
+"""Below, a logarithmic axis has 2 and 5 written beside the powers of ten."""
+MOST_TICKS = 6
+MOST_MINOR_TICKS = 60
+LABEL_SIZE = 8.0
+"""[pt]"""
 LEAST_PERCENT = 1e-4
 """Left end of logarithmic axes: a metre in a thousand kilometres."""
 GOLDEN = 0.6180339887

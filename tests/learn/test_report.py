@@ -185,6 +185,38 @@ def test_what_dots_and_bars_are_is_in_the_figure(judged):
     assert dives == ["a dive", "median"]
 
 
+def test_dives_have_plain_numbers_and_no_empty_panel():
+    from learn.report.spread_figures import dive_figure
+
+    def errors(*percents):
+        return tuple(SimpleNamespace(percent=p, max_percent=p) for p in percents)
+
+    dives = {"none": errors(13.0, 24.0), "previous": errors(1.8, 70.0)}
+    method = SimpleNamespace(scores=[SimpleNamespace(dives=dives)])
+    figure = dive_figure(SimpleNamespace(methods={"network": method}))
+    assert [axes.get_title(loc="left") for axes in figure.axes] == [
+        "no current",
+        "previous dive's current",
+    ]
+    figure.draw_without_rendering()
+    low, high = figure.axes[0].get_xlim()
+    shown = [t.get_text() for t in figure.axes[0].get_xticklabels(which="both") if t.get_text()]
+    assert [t for t in shown if low <= float(t) <= high] == ["2", "5", "10", "20", "50"]
+
+
+def test_the_uncertainty_says_whether_the_end_lies_inside(judged):
+    from learn.report.figures import uncertainty_figure, velocity_figure
+
+    shown = judged.shown[0]
+    for deviation, place in ((1e6, "inside"), (0.0, "outside")):
+        figure = uncertainty_figure(shown, np.full(len(shown.time), deviation))
+        title = figure.axes[0].get_title(loc="left")
+        assert title.startswith("mission 0, ")
+        assert title.endswith(f"the end lies {place} 2 deviations")
+    lines = {line.get_label(): line for line in velocity_figure(shown).axes[0].lines}
+    assert lines["true"].get_zorder() > lines["predicted"].get_zorder()
+
+
 def test_the_page_says_why_a_method_has_no_track_through_the_water(judged):
     from learn.report.tables import without_track
 
