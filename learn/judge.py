@@ -105,8 +105,7 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
     say(f"evaluating on {split} missions, with floor and baselines")
     test = judge(run, run.store, split=split)
     write_json(run.path / EVALUATION, test.figures)
-    say("flying the paper's test in three currents")
-    paper = None if is_log_store(run.store) else _paper_test(run)
+    paper = None if is_log_store(run.store) else _paper_test(run, say)
     if paper is not None:
         write_json(run.path / PAPER_TEST, paper.figures)
     write_page(run, test, paper, history=history)
@@ -185,7 +184,7 @@ def _error_model(run: Run, split: str) -> ErrorModel:
     return fit_error_model(found.methods[NETWORK].scores, seconds, ideal_compass=ideal)
 
 
-def _paper_test(run: Run) -> Judged | None:
+def _paper_test(run: Run, say: Say) -> Judged | None:
     """The run on the paper's three missions, flown with the sensors of its store.
 
     None for a store that the factory did not make: its sensors are not known.
@@ -193,6 +192,7 @@ def _paper_test(run: Run) -> Judged | None:
     sensors = run.description["store"].get("sensors")
     if sensors is None:
         return None
+    say("flying the paper's test in three currents")
     from factory.generate import generate
     from factory.recipe import make_recipe
 

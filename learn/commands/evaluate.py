@@ -68,8 +68,12 @@ class Evaluate(JsonOption):
                 progress.update(1)
 
             judged = judge(run, self.store, split=self.split, watches=[*watches, see])
+        reasons: dict[str, list[str]] = {}
         for name, why in judged.evaluation.missing.items():
-            console.warn(f"no baseline {name}: {why}")
+            reasons.setdefault(why, []).append(name)
+        if reasons:
+            parts = [f"{', '.join(names)}: {why}" for why, names in reasons.items()]
+            console.warn(f"no baseline {'; '.join(parts)}")
         if self.tracks is not None:
             collector.write(self.tracks)
         page = self._page(run, judged) if self.out is not None else None

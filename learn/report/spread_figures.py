@@ -109,7 +109,7 @@ def _plain_decades(axes: Axes) -> None:
     steps = (1.0, 2.0, 5.0) if decades < FEW_DECADES else (1.0,)
     axes.xaxis.set_major_locator(LogLocator(subs=steps, numticks=MOST_TICKS))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_locator(LogLocator(subs=np.arange(2, 10), numticks=MOST_MINOR_TICKS))
+    axes.xaxis.set_minor_locator(LogLocator(subs=range(2, 10), numticks=MOST_MINOR_TICKS))
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 

@@ -192,8 +192,8 @@ def verdicts(evaluation: Figures) -> list[str]:
         sentence = _dive_verdict(evaluation, knowledge)
         if sentence:
             sentences.append(sentence)
-    if lost := _columns_lost(evaluation):
-        sentences.append(f"A baseline has the lower figure in {'; '.join(lost)}.")
+    if columns := _columns_lost(evaluation):
+        sentences.append(f"A baseline has the lower figure in {'; '.join(columns)}.")
     return sentences
 
 

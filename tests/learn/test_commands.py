@@ -384,13 +384,16 @@ def test_json_files_are_written_whole(tmp_path, monkeypatch):
 def test_a_baseline_that_cannot_run_has_null_figures(here, capsys, tmp_path):
     store = tmp_path / "less.zarr"
     shutil.copytree(here / "data" / "missions.zarr", store)
-    shutil.rmtree(store / "measured_dvl_surge")
     root = json.loads((store / "zarr.json").read_text())
-    del root["consolidated_metadata"]["metadata"]["measured_dvl_surge"]
+    for gone in ("measured_dvl_surge", "measured_onboard_north"):
+        shutil.rmtree(store / gone)
+        del root["consolidated_metadata"]["metadata"][gone]
     (store / "zarr.json").write_text(json.dumps(root))
     code, out, err = call(capsys, "evaluate", "first", store, "--json")
     assert code == 0, err
-    assert "no baseline dvl: the store has no channel measured_dvl_surge" in err
+    assert "onboard: the store has no channel measured_onboard_north" in err
+    assert "dvl: the store has no channel measured_dvl_surge" in err
+    assert err.count("no baseline") == 1
     found = json.loads(out)["baselines"]
     assert set(found) == set(BASELINES)
     assert found["dvl"].keys() == found["ekf"].keys()
@@ -398,6 +401,15 @@ def test_a_baseline_that_cannot_run_has_null_figures(here, capsys, tmp_path):
         assert found["dvl"][name] is None
         assert found["ekf"][name] is not None
     assert found["dvl"]["dives"]["previous"]["dr_percent_median"] is None
+
+
+def test_the_papers_test_is_announced_only_where_it_is_flown(here):
+    from learn.judge import _paper_test
+
+    said = []
+    run = open_run("first")
+    assert _paper_test(run, said.append) is None
+    assert said == []
 
 
 def test_compare_takes_the_newest_run(here, capsys):
