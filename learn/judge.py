@@ -99,8 +99,8 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
       The run with its error model.
     """
     split, others = judged_split(run)
-    say("learning how far off the networks are from missions that they were not trained on")
     if not is_log_store(run.store):
+        say("learning how far off the networks are from missions that they were not trained on")
         run = run.remember(error_model=dataclasses.asdict(_error_model(run, others)))
     say(f"evaluating on {split} missions, with floor and baselines")
     test = judge(run, run.store, split=split)
