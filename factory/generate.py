@@ -17,6 +17,7 @@ from factory.pool import Pool
 from factory.recipe import Recipe, differences
 from factory.record import Record
 from twin.errors import StoreError
+from twin.store import IMPORT_REPORT
 
 MAX_DIFFERENCES = 5
 """Differences named when a resume is refused."""
@@ -132,6 +133,16 @@ def _prepare(recipe: Recipe, journal: Journal, *, resume: bool, overwrite: bool)
 def _store_settings(store: Path) -> dict[str, object]:
     try:
         attributes = json.loads((store / "zarr.json").read_bytes())["attributes"]
+    except (OSError, ValueError, KeyError) as error:
+        raise StoreError(
+            f"store {store} is damaged: its zarr.json cannot be read ({error}); make it anew"
+        ) from error
+    if IMPORT_REPORT in attributes:
+        raise StoreError(
+            f"store {store} holds logs of real vehicles, there is nothing to resume: choose "
+            "another --out"
+        )
+    try:
         settings: dict[str, object] = json.loads(attributes["settings"])
     except (OSError, ValueError, KeyError) as error:
         raise StoreError(

@@ -221,9 +221,9 @@ def override(
     for name, text in changes.items():
         if name not in PARAMETERS:
             near = difflib.get_close_matches(name, PARAMETERS, n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]!r}? " if near else ""
+            hint = f": did you mean {near[0]!r}?" if near else ""
             raise InputError(
-                f"unknown parameter {name!r}: {hint}(`factory distributions` lists them all)"
+                f"unknown parameter {name!r}{hint} (`factory distributions` lists them all)"
             )
         result[name] = parse_distribution(text, name)
     return result

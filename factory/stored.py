@@ -24,11 +24,8 @@ from factory.record import Failure
 from twin.errors import StoreError
 from twin.schema import MISSION, TIME, VARIABLES
 from twin.sensors import DRAWN_UNITS, SensorSuite
-from twin.store import check_arrays, open_store
+from twin.store import IMPORT_REPORT, check_arrays, open_store
 from twin.vehicle import Vehicle, parse_vehicle
-
-IMPORT_REPORT = "import_report"
-"""Attribute that stores of logs have and simulated ones have not."""
 
 
 class Stored:

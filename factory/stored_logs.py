@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.stored import IMPORT_REPORT, Stored, StoredRun, is_log
+from factory.stored import Stored, StoredRun, is_log
 from twin.current.origin import HIGHEST_LATITUDE, Origin
 from twin.errors import StoreError
-from twin.store import open_store
+from twin.store import IMPORT_REPORT, open_store
 
 Array = NDArray[np.float64]
 

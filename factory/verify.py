@@ -21,6 +21,7 @@ from factory.stored import Stored, StoredRun
 from twin.errors import StoreError
 from twin.frames import euler_to_matrix
 from twin.schema import MISSION, SIMULATED, TIME, VARIABLES
+from twin.store import gone_arrays
 
 Array = NDArray[np.float64]
 Block = Mapping[str, NDArray[np.float32]]
@@ -119,6 +120,7 @@ def read_block(run: Stored, names: list[str], missions: range, check: Check) -> 
 
 def _check_metadata(run: StoredRun, names: list[str], check: Check) -> None:
     data = run.dataset
+    check.problems += [f"array {n!r} is gone" for n in gone_arrays(data, run.path)]
     check.expect(
         sha256(data.attrs["vehicle_mjcf"]) == data.attrs["vehicle_sha256"],
         lambda: "the vehicle's MJCF text does not have the recorded SHA-256",

@@ -14,6 +14,7 @@ from factory.layout import SHARD_MISSIONS
 from factory.stored_logs import StoredLogs
 from factory.verify import Block, Check, Report, check_finite_range, check_padding, read_block
 from twin.schema import MISSION, TIME, VARIABLES
+from twin.store import gone_arrays
 
 Array = NDArray[np.float64]
 
@@ -61,6 +62,7 @@ def verify_logs(logs: StoredLogs, watch: Callable[[int], None] | None = None) ->
 
 def _check_metadata(logs: StoredLogs, names: list[str], check: Check) -> None:
     data = logs.dataset
+    check.problems += [f"array {n!r} is gone" for n in gone_arrays(data, logs.path)]
     for needed in NEEDED:
         check.expect(needed in data.variables, lambda n=needed: f"array {n!r} is missing")  # type: ignore[misc]
     if check.problems:

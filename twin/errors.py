@@ -61,5 +61,5 @@ def unknown_name(kind: str, name: str, allowed: Iterable[str]) -> str:
     """One line for a name that is not among `allowed`, with the nearest one when there is one."""
     names = sorted(allowed)
     near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]!r}? " if near else ""
-    return f"unknown {kind} {name!r}: {hint}(allowed: {', '.join(names)})"
+    hint = f": did you mean {near[0]!r}?" if near else ""
+    return f"unknown {kind} {name!r}{hint} (allowed: {', '.join(names)})"

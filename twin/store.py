@@ -34,9 +34,14 @@ STATE_COLUMNS = (
 UNFINISHED = ".generating"
 """Folder inside a store that the factory has begun and not completed."""
 
+IMPORT_REPORT = "import_report"
+"""Attribute that stores of logs have and simulated ones have not."""
+SCHEMA = "schema"
+"""Attribute that says whose layout a store has."""
+
 GLOBAL_ATTRIBUTES = {
     "Conventions": "CF-1.11",
-    "schema": "glider-twin missions",
+    SCHEMA: "glider-twin missions",
     "schema_version": SCHEMA_VERSION,
     "title": "Simulated underwater glider missions",
     "comment": "Simulated data. NED frame with its origin at each mission's start; body axes "
@@ -207,15 +212,20 @@ def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
     )
 
 
-def check_arrays(dataset: xr.Dataset, path: str | Path) -> None:
-    """Raise StoreError when an array is gone that the store's metadata name: it would read as NaN.
+def gone_arrays(dataset: xr.Dataset, path: str | Path) -> list[str]:
+    """Arrays that the store's metadata name and whose files are gone: they would read as NaN.
 
     Args:
       dataset: as `open_store` gave it.
     """
-    for name in map(str, dataset.variables):
-        if not (Path(path) / name / "zarr.json").is_file():
-            raise StoreError(f"store {path} is damaged: its array {name} is gone; make it anew")
+    names = map(str, dataset.variables)
+    return [name for name in names if not (Path(path) / name / "zarr.json").is_file()]
+
+
+def check_arrays(dataset: xr.Dataset, path: str | Path) -> None:
+    """Raise StoreError that names the first of `gone_arrays`, when there is one."""
+    for name in gone_arrays(dataset, path)[:1]:
+        raise StoreError(f"store {path} is damaged: its array {name} is gone; make it anew")
 
 
 def _samples(one: xr.Dataset, path: str | Path, mission: int) -> int:

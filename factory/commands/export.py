@@ -71,9 +71,7 @@ class Export(JsonOption):
 def check_missions(missions: Sequence[int]) -> None:
     """Raise InputError unless `--mission` has numbers, each once."""
     if not missions:
-        raise InputError(
-            "--mission needs a number, such as 0; leave it out to export all"
-        )
+        raise InputError("--mission needs a number, such as 0; leave it out to export all")
     twice = [mission for mission, count in Counter(missions).items() if count > 1]
     if twice:
         raise InputError(f"--mission names mission {twice[0]} twice; name each once")

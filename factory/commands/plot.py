@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
     from factory.stored_logs import StoredLogs
 
+FORMATS = (".png", ".pdf", ".svg")
+"""Endings that a page may have."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Plot(JsonOption):
@@ -35,6 +38,8 @@ class Plot(JsonOption):
         from factory.stored_logs import StoredLogs, open_stored
         from twin.errors import InputError
 
+        if self.out is not None and self.out.suffix.lower() not in FORMATS:
+            raise InputError(f"--out {self.out}: the ending must be one of {', '.join(FORMATS)}")
         out = self.store.with_suffix(".png") if self.out is None else self.out
         run = open_stored(self.store)
         run.check_arrays()

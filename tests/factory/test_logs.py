@@ -22,7 +22,9 @@ from factory.plot_logs import deployment_page, dive_figures
 from factory.stored import StoredRun
 from factory.stored_logs import StoredLogs, metres_from, open_stored
 from factory.verify_logs import verify_logs
-from twin.errors import StoreError
+from twin.errors import InputError, StoreError
+from twin.render.source import read_subject
+from twin.render.tracks import read_tracks
 from twin.store import write_store
 
 FLIGHT = Flight(dives=3)
@@ -330,3 +332,35 @@ def test_each_exported_mission_is_named_once(
     code, _, err = call(capsys, "export", store, "--to", "parquet", "--mission", *missions)
     assert code == 2
     assert message in err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["plot", "STORE", "--out", "foo.xyz"], "--out foo.xyz: the ending must be one of .png"),
+        (["generate", "--resume", "--out", "STORE"], "holds logs of real vehicles"),
+    ],
+)
+def test_what_a_log_cannot_be_asked_is_told(
+    words: list[str], message: str, store: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, err = call(capsys, *(store if word == "STORE" else word for word in words))
+    assert code == 2
+    assert message in err
+    assert len(err.splitlines()) == 1
+
+
+def test_pictures_of_a_log_lead_to_its_plots(store: Path) -> None:
+    with pytest.raises(StoreError, match=r"logs of real vehicles, .* `twin plot .*--mission 1`"):
+        read_subject(store, 1)
+    with pytest.raises(InputError, match=r"is a store of missions, not a file of dead-reckoned"):
+        read_tracks(store)
+
+
+def test_verify_names_an_array_that_is_gone(store: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.zarr"
+    shutil.copytree(store, cut)
+    shutil.rmtree(cut / "measured_pitch")
+    report = verify_logs(StoredLogs(cut))
+    assert not report.ok
+    assert report.checks[0].problems == ["array 'measured_pitch' is gone"]

@@ -6,10 +6,14 @@ import json
 from pathlib import Path
 from typing import Any
 
+from twin.errors import StoreError
 from twin.render.film import Subject
 from twin.render.tracks import choose_tracks, read_tracks
-from twin.store import read_trajectory
+from twin.store import IMPORT_REPORT, read_trajectory
 from twin.vehicle import Vehicle, load_vehicle, parse_vehicle
+
+TRACK = ("true_north", "true_east", "true_depth")
+"""Signals without which there is nothing to draw."""
 
 
 def read_subject(
@@ -34,6 +38,12 @@ def read_subject(
       StoreError, VehicleError, InputError: something cannot be read.
     """
     trajectory = read_trajectory(store, mission)
+    lacking = [name for name in TRACK if name not in trajectory.signals]
+    if lacking and IMPORT_REPORT in trajectory.provenance:
+        raise StoreError(
+            f"store {store} holds logs of real vehicles, which have no true track to draw: use "
+            f"`twin plot {store} --mission {mission}` or `factory plot {store}`"
+        )
     attributes = trajectory.provenance
     return Subject(
         trajectory=trajectory,

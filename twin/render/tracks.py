@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
+from twin.store import GLOBAL_ATTRIBUTES, SCHEMA
 
 Array = NDArray[np.float64]
 
@@ -118,6 +119,11 @@ def _read_dataset(path: Path, mission: int) -> list[NamedTrack]:
     except (OSError, ValueError) as error:
         raise InputError(f"track file {path.name} cannot be read: {error}") from error
     with dataset:
+        if dataset.attrs.get(SCHEMA) == GLOBAL_ATTRIBUTES[SCHEMA]:
+            raise InputError(
+                f"{path} is a store of missions, not a file of dead-reckoned tracks; `learn "
+                "evaluate --tracks FILE` writes one"
+            )
         names = [str(n) for n in dataset.variables]
         arrays = {
             n: np.asarray(dataset[n].values, float)
