@@ -79,7 +79,7 @@ def _draw_map(axes: Axes, logs: StoredLogs, missions: list[int]) -> None:
             axes.plot(lo, la, color=style.GUIDE, lw=0.8, zorder=1)
         (a, b), (c, d) = fixes[k]
         if np.isfinite([a, b, c, d]).all():
-            axes.plot([b, d], [a, c], color=DIVE, lw=0.8, ls=(0, (3, 2)), zorder=2)
+            axes.plot([b, d], [a, c], color=DIVE, lw=1.0, ls=(0, (3, 2)), zorder=2.5)
     axes.plot(places[known, 1], places[known, 0], ".", ms=3.5, color=style.COMMAND, label="fix")
     first = int(np.argmax(known))
     last = len(known) - 1 - int(np.argmax(known[::-1]))
@@ -93,7 +93,7 @@ def _draw_map(axes: Axes, logs: StoredLogs, missions: list[int]) -> None:
         axes.plot([], [], color=style.GUIDE, lw=0.8, label="on-board track")
     middle = float(np.mean(places[known, 0]))
     axes.set_aspect(1.0 / np.cos(np.radians(middle)), adjustable="datalim")
-    axes.margins(0.16)
+    axes.margins(0.08)
     axes.set_xlabel("longitude [°]")
     axes.set_ylabel("latitude [°]")
     _draw_currents(axes, logs, missions)
@@ -115,13 +115,20 @@ def _draw_currents(axes: Axes, logs: StoredLogs, missions: list[int]) -> None:
     longitude, latitude, east, north = np.array(rows).T
     speeds = np.hypot(east, north)
     typical = max(float(np.percentile(speeds, 90)), ROUND_SPEEDS[0])
+    # in degrees, so that the map's limits can make room for the tips
+    shrink = np.cos(np.radians(float(np.mean(latitude))))
+    limits = axes.dataLim
+    length = max(limits.width * shrink, limits.height, LEAST_MAP) / ARROWS_ACROSS / typical
+    along, up = length * east / shrink, length * north
     arrows = axes.quiver(
-        longitude, latitude, east, north, color=CLIMB, angles="uv", scale_units="width",
-        scale=typical * ARROWS_ACROSS, width=0.0028, zorder=3,
+        longitude, latitude, along, up, color=CLIMB, angles="xy", scale_units="xy", scale=1.0,
+        width=0.0028, zorder=3,
     )  # fmt: skip
+    axes.update_datalim(np.column_stack([longitude + along, latitude + up]))
+    axes.autoscale_view()
     key = max((s for s in ROUND_SPEEDS if s <= 1.5 * typical), default=ROUND_SPEEDS[0])
     axes.quiverkey(
-        arrows, 1.11, 0.38, key, f"{key:g} m/s", labelpos="S", coordinates="axes",
+        arrows, 1.11, 0.38, key * length / shrink, f"{key:g} m/s", labelpos="S", coordinates="axes",
         fontproperties={"size": 7.5},
     )  # fmt: skip
     axes.text(
@@ -129,6 +136,8 @@ def _draw_currents(axes: Axes, logs: StoredLogs, missions: list[int]) -> None:
     )
 
 
+LEAST_MAP = 1e-3
+"""[degree of latitude] that arrows are measured against at least, where all fixes are one"""
 ARROWS_ACROSS = 14.0
 """Arrows of the typical speed that would fit side by side"""
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from logs import LATITUDE, LONGITUDE, START, Flight, write_seaglider, write_slocum
+from matplotlib.quiver import Quiver
 
 from factory.__main__ import PROGRAM
 from factory.importing import import_logs
@@ -279,7 +280,11 @@ def test_currents_are_drawn_and_pages_are_named_by_deployment(
     logs = StoredLogs(path)
     assert logs.current(0) == pytest.approx((FLIGHT.north, FLIGHT.east))
     page = deployment_page(logs, logs.deployments[0])
-    assert any(type(c).__name__ == "Quiver" for axes in page.axes for c in axes.collections)
+    page.draw_without_rendering()
+    ((axes, arrows),) = [(a, c) for a in page.axes for c in a.collections if isinstance(c, Quiver)]
+    tips = np.asarray(arrows.XY) + np.column_stack([arrows.U, arrows.V])
+    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    assert ((tips > (west, south)) & (tips < (east, north))).all()
     code, out, _ = call(capsys, "plot", path, "--json")
     assert code == 0
     assert sorted(Path(p).name for p in json.loads(out)["pages"]) == ["two-SG1.png", "two-SG2.png"]

@@ -36,6 +36,12 @@ def titles(figure: Figure) -> list[str]:
     return [axes.get_title(loc="left") for axes in figure.axes]
 
 
+def test_the_wide_panel_says_its_times() -> None:
+    top = log_figure(logged()).axes[0]
+    assert top.get_xlabel() == "time [min]"
+    assert top.xaxis.get_tick_params()["labelbottom"]
+
+
 def test_only_what_was_logged_has_a_panel() -> None:
     count = len(logged().time)
     assert titles(log_figure(logged())) == [

@@ -208,7 +208,7 @@ DAMAGE = {
     ),
     "truncated metadata": (
         lambda s: (s / "zarr.json").write_text((s / "zarr.json").read_text()[:400]),
-        "does not say its schema_version",
+        "its zarr.json cannot be read",
     ),
     "no samples": (lambda s: [c.unlink() for c in _chunks(s, "n_samples")], "has 0 of at most"),
 }

@@ -93,8 +93,7 @@ def log_figure(trajectory: Trajectory) -> Figure:
             _shade_gaps(place, trajectory)
         for place in places[:-2]:
             place.tick_params(labelbottom=False)
-        top.tick_params(labelbottom=False)
-        for place in places[-2:]:
+        for place in (top, *places[-2:]):  # the wide panel has a time axis of its own length
             style.label_time(place, unit)
         figure.align_ylabels()
     return figure
