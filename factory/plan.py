@@ -24,7 +24,7 @@ MIN_DURATION_S = 60.0
 """A mission shorter than this has not even launched."""
 HOUR = 3600.0
 BYTES_PER_HOUR = 0.4e6
-"""Of a store, roughly: preset paper takes 0.45 MB, field up to 0.8"""
+"""Of a store, roughly: preset paper takes 0.36 MB, field 0.49, short stores more"""
 GIGABYTE = 1e9
 MOST_HOURS = 1e7
 """[h] Of one store; drawing the lengths of more missions takes minutes before the first flies."""
