@@ -18,13 +18,11 @@ from learn.bounds import bounds
 from learn.features import leave_out
 from twin.errors import StoreError
 from twin.schema import MISSION, TIME, VARIABLES
-from twin.store import GLOBAL_ATTRIBUTES, N_SAMPLES, open_store, read_array
+from twin.store import GLOBAL_ATTRIBUTES, N_SAMPLES, SCHEMA, open_store, read_array
 
 if TYPE_CHECKING:
     import xarray as xr
 
-SCHEMA = "schema"
-"""Attribute that says whose layout a store has."""
 LEAST_SAMPLES = 2
 """Of a mission: a depth rate takes two."""
 SPACING = 1e-3

@@ -24,6 +24,7 @@ from factory.importing.tally import ImportReport, Tally, summarise
 from factory.importing.unread import stand_ins, tell_unread
 from twin.errors import InputError
 from twin.schema import VARIABLES
+from twin.store import IMPORT_REPORT
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -134,7 +135,7 @@ def build(
         "platform": ", ".join(dict.fromkeys(row.log.platform for row in rows)),
         "files": " ".join(files),
         "history": f"{stamp}: factory import {kind}",
-        "import_report": json.dumps(report.to_dict()),
+        IMPORT_REPORT: json.dumps(report.to_dict()),
     }
     if any(row.log.simulated for row in rows):
         attributes["comment"] = f"The files say that they are simulated. {FRAMES}"
