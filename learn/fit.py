@@ -6,19 +6,15 @@ import dataclasses
 import functools
 import json
 import math
-import multiprocessing
-import os
-from collections.abc import Callable, Mapping, Sequence
-from multiprocessing.connection import Connection, wait
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from learn.claim import CHECKPOINT, Claim, recover
 from learn.dataset import load_missions
 from learn.features import channels_of
 from learn.logs import SPEED
 from learn.networks import NetworkConfig
-from learn.parent import end_with
 from learn.preparation import Division, check_truth, prepare
 from learn.run import (
     DESCRIPTION,
@@ -36,12 +32,10 @@ from learn.run import (
 )
 from learn.schedule import TrainingConfig
 from learn.store import content_hash, open_missions
+from learn.trainers import train_aside
 from learn.training import Report, Trainer, pick_device
 from twin.console import to_json
-from twin.errors import InputError, StoreError, TwinError
-
-if TYPE_CHECKING:
-    from multiprocessing.process import BaseProcess
+from twin.errors import InputError, StoreError
 
 STORE_ATTRIBUTES = (
     *("preset", "seed", "hours", "sensors", "vehicle_sha256", "history"),
@@ -240,7 +234,7 @@ def _train_all(
         for job in jobs:
             finished(job, train(job, folder, functools.partial(seen, job)))
     else:
-        _train_aside(jobs, folder, min(workers, len(jobs)), seen, finished)
+        train_aside(jobs, folder, min(workers, len(jobs)), seen, finished)
     description = {**description, "networks": results, "complete": True, "finished": now()}
     write_description(folder, description)
     return Run(folder, description)
@@ -355,91 +349,3 @@ def _figures(job: Job, report: Report | None) -> dict[str, Any]:
         "epochs": report.epoch,
         "seconds": report.seconds,
     }
-
-
-@dataclasses.dataclass(frozen=True)
-class _Worker:
-    """A process that trains one network, and the end of the pipe on which it tells of it."""
-
-    job: Job
-    process: BaseProcess
-    messages: Connection
-
-
-def _train_aside(
-    jobs: Sequence[Job],
-    folder: Path,
-    workers: int,
-    seen: Watch,
-    finished: Callable[[Job, Report | None], None],
-) -> None:
-    """Train in processes; an interrupt or an error ends them, their checkpoints stay."""
-    waiting = list(jobs)
-    running: dict[Connection, _Worker] = {}
-    try:
-        while waiting or running:
-            while waiting and len(running) < workers:
-                worker = _start(waiting.pop(0), folder)
-                running[worker.messages] = worker
-            for end in wait(list(running)):
-                worker = running[end]  # type: ignore[index]
-                try:
-                    kind, content = worker.messages.recv()
-                except EOFError:
-                    kind, content = "error", _death(worker, folder)
-                if kind == "report":
-                    seen(worker.job, content)
-                elif kind == "done":
-                    worker.process.join()
-                    del running[worker.messages]
-                    finished(worker.job, content)
-                else:
-                    raise content
-    finally:
-        for worker in running.values():
-            worker.process.terminate()
-            worker.process.join()
-            worker.messages.close()
-
-
-def _start(job: Job, folder: Path) -> _Worker:
-    context = multiprocessing.get_context("spawn")
-    receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(
-        target=_work, args=(job, folder, sender, os.getpid()), daemon=True, name=job.name
-    )
-    process.start()
-    sender.close()  # so that the process's death shows as the end of the messages
-    return _Worker(job, process, receiver)
-
-
-def _work(job: Job, folder: Path, messages: Connection, parent: int) -> None:
-    """One process: reports and the result go through the pipe."""
-    import logging
-    import signal
-    import sys
-
-    def leave(*_: object) -> None:
-        # reads of a store that are under way are dropped, of which nobody needs to be told
-        logging.getLogger("asyncio").disabled = True
-        sys.exit()
-
-    end_with(parent)  # after an interrupt the parent ends this process, which leaves in good order
-    signal.signal(signal.SIGTERM, leave)
-    try:
-        last = train(job, folder, lambda report: messages.send(("report", report)))
-    except TwinError as error:
-        messages.send(("error", type(error)(*error.args)))
-    except Exception as error:  # carried to the parent, which alone may speak to the user
-        text = f"training of {job.name} failed: {type(error).__name__}: {error}"
-        messages.send(("error", TwinError(text)))
-    else:
-        messages.send(("done", last))
-
-
-def _death(worker: _Worker, folder: Path) -> TwinError:
-    worker.process.join()
-    return TwinError(
-        f"the process that trains {worker.job.name} ended with code {worker.process.exitcode} "
-        f"(out of memory?); go on with `learn fit --name {folder.name} --resume`"
-    )

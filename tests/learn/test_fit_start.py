@@ -13,6 +13,7 @@ import pytest
 from learn_missions import write_synthetic_store
 
 import learn.fit
+import learn.trainers
 from learn.__main__ import PROGRAM
 from learn.claim import Claim, aside, recover
 from learn.commands.fit import Fit
@@ -291,11 +292,11 @@ def alive(pid):
 
 def test_trainers_watch_their_parent(here, monkeypatch):
     watched = []
-    monkeypatch.setattr("learn.fit.end_with", watched.append)
+    monkeypatch.setattr("learn.trainers.end_with", watched.append)
     monkeypatch.setattr("signal.signal", lambda *_: None)
     monkeypatch.setattr("learn.fit.train", lambda *_: None)
     receiver, sender = multiprocessing.Pipe(duplex=False)
     (job, _) = small_config("s.zarr").jobs()
-    learn.fit._work(job, here, sender, 123)
+    learn.trainers.work(job, here, sender, 123)
     assert watched == [123]
     assert receiver.recv() == ("done", None)

@@ -105,7 +105,7 @@ def test_a_log_without_truth_cannot_be_learned_from(
         raise AssertionError("read or trained for nothing")
 
     monkeypatch.setattr("learn.fit.load_missions", started)
-    monkeypatch.setattr("learn.fit._train_aside", started)
+    monkeypatch.setattr("learn.fit.train_aside", started)
     with pytest.raises(StoreError, match=r"no truth to learn surge from.*plain.zarr`"):
         fit(config(store), tmp_path / "run", workers=2)
 
