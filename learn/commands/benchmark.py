@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shlex
+import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +29,8 @@ class Benchmark(JsonOption):
     """holds folders slocum_..., seaglider_..., seaexplorer_... with logs; those there are judged"""
     workers: int | None = None
     """processes [default: the CPUs that this process may use]"""
+    out: Path | None = None
+    """folder for a page with the tables and a chart of each figure that has a goal"""
     no_networks: bool = False
     """leave the networks out, and with them the simulation that they are trained on"""
 
@@ -35,10 +39,13 @@ class Benchmark(JsonOption):
         os.environ.setdefault("OMP_NUM_THREADS", "1")
         from learn.benchmark.row import table
         from learn.benchmark.run import TASKS, run_benchmark, summary
+        from learn.files import check_folder
         from twin.errors import InputError
 
         if self.workers is not None and self.workers < 1:
             raise InputError(f"--workers must be at least 1, not {self.workers}")
+        if self.out is not None:
+            check_folder(self.out, "--out")
         begin = time.monotonic()
         with console.progress(total=100.0, label="benchmark", unit="%") as progress:
             rows = run_benchmark(
@@ -56,5 +63,15 @@ class Benchmark(JsonOption):
                 console.say()
         goals = summary(rows)
         console.say(f"{goals['reached']} of {goals['goals']} goals reached, {seconds:.0f} s")
-        console.answer(folder=self.folder, rows=rows, seconds=seconds, **goals)
+        page = None
+        if self.out is not None:
+            from learn.benchmark.page import build_page
+
+            lead = (
+                f"{goals['reached']} of {goals['goals']} goals reached on the logs in {self.folder}"
+            )
+            command = shlex.join(["learn", *sys.argv[1:]])
+            page = build_page(self.out, rows, TASKS, lead=lead, command=command)
+            console.say(f"page: {page}")
+        console.answer(folder=self.folder, rows=rows, seconds=seconds, page=page, **goals)
         return EXIT_OK

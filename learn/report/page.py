@@ -93,14 +93,18 @@ class Page:
         )
         self._body.append(f'<dl class="facts">{entries}</dl>')
 
-    def table(self, rows: Sequence[Mapping[str, object]], caption: str = "") -> None:
-        """Rows with one column per key; the first row stands out."""
+    def table(
+        self, rows: Sequence[Mapping[str, object]], caption: str = "", *, first: bool = True
+    ) -> None:
+        """Rows with one column per key; with `first` the first row stands out."""
         columns = list(dict.fromkeys(key for row in rows for key in row))
         head = "".join(f"<th>{_text(column)}</th>" for column in columns)
         lines = [f"<tr>{head}</tr>"]
         for place, row in enumerate(rows):
             cells = "".join(f"<td>{_text(_cell(row.get(c)))}</td>" for c in columns)
-            lines.append(f'<tr class="first">{cells}</tr>' if place == 0 else f"<tr>{cells}</tr>")
+            lines.append(
+                f'<tr class="first">{cells}</tr>' if first and place == 0 else f"<tr>{cells}</tr>"
+            )
         note = f'<p class="lead">{_text(caption)}</p>' if caption else ""
         self._body.append(f'{note}<div class="scroll"><table>{"".join(lines)}</table></div>')
 

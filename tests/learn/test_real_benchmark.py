@@ -13,9 +13,10 @@ from logs import SHARED, Flight, write_csv, write_slocum
 from learn.__main__ import PROGRAM
 from learn.benchmark import dvl
 from learn.benchmark.folds import blocks, thinned
+from learn.benchmark.page import chart
 from learn.benchmark.public import SteadyModel, fit_steady, kinematic
 from learn.benchmark.ridge import ridge
-from learn.benchmark.row import rmse
+from learn.benchmark.row import Row, rmse
 from learn.benchmark.run import run_benchmark
 from learn.benchmark.samples import AVERAGE, averaged, level_speed
 from learn.benchmark.source import gather, imported
@@ -141,14 +142,26 @@ def test_a_folder_without_logs_is_an_error(tmp_path: Path) -> None:
         run_benchmark(tmp_path)
 
 
+def test_the_chart_has_a_bar_for_each_method_and_the_goal() -> None:
+    rows = [
+        Row(task="speed", data="a", method=f"m{k}", kind=kind, value=0.01 * (k + 1), goal=goal)
+        for k, (kind, goal) in enumerate((("twin", 0.02), ("published", None), ("network", None)))
+    ]
+    axes = chart(rows).axes[0]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["m2", "m1", "m0"]
+    assert any("asked for 0.02" in text.get_text() for text in axes.texts)
+
+
 def test_the_command_prints_one_object_with_every_task(tmp_path: Path, capsys) -> None:
     logs_folder(tmp_path / "data")
-    code = PROGRAM.main(
-        ["benchmark", "real", str(tmp_path / "data"), "--no-networks", "--workers", "1", "--json"]
-    )
+    options = ["--no-networks", "--workers", "1", "--json", "--out", str(tmp_path / "page")]
+    code = PROGRAM.main(["benchmark", "real", str(tmp_path / "data"), *options])
     said = capsys.readouterr()
     assert code == 0, said.err
     answer = json.loads(said.out)
+    page = Path(answer["page"]).read_text()
+    assert all(row["task"] in page and row["data"] in page for row in answer["rows"])
+    assert "w/tan(pitch + 3 deg)" in page
     tasks = {row["task"] for row in answer["rows"]}
     assert {"speed through the water", "depth rate", "dead reckoning between fixes"} <= tasks
     simple = next(
