@@ -57,7 +57,7 @@ def build_page(
 def chart(rows: Sequence[Row]) -> Figure:
     """Errors of one deployment's methods as bars, best at the top."""
     ordered = sorted(rows, key=lambda row: row.value, reverse=True)
-    figure = Figure(figsize=(7.0, 1.0 + BAR * len(ordered)), layout="constrained")
+    figure = Figure(figsize=(7.0, 1.3 + BAR * len(ordered)), layout="constrained")
     axes = figure.subplots()
     values = [row.value for row in ordered]
     colours = [COLOURS.get(row.kind, "#8a929b") for row in ordered]
@@ -82,5 +82,7 @@ def chart(rows: Sequence[Row]) -> Figure:
     axes.spines[["top", "right"]].set_visible(False)
     kinds = [kind for kind in COLOURS if kind != "published" and any(r.kind == kind for r in rows)]
     marks = [axes.barh([0], [0], color=COLOURS[kind], label=kind) for kind in kinds]
-    axes.legend(handles=marks, loc="upper right", frameon=False, fontsize=9)
+    figure.legend(
+        handles=marks, loc="outside lower center", ncols=len(marks), frameon=False, fontsize=9
+    )
     return figure
