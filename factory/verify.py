@@ -84,17 +84,33 @@ def verify_store(run: StoredRun, watch: Callable[[int], None] | None = None) -> 
     if checks["metadata"].problems:
         return Report(len(run), 0, tuple(checks.values()))
     _check_parameters(run, checks["parameters"])
+    bytes_read = check_missions(
+        run, names, checks, lambda mission, rows: _check_mission(run, mission, rows, checks), watch
+    )
+    return Report(len(run), bytes_read, tuple(checks.values()))
+
+
+def check_missions(
+    stored: Stored,
+    names: list[str],
+    checks: Mapping[str, Check],
+    check: Callable[[int, Block], None],
+    watch: Callable[[int], None] | None,
+) -> int:
+    """Read every mission shard by shard and call `check` with its number and its signals.
+
+    `watch` is called with the number of missions just read; returned are the bytes read.
+    """
     bytes_read = 0
-    for first in range(0, len(run), SHARD_MISSIONS):
-        missions = range(first, min(first + SHARD_MISSIONS, len(run)))
-        block = read_block(run, names, missions, checks["chunks"])
+    for first in range(0, len(stored), SHARD_MISSIONS):
+        missions = range(first, min(first + SHARD_MISSIONS, len(stored)))
+        block = read_block(stored, names, missions, checks["chunks"])
         bytes_read += sum(values.nbytes for values in block.values())
         for row, mission in enumerate(missions):
-            mission_rows = {name: values[row] for name, values in block.items()}
-            _check_mission(run, mission, mission_rows, checks)
+            check(mission, {name: values[row] for name, values in block.items()})
         if watch is not None:
             watch(len(missions))
-    return Report(len(run), bytes_read, tuple(checks.values()))
+    return bytes_read
 
 
 def read_block(run: Stored, names: list[str], missions: range, check: Check) -> Block:

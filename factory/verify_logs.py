@@ -10,9 +10,15 @@ from numpy.typing import NDArray
 
 from factory.bounds import bounds
 from factory.importing.geodesy import offset
-from factory.layout import SHARD_MISSIONS
 from factory.stored_logs import StoredLogs
-from factory.verify import Block, Check, Report, check_finite_range, check_padding, read_block
+from factory.verify import (
+    Block,
+    Check,
+    Report,
+    check_finite_range,
+    check_missions,
+    check_padding,
+)
 from twin.schema import MISSION, TIME, VARIABLES
 from twin.store import gone_arrays
 
@@ -48,15 +54,9 @@ def verify_logs(logs: StoredLogs, watch: Callable[[int], None] | None = None) ->
         return Report(len(logs), 0, tuple(checks.values()))
     _check_order(logs, checks["order"])
     _check_fixes(logs, checks["fixes"])
-    bytes_read = 0
-    for first in range(0, len(logs), SHARD_MISSIONS):
-        missions = range(first, min(first + SHARD_MISSIONS, len(logs)))
-        block = read_block(logs, names, missions, checks["chunks"])
-        bytes_read += sum(values.nbytes for values in block.values())
-        for row, mission in enumerate(missions):
-            _check_dive(logs, mission, {n: v[row] for n, v in block.items()}, checks)
-        if watch is not None:
-            watch(len(missions))
+    bytes_read = check_missions(
+        logs, names, checks, lambda mission, rows: _check_dive(logs, mission, rows, checks), watch
+    )
     return Report(len(logs), bytes_read, tuple(checks.values()))
 
 
