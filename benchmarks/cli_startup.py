@@ -14,7 +14,7 @@ from pathlib import Path
 from factory.__main__ import PROGRAM as FACTORY
 from learn.__main__ import PROGRAM as LEARN
 from twin.__main__ import PROGRAM as TWIN
-from twin.table import format_table
+from twin.cli.text_table import format_table
 
 LIMIT_S = 0.3
 """What a person may have to wait for a help text."""

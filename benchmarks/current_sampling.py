@@ -11,8 +11,9 @@ import time
 import numpy as np
 from numba import njit
 
-from twin.current import layout, parse_current
-from twin.current.sampler import sample
+from twin.water.current import parse_current
+from twin.water.current import program as layout
+from twin.water.current.sampler import sample
 
 CALLS = 200_000
 REPEATS = 7

@@ -27,17 +27,17 @@ import mujoco
 import numpy as np
 
 from factory.commands.generate import raw_bytes
-from factory.info import stored_bytes
-from factory.recipe import make_recipe
+from factory.inspect.info import stored_bytes
+from factory.recipe.recipe import make_recipe
+from twin.cli.text_table import format_table
 from twin.fossen import FossenModel, FossenState
 from twin.mission import Mission, SawTooth
-from twin.model import compile_model
-from twin.native import plant
-from twin.scenario import Scenario
-from twin.schedule import Schedule
-from twin.simulate import Simulation
-from twin.table import format_table
-from twin.vehicle import load_vehicle
+from twin.mission.schedule import Schedule
+from twin.physics.mujoco_model import compile_model
+from twin.physics.native import plant
+from twin.physics.scenario import Scenario
+from twin.physics.simulation import Simulation
+from twin.vehicle.vehicle import load_vehicle
 
 CPUS = len(os.sched_getaffinity(0))
 SHORT_HOURS = 10.0

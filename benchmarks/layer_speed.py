@@ -19,7 +19,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor, nn
 
-from learn.context_delay import ContextDelay, naive_context_delay, pack_sequences
+from learn.networks.context_delay import ContextDelay, naive_context_delay, pack_sequences
 
 SAMPLES = 80_000
 INPUTS = 12

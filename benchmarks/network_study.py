@@ -41,14 +41,14 @@ def run(case: Case, train: str, tests: list[str], settings: dict[str, float]) ->
     """Train the case; its epochs and its mean squared errors [(m/s)^2] by store."""
     import numpy as np
 
-    from learn.dataset import TARGETS as CHANNELS
-    from learn.dataset import load_missions
-    from learn.features import INPUT_SETS, channels_of, select_features
-    from learn.networks import NetworkConfig
-    from learn.predictor import Predictor
-    from learn.preparation import prepare
-    from learn.schedule import TrainingConfig
-    from learn.training import Trainer
+    from learn.data.dataset import TARGETS as CHANNELS
+    from learn.data.dataset import load_missions
+    from learn.data.features import INPUT_SETS, channels_of, select_features
+    from learn.data.preparation import prepare
+    from learn.networks.network import NetworkConfig
+    from learn.networks.predictor import Predictor
+    from learn.training.loop import Trainer
+    from learn.training.schedule import TrainingConfig
 
     features = select_features(INPUT_SETS[case.inputs])
     data = prepare(train, target=case.target, features=features)

@@ -21,14 +21,14 @@ os.environ["MUJOCO_GL"] = BACKEND  # MuJoCo's Renderer reads it when mujoco is i
 
 import mujoco  # noqa: E402
 
-from twin.current.profile import Profile  # noqa: E402
 from twin.mission import load_mission  # noqa: E402
+from twin.physics.scenario import Scenario  # noqa: E402
+from twin.physics.simulation import simulate  # noqa: E402
 from twin.render.graphics import aim  # noqa: E402
 from twin.render.painter import Painter  # noqa: E402
 from twin.render.shot import CAMERAS, Shot  # noqa: E402
-from twin.scenario import Scenario  # noqa: E402
-from twin.simulate import simulate  # noqa: E402
-from twin.vehicle import load_vehicle  # noqa: E402
+from twin.vehicle.vehicle import load_vehicle  # noqa: E402
+from twin.water.current.profile import Profile  # noqa: E402
 
 FRAMES = 40
 WARM_UP = 3

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from twin.density import DensityProfile
 from twin.sensors import SUITE_PRESETS, SensorSuite
 from twin.sensors.noise import DEVICES, device_generator
+from twin.water.density import DensityProfile
 
 HOUR = 3600.0
 DT = 0.5

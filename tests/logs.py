@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.og1 import geographic
-from twin.current.origin import Origin
+from factory.exporting.og1_missions import geographic
+from twin.water.current.origin import Origin
 
 Array = NDArray[np.float64]
 

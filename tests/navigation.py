@@ -9,10 +9,10 @@ import numpy as np
 import xarray as xr
 
 from twin.fossen import FossenModel
-from twin.schema import SCHEMA_VERSION, VARIABLES
-from twin.store import GLOBAL_ATTRIBUTES
-from twin.trim import STRAIGHT_TURN_RATE
-from twin.vehicle import load_vehicle
+from twin.physics.steady_motion import STRAIGHT_TURN_RATE
+from twin.records.schema import SCHEMA_VERSION, VARIABLES
+from twin.records.store import GLOBAL_ATTRIBUTES
+from twin.vehicle.vehicle import load_vehicle
 
 PERIOD = 0.5
 FLAGS = {"flag_values": [0, 1, 2], "flag_meanings": "train validation test"}

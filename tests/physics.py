@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 
 from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector
-from twin.model import compile_model, parameter_block
-from twin.native import block as b
-from twin.vehicle import Vehicle, load_vehicle
+from twin.physics.mujoco_model import compile_model, parameter_block
+from twin.physics.native import block as b
+from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 DEEP = 1000.0
 

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from twin.current.profile import Profile
 from twin.mission import Mission, SawTooth
+from twin.physics.scenario import Scenario
+from twin.physics.simulation import simulate
+from twin.records.store import mission_dataset, write_store
+from twin.records.tracks import NamedTrack
+from twin.records.trajectory import Trajectory
 from twin.render.context import available_backend
 from twin.render.film import Subject
-from twin.render.tracks import NamedTrack
-from twin.scenario import Scenario
-from twin.simulate import simulate
-from twin.store import mission_dataset, write_store
-from twin.trajectory import Trajectory
-from twin.vehicle import load_vehicle
+from twin.vehicle.vehicle import load_vehicle
+from twin.water.current.profile import Profile
 
 needs_gl = pytest.mark.skipif(
     available_backend() is None, reason="this machine has no OpenGL without a screen"

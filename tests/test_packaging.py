@@ -18,8 +18,8 @@ import pytest
 from factory.__main__ import PROGRAM as FACTORY
 from learn.__main__ import PROGRAM as LEARN
 from twin.__main__ import PROGRAM as TWIN
-from twin.assets_path import asset_path, assets_folder
 from twin.errors import InputError
+from twin.vehicle.assets import asset_path, assets_folder
 from twin.version import __version__
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -57,7 +57,7 @@ def test_wheel_works_outside_the_checkout(tmp_path: Path) -> None:
         assert (
             _run([environment / "bin" / name, "--version"], tmp_path) == f"{name} {__version__}\n"
         )
-    code = "import twin.assets_path as a; print(a.asset_path('glider.xml'))"
+    code = "import twin.vehicle.assets as a; print(a.asset_path('glider.xml'))"
     shipped = Path(_run([python, "-c", code], tmp_path).strip())
     assert shipped.is_relative_to(environment)
     assert _files(shipped.parent) == _files(ROOT / "assets")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from twin.console import Console, JsonOption
+from twin.cli.console import Console, JsonOption
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,9 +22,9 @@ class Distributions(JsonOption):
 
     def run(self, console: Console) -> int:
         """Print the table."""
-        from factory.config import read_changes
-        from factory.parameters import PARAMETERS, declared, override
-        from factory.presets import PRESETS
+        from factory.recipe.overrides import read_changes
+        from factory.recipe.parameters import PARAMETERS, declared, override
+        from factory.recipe.presets import PRESETS
 
         changes = read_changes(self.config, self.set)
         distributions = override(declared(PRESETS[self.preset].spread), changes)

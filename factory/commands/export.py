@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from twin.console import Console, JsonOption
+from twin.cli.console import Console, JsonOption
 from twin.errors import InputError
 
 
@@ -31,8 +31,8 @@ class Export(JsonOption):
 
     def run(self, console: Console) -> int:
         """Export."""
-        from factory.stored import StoredRun
-        from factory.stored_logs import StoredLogs, open_stored
+        from factory.stores.stored import StoredRun
+        from factory.stores.stored_logs import StoredLogs, open_stored
 
         if self.mission is not None:
             check_missions(self.mission)
@@ -46,18 +46,18 @@ class Export(JsonOption):
             folder = self.out or self.store.with_name(f"{self.store.stem}-og1")
             where = folder
         if self.to == "og1" and isinstance(run, StoredLogs):
-            from factory.og1_logs import export_og1_logs
+            from factory.exporting.og1_logs import export_og1_logs
 
             written += export_og1_logs(run, missions, folder)
         elif self.to == "og1" and isinstance(run, StoredRun):
-            from factory.og1 import export_og1
+            from factory.exporting.og1_missions import export_og1
 
             with console.progress(total=len(missions), label="export", unit="missions") as progress:
                 for mission in missions:
                     written.append(export_og1(run, mission, folder))
                     progress.update()
         else:
-            from factory.parquet import export_parquet
+            from factory.exporting.parquet import export_parquet
 
             where = export_parquet(run, missions, self.out or self.store.with_suffix(".parquet"))
             written.append(where)

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from twin.console import Console, JsonOption
+from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
-    from factory.recipe import Recipe
+    from factory.recipe.recipe import Recipe
 
 DEFAULT_OUT = Path("data/missions.zarr")
 
@@ -54,7 +54,7 @@ class Generate(JsonOption):
         # must be said before numpy is imported: worker processes share the CPUs, and forks are
         # cleanest from a process with one thread
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-        from factory.generate import generate
+        from factory.generation.bulk import generate
 
         recipe = self._recipe()
         history = shlex.join([console.prog, *sys.argv[1:]])
@@ -112,9 +112,9 @@ class Generate(JsonOption):
         return 0
 
     def _recipe(self) -> Recipe:
-        from factory.config import read_changes
-        from factory.plan import check_room
-        from factory.recipe import make_recipe
+        from factory.recipe.overrides import read_changes
+        from factory.recipe.plan import check_room
+        from factory.recipe.recipe import make_recipe
 
         if self.hours is not None and not self.resume:  # which may be nearly complete
             check_room(self.hours, self.out)
@@ -131,14 +131,14 @@ class Generate(JsonOption):
 
 def raw_bytes(recipe: Recipe) -> int:
     """Size [bytes] of the same signals as plain float32, without padding."""
-    from factory.plan import samples_in
-    from twin.schema import SIMULATED
+    from factory.recipe.plan import samples_in
+    from twin.records.schema import SIMULATED
 
     return 4 * len(SIMULATED) * sum(samples_in(duration) for duration in recipe.plan.durations_s)
 
 
 def _splits(recipe: Recipe) -> str:
-    from factory.plan import SPLITS
+    from factory.recipe.plan import SPLITS
 
     counts = [recipe.plan.splits.count(i) for i in range(len(SPLITS))]
     return ", ".join(f"{n} {name}" for n, name in zip(counts, SPLITS, strict=True) if n)

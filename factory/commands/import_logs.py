@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from twin.console import Console, JsonOption
+from twin.cli.console import Console, JsonOption
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,10 +39,10 @@ class ImportLogs(JsonOption):
 
     def run(self, console: Console) -> int:
         """Import, store and report."""
+        from factory.importing.dives.segments import Rules
         from factory.importing.importer import import_logs
-        from factory.importing.segments import Rules
         from twin.errors import InputError
-        from twin.store import prepare_target, write_store
+        from twin.records.store import prepare_target, write_store
 
         if not self.min_depth > 0.0:
             raise InputError(f"--min-depth must be positive, not {self.min_depth:g}")

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 if TYPE_CHECKING:
-    from factory.stored_logs import StoredLogs
+    from factory.stores.stored_logs import StoredLogs
 
-from twin.console import Console, JsonOption
+from twin.cli.console import Console, JsonOption
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +23,7 @@ class Info(JsonOption):
 
     def _logs(self, logs: StoredLogs, console: Console) -> int:
         """A store of real logs: what was imported, and the report of it."""
-        from factory.info import deployment_rows, stored_bytes
+        from factory.inspect.info import deployment_rows, stored_bytes
 
         report, dataset = logs.report, logs.dataset
         size = stored_bytes(self.store)
@@ -53,8 +53,8 @@ class Info(JsonOption):
 
     def run(self, console: Console) -> int:
         """Print what the store holds."""
-        from factory.info import drawn_rows, split_rows, stored_bytes, unfinished
-        from factory.stored_logs import StoredLogs, open_stored
+        from factory.inspect.info import drawn_rows, split_rows, stored_bytes, unfinished
+        from factory.stores.stored_logs import StoredLogs, open_stored
 
         begun = unfinished(self.store)
         if begun is not None:

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from twin.console import Console, JsonOption
+from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from factory.stored_logs import StoredLogs
+    from factory.stores.stored_logs import StoredLogs
 
 FORMATS = (".png", ".pdf", ".svg")
 """Endings that a page may have."""
@@ -34,8 +34,8 @@ class Plot(JsonOption):
 
     def run(self, console: Console) -> int:
         """Draw and save."""
-        from factory.plot import store_page
-        from factory.stored_logs import StoredLogs, open_stored
+        from factory.inspect.missions_page import store_page
+        from factory.stores.stored_logs import StoredLogs, open_stored
         from twin.errors import InputError
 
         if self.out is not None and self.out.suffix.lower() not in FORMATS:
@@ -57,7 +57,7 @@ class Plot(JsonOption):
 
 def _pages(logs: StoredLogs, out: Path) -> dict[Path, Figure]:
     """A page for each deployment, by its file."""
-    from factory.plot_logs import deployment_page
+    from factory.inspect.logs_page import deployment_page
 
     names = list(dict.fromkeys(logs.deployments))
     pages = {}

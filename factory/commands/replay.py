@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from twin.console import Console, JsonOption
+from twin.cli.console import Console, JsonOption
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,8 +24,8 @@ class Replay(JsonOption):
 
     def run(self, console: Console) -> int:
         """Replay; exit code 1 when a byte differs."""
-        from factory.replay import replay_failure, replay_mission
-        from factory.stored import StoredRun
+        from factory.inspect.replay import replay_failure, replay_mission
+        from factory.stores.stored import StoredRun
 
         run = StoredRun(self.store)
         if self.attempt is not None:

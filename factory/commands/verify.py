@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from twin.console import Console, JsonOption
+from twin.cli.console import Console, JsonOption
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,9 +22,9 @@ class Verify(JsonOption):
 
     def run(self, console: Console) -> int:
         """Verify; exit code 1 when something is wrong."""
-        from factory.stored_logs import StoredLogs, open_stored
-        from factory.verify import MAX_NAMED, verify_store
-        from factory.verify_logs import verify_logs
+        from factory.inspect.verify import MAX_NAMED, verify_store
+        from factory.inspect.verify_logs import verify_logs
+        from factory.stores.stored_logs import StoredLogs, open_stored
 
         run = open_stored(self.store)
         what = "dives" if isinstance(run, StoredLogs) else "missions"

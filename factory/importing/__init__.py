@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from factory.importing.files import KINDS
+from factory.importing.reading.files import KINDS
 
 if TYPE_CHECKING:
     from factory.importing.importer import import_logs as import_logs

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from factory.importing.build import build
-from factory.importing.files import KINDS, expand
-from factory.importing.log import Log
-from factory.importing.segments import Rules
-from factory.importing.tally import ImportReport, Tally
+from factory.importing.dives.build import build
+from factory.importing.dives.segments import Rules
+from factory.importing.reading.files import KINDS, expand
+from factory.importing.reading.log import Log
+from factory.importing.reading.tally import ImportReport, Tally
 from twin.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
@@ -70,25 +70,25 @@ def _reader(
     kind: str, variation_deg: float | None, cache: Path | None
 ) -> Callable[[list[Path], Tally], list[Log]]:
     if kind == "slocum":
-        from factory.importing.slocum_files import read_slocum
+        from factory.importing.formats.slocum_files import read_slocum
 
         return lambda paths, tally: read_slocum(
             paths, variation_deg=variation_deg, cache=cache, tally=tally
         )
     if kind == "seaglider":
-        from factory.importing.seaglider import read_seaglider
+        from factory.importing.formats.seaglider import read_seaglider
 
         return lambda paths, tally: read_seaglider(paths, variation_deg=variation_deg, tally=tally)
     if kind == "seaexplorer":
-        from factory.importing.seaexplorer import read_seaexplorer
+        from factory.importing.formats.seaexplorer import read_seaexplorer
 
         return lambda paths, tally: read_seaexplorer(
             paths, variation_deg=variation_deg, tally=tally
         )
     if kind == "og1":
-        from factory.importing.og1 import read_og1
+        from factory.importing.formats.og1 import read_og1
 
         return lambda paths, tally: read_og1(paths, variation_deg=variation_deg, tally=tally)
-    from factory.importing.lrauv import read_lrauv
+    from factory.importing.formats.lrauv import read_lrauv
 
     return lambda paths, tally: read_lrauv(paths, variation_deg=variation_deg, tally=tally)

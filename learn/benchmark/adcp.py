@@ -20,7 +20,7 @@ from learn.benchmark.row import Row, rmse
 from learn.benchmark.samples import Samples, level_speed, sample
 from learn.benchmark.source import Deployment, at_times, tables_with
 from learn.benchmark.surge_networks import Pretrained, predict_dive
-from learn.dead_reckoning import Array
+from learn.navigation.dead_reckoning import Array
 from twin.identify import load_logs, motion_of
 
 TASK = "surge against ADCP"

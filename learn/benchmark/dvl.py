@@ -16,7 +16,7 @@ from learn.benchmark.public import fit_steady, kinematic
 from learn.benchmark.row import Row, rmse
 from learn.benchmark.source import Deployment, at_times, tables_with
 from learn.benchmark.surge_networks import ZERO_SHOT, Pretrained, level_of
-from learn.dead_reckoning import Array
+from learn.navigation.dead_reckoning import Array
 from twin.identify import Calibration, Log, density_of, estimate, identify, load_calibration
 
 TASK = "speed through the water"

@@ -19,10 +19,10 @@ from learn.benchmark.public import kinematic
 from learn.benchmark.row import Row, rmse
 from learn.benchmark.source import Deployment, at_times, tables_with
 from learn.benchmark.surge_networks import ZERO_SHOT, Pretrained, level_of
-from learn.dead_reckoning import Array, integrate
+from learn.navigation.dead_reckoning import Array, integrate
 from twin.identify import Log, density_of, estimate
 from twin.identify.speed import steady_parts
-from twin.store import open_store
+from twin.records.store import open_store
 
 RATE, TRACK = "depth rate", "dead reckoning between fixes"
 HOUR = 3600.0

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 
-from learn.dead_reckoning import Array
+from learn.navigation.dead_reckoning import Array
 from twin.identify import Calibration, Log, density_of
 
 Mask = NDArray[np.bool_]

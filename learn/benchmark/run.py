@@ -18,7 +18,7 @@ from learn.benchmark.folds import fit_fold
 from learn.benchmark.row import Row
 from learn.benchmark.source import Deployment, gather
 from learn.benchmark.surge_networks import Pretrained
-from learn.parent import end_with
+from learn.training.parent import end_with
 from twin.errors import TwinError
 
 Say = Callable[[str], None]

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from learn.dead_reckoning import Array
-from learn.features import feature_matrix, select_features
+from learn.data.features import feature_matrix, select_features
+from learn.navigation.dead_reckoning import Array
 from twin.identify import Calibration, Log, density_of, estimate
 
 AVERAGE = 60.0

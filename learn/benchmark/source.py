@@ -10,11 +10,11 @@ import numpy as np
 
 from factory.importing import import_logs
 from factory.importing.importer import PERIODS
-from factory.importing.table import Table, read_table
-from learn.dead_reckoning import Array
+from factory.importing.reading.columns import Table, read_table
+from learn.navigation.dead_reckoning import Array
 from twin.errors import InputError, TwinError
 from twin.identify import Log, load_logs
-from twin.store import open_store, write_store
+from twin.records.store import open_store, write_store
 
 PREFIXES = {"slocum": "slocum", "seaglider": "seaglider", "seaexplorer": "seaexplorer"}
 """Kind of log by the first word of a folder's name."""

@@ -1,8 +1,8 @@
 """Surge networks: trained on simulation, on real dives, and on one after the other.
 
-Small memoryless-or-recurrent ensembles of `learn.networks`, one sample a minute (`learn.benchmark.
-samples`). With ten dives to learn from, what keeps them from learning dives by heart is their size,
-early stopping on a dive of their own and the mean over members.
+Small memoryless-or-recurrent ensembles of the run's own networks, one sample a minute
+(`learn.benchmark.samples`). With ten dives to learn from, what keeps them from learning dives
+by heart is their size, early stopping on a dive of their own and the mean over members.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from factory.generate import generate
-from factory.recipe import make_recipe
+from factory.generation.bulk import generate
+from factory.recipe.recipe import make_recipe
 from learn.benchmark.samples import AVERAGE, GLIDER, TWIN, Samples, averaged, level_speed, sample
-from learn.dataset import Sequences
-from learn.dead_reckoning import Array
-from learn.networks import NetworkConfig, build_network
-from learn.normalisation import Normalisation, fit_normalisation
-from learn.predictor import Predictor, free_run
-from learn.schedule import TrainingConfig
-from learn.thinning import thin_store
-from learn.training import Trainer
+from learn.data.dataset import Sequences
+from learn.data.normalisation import Normalisation, fit_normalisation
+from learn.data.thinning import thin_store
+from learn.navigation.dead_reckoning import Array
+from learn.networks.network import NetworkConfig, build_network
+from learn.networks.predictor import Predictor, free_run
+from learn.training.loop import Trainer
+from learn.training.schedule import TrainingConfig
 from twin.errors import InputError
 from twin.identify import Calibration, Log, identify, load_calibration, load_logs
-from twin.schema import MISSION
-from twin.store import open_store
+from twin.records.schema import MISSION
+from twin.records.store import open_store
 
 INPUTS: dict[str, tuple[str, ...]] = {
     "": tuple(name for name in GLIDER if name != "pump"),

@@ -12,8 +12,8 @@ from typing import Annotated, Literal
 
 import tyro
 
-from twin.console import Console, JsonOption
-from twin.program import EXIT_OK
+from twin.cli.console import Console, JsonOption
+from twin.cli.program import EXIT_OK
 
 
 @dataclass(frozen=True, kw_only=True)

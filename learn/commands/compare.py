@@ -8,10 +8,10 @@ from typing import Annotated
 
 import tyro
 
-from learn.run import newest_run, open_run
-from twin.console import Console, JsonOption
+from learn.runs.run import newest_run, open_run
+from twin.cli.console import Console, JsonOption
+from twin.cli.program import EXIT_OK
 from twin.errors import InputError
-from twin.program import EXIT_OK
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +32,7 @@ class Compare(JsonOption):
         figures = {}
         for run in [open_run(path) for path in self.runs] or [newest_run()]:
             if self.store is not None:
-                from learn.judge import judge
+                from learn.studies.judge import judge
 
                 found = dict(judge(run, self.store, split=self.split).figures)
             else:

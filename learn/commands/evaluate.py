@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from learn.run import DEFAULT_STORE, newest_run, open_run
-from twin.console import Console, JsonOption
+from learn.runs.run import DEFAULT_STORE, newest_run, open_run
+from twin.cli.console import Console, JsonOption
+from twin.cli.program import EXIT_OK
 from twin.errors import InputError
-from twin.program import EXIT_OK
 
 if TYPE_CHECKING:
-    from learn.baselines import Estimate
+    from learn.evaluation.score import Reference
+    from learn.navigation.baselines import Estimate
     from learn.report.build import Judged
-    from learn.run import Run
-    from learn.score import Reference
+    from learn.runs.run import Run
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,11 +43,11 @@ class Evaluate(JsonOption):
     def run(self, console: Console) -> int:
         """Evaluate, print, write what was asked for."""
         os.environ.setdefault("OMP_NUM_THREADS", "1")
+        from learn.evaluation.log_score import sentences
+        from learn.evaluation.tracks import TrackCollector, check_ending
         from learn.files import check_file, check_folder
-        from learn.judge import is_log_store, judge
-        from learn.log_score import sentences
         from learn.report.tables import dive_rows, summary_rows, verdicts
-        from learn.tracks import TrackCollector, check_ending
+        from learn.studies.judge import is_log_store, judge
 
         run = newest_run() if self.run_folder is None else open_run(self.run_folder)
         if self.tracks is not None and is_log_store(self.store):
@@ -101,9 +101,9 @@ class Evaluate(JsonOption):
         return EXIT_OK
 
     def _page(self, run: Run, judged: Judged) -> Path:
-        from learn.judge import is_log_store, provenance
         from learn.report.build import Contents, build_page
         from learn.report.log_page import build_log_page
+        from learn.studies.judge import is_log_store, provenance
 
         assert self.out is not None
         if is_log_store(self.store):
@@ -124,6 +124,6 @@ class Evaluate(JsonOption):
 
 def _count(options: Evaluate) -> int:
     """Missions that will be evaluated; errors as `load_missions`."""
-    from learn.dataset import load_missions
+    from learn.data.dataset import load_missions
 
     return len(load_missions(options.store, ("measured_depth",), split=options.split))

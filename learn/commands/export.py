@@ -11,9 +11,9 @@ from typing import Annotated
 
 import tyro
 
-from learn.run import newest_run, open_run
-from twin.console import Console, JsonOption
-from twin.program import EXIT_OK
+from learn.runs.run import newest_run, open_run
+from twin.cli.console import Console, JsonOption
+from twin.cli.program import EXIT_OK
 
 WIDTH = 100
 """Columns of the answer's text."""
@@ -33,9 +33,9 @@ class Export(JsonOption):
     def run(self, console: Console) -> int:
         """Export, check, say where."""
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-        from learn.dataset import load_missions
-        from learn.features import channels_of
-        from learn.onnx_export import TOLERANCE, export_step
+        from learn.data.dataset import load_missions
+        from learn.data.features import channels_of
+        from learn.networks.onnx_export import TOLERANCE, export_step
 
         run = newest_run() if self.run_folder is None else open_run(self.run_folder)
         folder = self.out or run.path / "onnx"

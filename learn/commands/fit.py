@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from learn.run import DEFAULT_STORE, DESCRIPTION, RUNS, free_name, open_run, read_description
-from twin.console import Console, JsonOption
+from learn.runs.run import DEFAULT_STORE, DESCRIPTION, RUNS, free_name, open_run, read_description
+from twin.cli.console import Console, JsonOption
+from twin.cli.program import EXIT_OK
 from twin.errors import InputError, unknown_name
-from twin.program import EXIT_OK
 
 if TYPE_CHECKING:
-    from learn.fit import FitConfig, Job
-    from learn.run import Run
-    from learn.training import Report
-    from twin.progress import Progress
+    from learn.runs.run import Run
+    from learn.training.fitting import FitConfig, Job
+    from learn.training.loop import Report
+    from twin.cli.progress import Progress
 
 
 DEFAULT_MEMBERS = 2
@@ -110,9 +110,9 @@ class Fit(JsonOption):
         """Train, judge, report."""
         # must be said before numpy is imported: each network trains in one thread
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-        from learn.fit import fit
-        from learn.judge import finish
-        from learn.preparation import check_window
+        from learn.data.preparation import check_window
+        from learn.studies.judge import finish
+        from learn.training.fitting import fit
 
         if self.resume and self.name is None:
             raise InputError("--resume needs the --name of the run to go on with")
@@ -126,7 +126,7 @@ class Fit(JsonOption):
         if self.window is not None and config.training.optimiser != "scg":
             check_window(config.store, self.window, division=config.division, period=config.period)
         if self.leave_out_each_dive:
-            from learn.folds import dives_with_truth
+            from learn.studies.folds import dives_with_truth
 
             dives_with_truth(config)
         workers = len(os.sched_getaffinity(0)) if self.workers is None else self.workers
@@ -163,7 +163,7 @@ class Fit(JsonOption):
 
     def _stored(self, folder: Path) -> FitConfig | None:
         """Settings of the run that is gone on with, None where there is none yet."""
-        from learn.fit import FitConfig
+        from learn.training.fitting import FitConfig
 
         if not (folder / DESCRIPTION).is_file():
             return None
@@ -172,10 +172,10 @@ class Fit(JsonOption):
     def _config(self, stored: FitConfig | None) -> FitConfig:
         """The settings: those that are given, the stored ones of a run that is gone on with, and
         the defaults."""
-        from learn.features import INPUT_SETS, select_features
-        from learn.fit import FitConfig
-        from learn.networks import NetworkConfig
-        from learn.schedule import TrainingConfig
+        from learn.data.features import INPUT_SETS, select_features
+        from learn.networks.network import NetworkConfig
+        from learn.training.fitting import FitConfig
+        from learn.training.schedule import TrainingConfig
 
         base = stored or FitConfig(
             store=str(DEFAULT_STORE),
@@ -229,7 +229,7 @@ class Fit(JsonOption):
         return str(self.store)
 
     def _ablate(self, console: Console, run: Run, config: FitConfig, workers: int) -> None:
-        from learn.ablation import ablate, masked
+        from learn.studies.ablation import ablate, masked
 
         jobs = len(masked(config)) * len(config.jobs())
         with console.progress(total=100.0 * jobs, label="ablation", unit="%") as progress:
@@ -243,7 +243,7 @@ class Fit(JsonOption):
             ablate(run, config, workers=workers, watch=see, say=progress.note)
 
     def _leave_out(self, console: Console, run: Run, config: FitConfig, workers: int) -> None:
-        from learn.folds import dives_with_truth, leave_out_each
+        from learn.studies.folds import dives_with_truth, leave_out_each
 
         dives = dives_with_truth(config)
         jobs = len(dives) * len(config.jobs())

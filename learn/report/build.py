@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from learn.dataset import Mission
-from learn.evaluate import NETWORK, Evaluation
+from learn.data.dataset import Mission
+from learn.evaluation.evaluation import NETWORK, Evaluation
+from learn.evaluation.score import Reference
+from learn.evaluation.uncertainty import ErrorModel, network_position_sd
 from learn.report import figures, spread_figures, tables, track_figures
 from learn.report.page import Page
 from learn.report.shown import Shown
-from learn.score import Reference
-from learn.uncertainty import ErrorModel, network_position_sd
-from twin.table import format_number
+from twin.cli.text_table import format_number
 
 DRAWN_METHODS = (NETWORK, "pitch_plus_alpha", "steady_flight")
 """Tracks of the north-east figures; more would hide each other."""

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from learn.report.tables import summary_rows, verdicts
-from learn.run import Run
-from twin.table import format_number
+from learn.runs.run import Run
+from twin.cli.text_table import format_number
 
 
 def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:

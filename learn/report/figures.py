@@ -9,11 +9,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from learn.dataset import Mission
-from learn.dead_reckoning import Array, sample_times
-from learn.evaluate import NETWORK
+from learn.data.dataset import Mission
+from learn.evaluation.evaluation import NETWORK
+from learn.evaluation.score import LAUNCH_S
+from learn.navigation.dead_reckoning import Array, sample_times
 from learn.report.shown import Shown
-from learn.score import LAUNCH_S
 from twin.plot import style
 
 TRAINING_PANELS = (

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from learn.log_score import sentences
+from learn.evaluation.log_score import sentences
 from learn.report import figures, spread_figures, tables
 from learn.report.build import Judged
 from learn.report.page import Page
 
 if TYPE_CHECKING:
-    from learn.run import Run
+    from learn.runs.run import Run
 
 
 def build_log_page(

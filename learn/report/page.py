@@ -10,8 +10,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from twin.cli.text_table import MISSING, format_number
 from twin.errors import InputError
-from twin.table import MISSING, format_number
 
 DPI = 200
 

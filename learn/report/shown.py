@@ -6,9 +6,9 @@ import dataclasses
 import math
 from collections.abc import Mapping
 
-from learn.baselines import Estimate
-from learn.dead_reckoning import Array, sample_times
-from learn.score import Reference
+from learn.evaluation.score import Reference
+from learn.navigation.baselines import Estimate
+from learn.navigation.dead_reckoning import Array, sample_times
 
 DRAWN_MISSIONS = 3
 

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from learn.dead_reckoning import Array
-from learn.dives import KNOWLEDGE
-from learn.evaluate import Evaluation
+from learn.evaluation.evaluation import Evaluation
+from learn.navigation.dead_reckoning import Array
+from learn.navigation.dives import KNOWLEDGE
 from learn.report.names import KNOWLEDGE_TITLES, colour_of, title_of
 from twin.plot import style
 

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from learn.dead_reckoning import Array
-from learn.evaluate import FLOOR, NETWORK
+from learn.evaluation.evaluation import FLOOR, NETWORK
+from learn.navigation.dead_reckoning import Array
 from learn.report.names import colour_of, title_of
 from learn.report.shown import Shown
 from twin.plot import style

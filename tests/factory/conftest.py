@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from factory.generate import generate
-from factory.recipe import Recipe, make_recipe
+from factory.generation.bulk import generate
+from factory.recipe.recipe import Recipe, make_recipe
 
 SHORT = {
     "mission.duration_h": "uniform(0.03, 0.06)",

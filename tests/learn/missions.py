@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from twin.schema import SCHEMA_VERSION, VARIABLES
-from twin.store import GLOBAL_ATTRIBUTES
+from twin.records.schema import SCHEMA_VERSION, VARIABLES
+from twin.records.store import GLOBAL_ATTRIBUTES
 
 PERIOD = 0.5
 FLAGS = {"flag_values": [0, 1, 2], "flag_meanings": "train validation test"}

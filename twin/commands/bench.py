@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
-from twin.console import Console, JsonOption
+from twin.cli.console import Console, JsonOption
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,9 +22,9 @@ class Bench(JsonOption):
         """Measure and print."""
         import os
 
-        from twin.bench import bench
+        from twin.checks.step_cost import bench
         from twin.errors import InputError
-        from twin.vehicle import load_vehicle
+        from twin.vehicle.vehicle import load_vehicle
 
         if self.threads < 0 or self.rounds < 1:
             raise InputError("--threads must be 0 or more and --rounds 1 or more")

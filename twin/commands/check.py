@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
-from twin.console import Console, JsonOption
+from twin.cli.console import Console, JsonOption
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,10 +22,10 @@ class Check(JsonOption):
 
     def run(self, console: Console) -> int:
         """Compare; exit code 1 when a limit is exceeded."""
-        from twin import check
+        from twin.checks import agreement as check
+        from twin.checks.published import ANGLES
         from twin.errors import InputError
-        from twin.published import ANGLES
-        from twin.vehicle import load_vehicle
+        from twin.vehicle.vehicle import load_vehicle
 
         if self.manoeuvres < 1:
             raise InputError(f"--manoeuvres must be at least 1, not {self.manoeuvres}")

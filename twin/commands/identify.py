@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from twin.console import Console, JsonOption
+from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
     from twin.identify import Identification
@@ -61,7 +61,7 @@ class Identify(JsonOption):
         from twin.commands.simulate import check_plot_path
         from twin.errors import InputError
         from twin.identify import identify, load_calibration, load_logs
-        from twin.identify.parameters import with_known
+        from twin.identify.unknowns import with_known
 
         check_plot_path(self.plot)
         if self.out is not None and self.out.suffix.lower() != ".xml":

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from twin.console import Console
+from twin.cli.console import Console
 from twin.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from twin.render.tracks import NamedTrack
-    from twin.trajectory import Trajectory
+    from twin.records.tracks import NamedTrack
+    from twin.records.trajectory import Trajectory
 
 FORMATS = (".png", ".pdf", ".svg")
 """Endings that matplotlib writes here."""
@@ -53,8 +53,8 @@ class Plot:
         """Draw and save; says which files were written."""
         from twin.plot import FIGURES
         from twin.plot.caption import mission_caption
-        from twin.render.tracks import choose_tracks, read_tracks
-        from twin.store import open_store, read_trajectory
+        from twin.records.store import open_store, read_trajectory
+        from twin.records.tracks import choose_tracks, read_tracks
 
         if self.figure not in (*FIGURES, ALL):
             raise InputError(unknown_name("figure", self.figure, (*FIGURES, ALL)))
@@ -99,7 +99,7 @@ class Plot:
     def _draw(self, name: str, trajectory: Trajectory, tracks: Sequence[NamedTrack]) -> Figure:
         """One figure; raises InputError when the mission lacks a signal that it shows."""
         from twin.plot import FIGURES
-        from twin.schema import VARIABLES
+        from twin.records.schema import VARIABLES
 
         draw = FIGURES[name]
         try:

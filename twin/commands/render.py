@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from twin.console import Console, JsonOption
+from twin.cli.console import Console, JsonOption
 from twin.errors import InputError
 
 
@@ -65,7 +65,7 @@ class Render(JsonOption):
         from twin.render.film import default_workers, save_still, save_video
         from twin.render.palette import OTHER_TRACKS
         from twin.render.shot import Shot
-        from twin.render.source import read_subject
+        from twin.render.subject import read_subject
 
         suffix = self.out.suffix.lower()
         if suffix not in (*STILL_FORMATS, *VIDEO_FORMATS):

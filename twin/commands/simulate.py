@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from twin.console import Console, JsonOption
+from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
-    from twin.scenario import Scenario
-    from twin.simulate import Simulation
-    from twin.trajectory import Trajectory
+    from twin.physics.scenario import Scenario
+    from twin.physics.simulation import Simulation
+    from twin.records.trajectory import Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,9 +50,9 @@ class Simulate(JsonOption):
     def run(self, console: Console) -> int:
         """Simulate, store, draw, summarise."""
         from twin.errors import SimulationUnstable
-        from twin.quiet import quiet_mujoco
-        from twin.simulate import Simulation
-        from twin.store import prepare_target
+        from twin.physics.quiet import quiet_mujoco
+        from twin.physics.simulation import Simulation
+        from twin.records.store import prepare_target
 
         scenario = self._scenario()
         check_plot_path(self.plot)
@@ -87,7 +87,7 @@ class Simulate(JsonOption):
             console.warn(f"the mission was not flown to its end: {reason}")
         if simulation.current_program is None:
             return
-        from twin.current.sampler import beyond_grid
+        from twin.water.current.sampler import beyond_grid
 
         north, east = trajectory["true_north"], trajectory["true_east"]
         outside = beyond_grid(simulation.current_program, north, east)
@@ -98,11 +98,11 @@ class Simulate(JsonOption):
             )
 
     def _scenario(self) -> Scenario:
-        from twin.current.spec import parse_current
-        from twin.density_spec import parse_density
         from twin.mission import load_mission
-        from twin.scenario import Scenario
-        from twin.vehicle import load_vehicle
+        from twin.physics.scenario import Scenario
+        from twin.vehicle.vehicle import load_vehicle
+        from twin.water.current.spec import parse_current
+        from twin.water.density_spec import parse_density
 
         vehicle = load_vehicle(self.vehicle)
         mission = load_mission(self.mission)
@@ -122,7 +122,7 @@ class Simulate(JsonOption):
     def _write(self, scenario: Scenario, trajectory: Trajectory) -> None:
         import json
 
-        from twin.store import mission_dataset, write_store
+        from twin.records.store import mission_dataset, write_store
 
         assert self.out is not None
         attributes = {"scenario": json.dumps(scenario.describe())}
@@ -141,7 +141,7 @@ class Simulate(JsonOption):
             raise InputError(f"cannot write plot {self.plot}: {error}") from error
 
     def _report(self, console: Console, scenario: Scenario, trajectory: Trajectory) -> None:
-        from twin.summary import summarise
+        from twin.records.summary import summarise
 
         figures = summarise(trajectory)
         console.answer(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Literal
 
-from twin.console import Console, JsonOption
+from twin.cli.console import Console, JsonOption
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ class Trim(JsonOption):
         import math
 
         from twin.errors import InputError
-        from twin.vehicle import load_vehicle
+        from twin.vehicle.vehicle import load_vehicle
 
         for name, value in (
             ("net-mass", self.net_mass),
@@ -48,7 +48,7 @@ class Trim(JsonOption):
 
             result = FossenModel(vehicle).trim(self.shift, rotation, self.net_mass)
         else:
-            from twin.settle import trim
+            from twin.physics.settle import trim
 
             result = trim(
                 vehicle, self.shift, rotation, self.net_mass, hydrodynamics=self.hydrodynamics

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from twin.console import Console, JsonOption
+from twin.cli.console import Console, JsonOption
 
 REPORTED = ("mujoco", "dm-control", "numba", "numpy", "scipy", "xarray", "zarr", "torch")
 """Distributions whose version can change a result."""

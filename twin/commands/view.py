@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from twin.console import Console
+from twin.cli.console import Console
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ class View:
 
     def _replay(self, store: Path) -> tuple[Subject, Flight]:
         from twin.render.flight import Replay
-        from twin.render.source import read_subject
+        from twin.render.subject import read_subject
 
         subject = read_subject(
             store, self.mission, vehicle=self.vehicle, tracks=self.tracks, names=self.only
@@ -87,13 +87,13 @@ class View:
 
     def _live(self) -> tuple[Subject, Flight]:
         """Flown once without a picture, which takes a moment, to know how large the sea must be."""
-        from twin.current.spec import parse_current
         from twin.mission import load_mission
+        from twin.physics.scenario import Scenario
+        from twin.physics.simulation import simulate
         from twin.render.film import Subject
         from twin.render.flight import Live
-        from twin.scenario import Scenario
-        from twin.simulate import simulate
-        from twin.vehicle import load_vehicle
+        from twin.vehicle.vehicle import load_vehicle
+        from twin.water.current.spec import parse_current
 
         if self.tracks is not None:
             raise InputError("--tracks needs a store: dead-reckoned tracks belong to its missions")

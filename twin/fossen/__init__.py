@@ -3,8 +3,8 @@
 It shares the vehicle's parameters and the current sampler with the twin, and no equation.
 """
 
-import twin.current.sampler
-from twin.native.cache import cached_by_content
+import twin.water.current.sampler
+from twin.compiled.cache import cached_by_content
 
 # The sampler is not this package's and was imported above, to be cached in its own place. The
 # compiled functions of this package call each other across files, which numba's own test for

@@ -22,7 +22,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from twin.current.sampler import sample
 from twin.fossen.forces import (
     Parameters,
     damping_wrench,
@@ -42,6 +41,7 @@ from twin.fossen.matrices import (
     times,
     transposed_times,
 )
+from twin.water.current.sampler import sample
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from twin.vehicle import Vehicle
+    from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twin.current.sampler import sample
 from twin.errors import InputError, MissionError, SimulationUnstable, unknown_name
 from twin.fossen.equations import (
     NU_R,
@@ -23,9 +22,10 @@ from twin.fossen.forces import Parameters, parameters_of
 from twin.fossen.state import FossenState, FossenTrajectory
 from twin.fossen.steady import SteadyMotion, SteadyProblem, stable_motion
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
-from twin.schedule import Schedule
-from twin.trim import Trim, check_trim_request
-from twin.vehicle import Vehicle
+from twin.mission.schedule import Schedule
+from twin.physics.steady_motion import Trim, check_trim_request
+from twin.vehicle.vehicle import Vehicle
+from twin.water.current.sampler import sample
 
 Array = NDArray[np.float64]
 Density = Callable[[Array], ArrayLike] | tuple[ArrayLike, ArrayLike]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from twin.errors import NoSteadyState
 from twin.fossen.equations import acceleration
 from twin.fossen.forces import Parameters, damping_wrench
-from twin.trim import DISTINCT_ROOTS, Trim, solve_steady_state
+from twin.physics.steady_motion import DISTINCT_ROOTS, Trim, solve_steady_state
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ speed = estimate(logs[0], found.calibration).speed
 from twin.identify.answer import Estimate, Identification
 from twin.identify.calibration import Calibration, load_calibration
 from twin.identify.fit import identify
-from twin.identify.flight import Motion, fly
-from twin.identify.log import Log, load_logs, store_hash
+from twin.identify.logged import Log, load_logs, store_hash
 from twin.identify.speed import SpeedEstimate, density_of, estimate, estimate_speed, motion_of
+from twin.identify.translation import Motion, fly
 
 __all__ = [
     "Calibration",

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.vehicle import CUBIC_CM, Vehicle
+from twin.vehicle.vehicle import CUBIC_CM, Vehicle
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import VehicleError
-from twin.vehicle import CUBIC_CM, Vehicle, load_vehicle
+from twin.vehicle.vehicle import CUBIC_CM, Vehicle, load_vehicle
 
 Array = NDArray[np.float64]
 

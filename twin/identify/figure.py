@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.identify.answer import Identification
-from twin.identify.log import Log
+from twin.identify.logged import Log
 from twin.identify.speed import FlightModel, SpeedEstimate, estimate
 from twin.plot import style
 

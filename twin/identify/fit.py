@@ -16,11 +16,11 @@ from scipy.optimize import least_squares
 from twin.errors import InputError
 from twin.identify.answer import Estimate, Identification
 from twin.identify.calibration import Calibration
-from twin.identify.log import Log
-from twin.identify.parameters import PARAMETERS, Parameter, choose
+from twin.identify.logged import Log
 from twin.identify.problem import LEAST_PAIRS, Problem
 from twin.identify.speed import FlightModel
-from twin.vehicle import CUBIC_CM
+from twin.identify.unknowns import PARAMETERS, Parameter, choose
+from twin.vehicle.vehicle import CUBIC_CM
 
 Array = NDArray[np.float64]
 

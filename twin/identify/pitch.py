@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.identify.calibration import Calibration
-from twin.identify.log import Log
-from twin.identify.parameters import Parameter
+from twin.identify.logged import Log
 from twin.identify.speed import motion_of, steady_parts
-from twin.vehicle import CUBIC_CM
+from twin.identify.unknowns import Parameter
+from twin.vehicle.vehicle import CUBIC_CM
 
 Array = NDArray[np.float64]
 

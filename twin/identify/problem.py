@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.identify.calibration import Calibration
-from twin.identify.flight import Motion
-from twin.identify.log import Log
-from twin.identify.parameters import Parameter
+from twin.identify.logged import Log
 from twin.identify.speed import FlightModel, horizontal, motion_of, steady_parts
+from twin.identify.translation import Motion
+from twin.identify.unknowns import Parameter
 
 Array = NDArray[np.float64]
 

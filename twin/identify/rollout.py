@@ -17,18 +17,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.density import DensityProfile
 from twin.errors import InputError, SimulationUnstable
-from twin.fleet import make_batch
 from twin.identify.answer import Estimate, Identification
 from twin.identify.calibration import Calibration
-from twin.identify.log import Log
-from twin.identify.parameters import Parameter, choose
+from twin.identify.logged import Log
 from twin.identify.pitch import PITCHING, balanced, battery_shift
 from twin.identify.problem import correlation_samples, robust_scale
 from twin.identify.speed import density_of, motion_of
-from twin.scenario import Scenario, Start
-from twin.schedule import Schedule
+from twin.identify.unknowns import Parameter, choose
+from twin.mission.schedule import Schedule
+from twin.physics.fleet import make_batch
+from twin.physics.scenario import Scenario, Start
+from twin.water.density import DensityProfile
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ MOST_WINDOWS = 12
 LEAST_DEPTH = 10.0
 """[m] where a window may start."""
 REFINED = ("neutral_density", "drag", "lift_ratio", "compressibility")
-"""Parameters of `twin.identify.parameters` that the twin flies with."""
+"""Parameters of `twin.identify.unknowns` that the twin flies with."""
 ITERATIONS = 6
 """Gauss-Newton steps: it starts at the flight model's answer."""
 PARTS = (1.0, 0.5, 0.2, 0.05, 0.0)

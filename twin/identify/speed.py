@@ -13,8 +13,8 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 from twin.errors import InputError, unknown_name
 from twin.identify.balance import balance
 from twin.identify.calibration import Calibration, load_calibration
-from twin.identify.flight import Motion, fly
-from twin.identify.log import Log, load_logs
+from twin.identify.logged import Log, load_logs
+from twin.identify.translation import Motion, fly
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -19,7 +19,7 @@ import numpy as np
 from twin.errors import InputError, VehicleError
 from twin.frames import flip_vector
 from twin.identify.calibration import HULL_NUMERIC, PUMP_NUMERIC, SENSOR_NUMERIC, Calibration
-from twin.vehicle import Vehicle, parse_vehicle
+from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
 PROVENANCE = "identification"
 """Name of the `<text>` element."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.errors import MissionError, VehicleError
-from twin.vehicle import Vehicle
+from twin.vehicle.vehicle import Vehicle
 
 _GRID = np.linspace(0.0, 1.0, 401)[1:]
 """Fractions of the way from zero lift to the limit of the identified angles."""

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin import guidance as g
 from twin.errors import MissionError, unknown_name
 from twin.mission import fields as check
+from twin.mission import guidance as g
+from twin.mission.segment_table import ascent, glides, segment_row
 from twin.mission.segments import KINDS, Hold, Profile, Segment, Surface
-from twin.mission.table import ascent, glides, segment_row
-from twin.vehicle import Vehicle
+from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -155,7 +155,7 @@ class Mission:
         self.compile(vehicle)
 
     def compile(self, vehicle: Vehicle) -> tuple[Array, Array]:
-        """Table (segments + 1, SEGMENT_COLUMNS) and gains (GAINS,) for `twin.guidance`.
+        """Table (segments + 1, SEGMENT_COLUMNS) and gains (GAINS,) for `twin.mission.guidance`.
 
         Raises:
           MissionError: a segment is beyond the vehicle.

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
-from twin.plot.current import current_figure
-from twin.plot.log import log_figure
+from twin.plot.current_profile import current_figure
+from twin.plot.logged_dive import log_figure
 from twin.plot.overview import overview_figure
 from twin.plot.section import section_figure
 from twin.plot.sensors import sensor_figure

@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from twin.plot import style
-from twin.plot.current import draw_current
+from twin.plot.current_profile import draw_current
 from twin.plot.section import draw_section
 from twin.plot.signals import draw_actuators, draw_attitude, thinned_time
 from twin.plot.track import LEGEND_ROW, draw_legend, draw_track, legend_rows
-from twin.render.tracks import NamedTrack
-from twin.trajectory import Trajectory
+from twin.records.tracks import NamedTrack
+from twin.records.trajectory import Trajectory
 
 HEIGHTS = (1.9, 2.75, 4.35)
 """[in] of section, track and signals"""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
 from twin.plot import style
-from twin.trajectory import Trajectory
+from twin.records.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.plot import style
 from twin.plot.signals import thinned_time
-from twin.schema import VARIABLES
-from twin.trajectory import Trajectory
+from twin.records.schema import VARIABLES
+from twin.records.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

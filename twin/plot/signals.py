@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, MultipleLocator
 from numpy.typing import NDArray
 
 from twin.plot import style
-from twin.trajectory import Trajectory
+from twin.records.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

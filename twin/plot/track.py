@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from twin.plot import style
 from twin.plot.space import LEGEND, space_axes
-from twin.render.tracks import NamedTrack
-from twin.trajectory import Trajectory
+from twin.records.tracks import NamedTrack
+from twin.records.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.plot.current import mean_profile
+from twin.plot.current_profile import mean_profile
 from twin.render import palette, shapes
-from twin.render.layout import Layout, nice_step
 from twin.render.props import WORLD, Props
+from twin.render.scene_geometry import Layout, nice_step
 from twin.render.shapes import Shape
 
 Array = NDArray[np.float64]

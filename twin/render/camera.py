@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.render.layout import Frame, Layout
+from twin.render.scene_geometry import Frame, Layout
 
 Array = NDArray[np.float64]
 

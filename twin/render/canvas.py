@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.render import text
-from twin.render.layout import Frame
+from twin.render.scene_geometry import Frame
 from twin.render.shot import Shot
 
 Pixels = NDArray[np.uint8]

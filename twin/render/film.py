@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, TwinError
+from twin.records.tracks import NamedTrack
+from twin.records.trajectory import Trajectory
 from twin.render.encode import STILL_FORMATS, VIDEO_FORMATS, Encoder
 from twin.render.painter import Painter
 from twin.render.shot import Shot
-from twin.render.tracks import NamedTrack
-from twin.trajectory import Trajectory
-from twin.vehicle import Vehicle
+from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from twin.frames import flip_quaternion as flip
 from twin.frames import flip_vector, quaternion_to_euler
-from twin.native import block as b
-from twin.quiet import quiet_mujoco
-from twin.render.replay import Poses, interpolate_quaternion, poses
-from twin.scenario import Scenario
-from twin.simulate import Simulation
-from twin.trajectory import Trajectory, from_log
+from twin.physics.log_signals import from_log
+from twin.physics.native import block as b
+from twin.physics.quiet import quiet_mujoco
+from twin.physics.scenario import Scenario
+from twin.physics.simulation import Simulation
+from twin.records.trajectory import Trajectory
+from twin.render.playback import Poses, interpolate_quaternion, poses
 
 Array = NDArray[np.float64]
 

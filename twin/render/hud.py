@@ -11,8 +11,8 @@ from twin.render import labels, palette, text
 from twin.render.camera import View
 from twin.render.canvas import NAME, SMALLEST_FONT, VALUE, Canvas, box, dot, tiles
 from twin.render.panel import draw_panel
+from twin.render.playback import Poses
 from twin.render.readout import readouts
-from twin.render.replay import Poses
 from twin.render.stage import Stage
 
 Pixels = NDArray[np.uint8]

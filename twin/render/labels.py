@@ -13,8 +13,8 @@ from PIL import Image, ImageDraw
 from twin.render import palette, sea, text
 from twin.render.camera import View
 from twin.render.canvas import LABEL, Canvas
-from twin.render.layout import Layout, nice_step, ticks
 from twin.render.readout import MINUS
+from twin.render.scene_geometry import Layout, nice_step, ticks
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from twin.render import camera, sea
 from twin.render.arrows import LADDER_STEP, ladder_arrow
+from twin.render.playback import Poses
 from twin.render.props import DRIFT, LEVEL, VEHICLE, WATER
-from twin.render.replay import Poses
 from twin.render.shapes import Shape
 from twin.render.stage import Stage
 

@@ -9,19 +9,19 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.records.tracks import NamedTrack
+from twin.records.trajectory import Trajectory
 from twin.render import camera
 from twin.render.camera import View
 from twin.render.canvas import Canvas, border, frame_of
 from twin.render.graphics import Graphics, shown
 from twin.render.hud import Hud
 from twin.render.motion import Motion, drift_of
+from twin.render.playback import Poses, poses
 from twin.render.props import BACKDROP_GROUP, CLOSE_UP_GROUP, WATER_GROUP
-from twin.render.replay import Poses, poses
 from twin.render.shot import Shot
 from twin.render.stage import Stage, build
-from twin.render.tracks import NamedTrack
-from twin.trajectory import Trajectory
-from twin.vehicle import Vehicle
+from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from twin.render.replay import Poses
+from twin.render.playback import Poses
 
 UNKNOWN = "–"
 MINUS = "−"

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.render.layout import nice_step
-from twin.render.replay import closed
-from twin.render.tracks import NamedTrack
-from twin.trajectory import Trajectory
+from twin.records.tracks import NamedTrack
+from twin.records.trajectory import Trajectory
+from twin.render.playback import closed
+from twin.render.scene_geometry import nice_step
 
 Array = NDArray[np.float64]
 

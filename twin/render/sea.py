@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.render import palette, shapes
-from twin.render.layout import Layout, nice_step, ticks
 from twin.render.props import DRIFT, LEVEL, SUN, WORLD, Props
 from twin.render.ribbon import simplify
+from twin.render.scene_geometry import Layout, nice_step, ticks
 from twin.render.shapes import Shape
 
 Array = NDArray[np.float64]

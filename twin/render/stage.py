@@ -11,18 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.records.tracks import NamedTrack
+from twin.records.trajectory import Trajectory
 from twin.render import arrows, palette, sea, shapes
 from twin.render.arrows import Profile
 from twin.render.canvas import frame_of
-from twin.render.layout import Layout, plan
+from twin.render.playback import Poses, optional, signal
 from twin.render.props import BACKDROP_GROUP, CLOSE_UP_GROUP, Props
-from twin.render.replay import Poses, optional, signal
 from twin.render.ribbon import TEXELS, Ribbon, simplify
 from twin.render.scale import Scale, track_values
+from twin.render.scene_geometry import Layout, plan
 from twin.render.shot import Shot
-from twin.render.tracks import NamedTrack
-from twin.trajectory import Trajectory
-from twin.vehicle import Vehicle
+from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 

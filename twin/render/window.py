@@ -28,9 +28,9 @@ from twin.render.film import Subject
 from twin.render.flight import Flight
 from twin.render.graphics import shown, write_mesh
 from twin.render.motion import Motion, drift_of
+from twin.render.playback import Poses
 from twin.render.props import BACKDROP_GROUP, WATER_GROUP
 from twin.render.readout import readouts
-from twin.render.replay import Poses
 from twin.render.screen import NoScreen
 from twin.render.shapes import Shape
 from twin.render.shot import Shot

@@ -236,7 +236,7 @@ class Dvl:
         self, truth: Signals, dt: float, plumb_z: Array, current: Array
     ) -> tuple[Array, Array, Array]:
         """Current [m/s] north, east, down averaged over the cell layer, each of shape (n,)."""
-        from twin.current.sampler import sample_track
+        from twin.water.current.sampler import sample_track
 
         n = plumb_z.shape[0]
         at = np.arange(0, n, max(1, round(CELL_PERIOD / dt)))

@@ -13,7 +13,7 @@ from twin.sensors.checks import Drawn, Signals, drawn_value, require_non_negativ
 from twin.sensors.noise import normals
 
 if TYPE_CHECKING:
-    from twin.density import DensityProfile
+    from twin.water.density import DensityProfile
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,7 @@ class Pressure:
         latitude: float,
     ) -> dict[str, NDArray[np.float64]]:
         """measured_pressure [dbar] (gauge) and measured_depth [m]."""
-        from twin.density import PASCAL_PER_DBAR, gravity
+        from twin.water.density import PASCAL_PER_DBAR, gravity
 
         depth = signal(truth, "true_depth")
         pressure = density.pressure(depth, latitude=latitude)

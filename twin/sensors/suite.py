@@ -28,7 +28,7 @@ from twin.sensors.onboard import Onboard
 from twin.sensors.pressure import Pressure
 
 if TYPE_CHECKING:
-    from twin.density import DensityProfile
+    from twin.water.density import DensityProfile
 
 TRUTH_SIGNALS = (
     "true_north", "true_east", "true_depth",
@@ -137,7 +137,7 @@ class SensorSuite:
         density: default constant. current: compiled current field for the DVL's water cells.
         Raises InputError for a missing or misshapen signal and for a wrong dt, latitude or bottom.
         """
-        from twin.density import DensityProfile
+        from twin.water.density import DensityProfile
 
         self._check(truth, dt, latitude, bottom_depth)
         drawn = self.draw(rng_seed) if drawn is None else drawn

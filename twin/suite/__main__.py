@@ -2,7 +2,7 @@
 
 import sys
 
-from twin.program import Command, Program
+from twin.cli.program import Command, Program
 
 _VIEW = "view"
 PROGRAM = Program(

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.vehicle import CUBIC_CM, Vehicle
+from twin.vehicle.vehicle import CUBIC_CM, Vehicle
 
 Array = NDArray[np.float64]
 

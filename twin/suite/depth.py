@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from dm_control.utils import rewards
 
-from twin.scenario import Start
+from twin.physics.scenario import Start
 from twin.suite.environment import Environment, build
 from twin.suite.physics import Physics
 from twin.suite.task import (
@@ -20,7 +20,7 @@ from twin.suite.task import (
     place_marker,
     with_marker,
 )
-from twin.vehicle import load_vehicle
+from twin.vehicle.vehicle import load_vehicle
 
 TIME_LIMIT = 900.0
 """[s]"""

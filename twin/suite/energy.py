@@ -21,7 +21,7 @@ from twin.suite.task import (
     wrap_angle,
 )
 from twin.suite.waypoints import yo_sense
-from twin.vehicle import load_vehicle
+from twin.vehicle.vehicle import load_vehicle
 
 TIME_LIMIT = 3600.0
 """[s]"""

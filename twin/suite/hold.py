@@ -12,7 +12,7 @@ from dm_control.utils import rewards
 from twin.suite.environment import Environment, build
 from twin.suite.physics import Physics
 from twin.suite.task import Array, GliderTask, Reference, as_direction, wrap_angle
-from twin.vehicle import load_vehicle
+from twin.vehicle.vehicle import load_vehicle
 
 TIME_LIMIT = 600.0
 """[s]"""

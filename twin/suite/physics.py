@@ -1,6 +1,6 @@
 """Physics: the glider as dm_control sees it, with its measurements by name.
 
-The model is the one of `twin.model.compile_model`, the callbacks are the native ones: a step here
+The model is the one of `compile_model`, the callbacks are the native ones: a step here
 is bit for bit a step of the batch. Measurements are in NED and FRD, SI units. They belong to the
 present state: `step` and `after_reset` leave positions and velocities up to date.
 """
@@ -19,17 +19,17 @@ from dm_control.mujoco import wrapper
 from dm_control.rl.control import PhysicsError
 from numpy.typing import NDArray
 
-from twin.current.base import Current
-from twin.current.origin import Origin
-from twin.current.sampler import sample
 from twin.errors import InputError, VehicleError
 from twin.frames import flip_vector
-from twin.model import compile_model, fluid_geoms, parameter_block, share
-from twin.native import block as b
-from twin.native import plant
-from twin.scenario import Start
-from twin.simulate import set_start, stagger
-from twin.vehicle import Vehicle, load_vehicle, parse_vehicle
+from twin.physics.mujoco_model import compile_model, fluid_geoms, parameter_block, share
+from twin.physics.native import block as b
+from twin.physics.native import plant
+from twin.physics.scenario import Start
+from twin.physics.simulation import set_start, stagger
+from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+from twin.water.current.base import Current
+from twin.water.current.origin import Origin
+from twin.water.current.sampler import sample
 
 Array = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ class Physics(dm_mujoco.Physics):
         timestep: float | None = None,
         integrator: str | None = None,
     ) -> Self:
-        """A glider in still water; the arguments are those of `twin.model.compile_model`."""
+        """A glider in still water; the arguments are those of `compile_model`."""
         model = compile_model(
             vehicle, hydrodynamics=hydrodynamics, timestep=timestep, integrator=integrator
         )
@@ -214,7 +214,7 @@ class Physics(dm_mujoco.Physics):
         """Place the glider, moving relative to the water as `start` says; call it in a reset.
 
         Time-centred runs keep velocities half a step back in time, and so does this, in the same
-        way as `twin.simulate.Simulation`.
+        way as `twin.physics.simulation.Simulation`.
         """
         data = self.data.ptr
         size = int(self._block[b.P_CURRENT_SIZE])
@@ -242,7 +242,7 @@ class Physics(dm_mujoco.Physics):
         self._set_table(b.P_CURRENT, program)
 
     def set_density(self, profile: Any) -> None:
-        """Stratify the water by a `twin.density.DensityProfile`; None makes it uniform."""
+        """Stratify the water by a `twin.water.density.DensityProfile`; None makes it uniform."""
         self._set_table(b.P_DENSITY, None if profile is None else profile.compile())
 
     def _set_table(self, slot: int, values: Array | None) -> None:
@@ -394,7 +394,8 @@ def _require_block(model: mujoco.MjModel) -> None:
     if not whole or parameter_block(model)[b.P_MAGIC] != b.MAGIC:
         raise VehicleError(
             "this MuJoCo model carries no glider parameters, so it would move in vacuum: build it "
-            "with twin.suite.physics.Physics.from_vehicle or twin.model.compile_model"
+            "with twin.suite.physics.Physics.from_vehicle or "
+            "twin.physics.mujoco_model.compile_model"
         )
 
 

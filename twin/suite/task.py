@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError, VehicleError
 from twin.mission.glide import SteadyGlide, steady_glide
-from twin.scenario import Start
+from twin.physics.scenario import Start
 from twin.suite.physics import Physics
-from twin.vehicle import ACTUATORS, Vehicle
+from twin.vehicle.vehicle import ACTUATORS, Vehicle
 
 Array = NDArray[np.float64]
 Observation = collections.OrderedDict[str, Array]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from twin.console import Console
+from twin.cli.console import Console
 from twin.errors import InputError, unknown_name
 from twin.render.screen import NoScreen
 from twin.suite.environment import Environment

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from dm_control.utils import rewards
 
-from twin.current.profile import Profile
 from twin.suite.environment import Environment, build
 from twin.suite.physics import Physics
 from twin.suite.task import (
@@ -20,7 +19,8 @@ from twin.suite.task import (
     place_marker,
     with_marker,
 )
-from twin.vehicle import load_vehicle
+from twin.vehicle.vehicle import load_vehicle
+from twin.water.current.profile import Profile
 
 TIME_LIMIT = 3600.0
 """[s]"""

@@ -1,0 +1,1 @@
+"""Exporting: stores in the formats that others read."""

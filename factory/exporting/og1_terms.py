@@ -1,0 +1,223 @@
+"""Terms of OG1.0: vocabularies, names and global attributes, as simulated missions fill them."""
+
+from __future__ import annotations
+
+import datetime
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.stores.stored import StoredRun
+from factory.stores.stored_logs import StoredLogs
+from twin.sensors import SensorSuite
+from twin.version import __version__
+
+Array = NDArray[np.float64]
+
+N_MEASUREMENTS = "N_MEASUREMENTS"
+EPOCH = "seconds since 1970-01-01T00:00:00Z"
+NOMINAL_DEPLOYMENT = datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC)
+"""Every mission's start: OG1.0 needs a date after 2001-09-09 (valid_min 1e9 s)."""
+FILL = -9999.9
+"""Of positions and depth, as the format prescribes"""
+TIME_FILL = -1.0
+ROLES = "https://vocab.nerc.ac.uk/collection/W08/current/"
+PLATFORM = "https://vocab.nerc.ac.uk/collection/L06/current/27/"
+VOCABULARY = "https://vocab.nerc.ac.uk/collection/OG1/current/"
+PHASES = (
+    "https://github.com/OceanGlidersCommunity/OG-format-user-manual/blob/main/"
+    "vocabularyCollection/phase.md"
+)
+COORDINATES = "TIME LONGITUDE LATITUDE DEPTH"
+ASCENT, DESCENT, SURFACING, INFLECTION = 1, 2, 3, 5
+"""Codes of the format's phase vocabulary"""
+PHASE_FLAGS = {
+    ASCENT: "ascent",
+    DESCENT: "descent",
+    SURFACING: "surfacing",
+    INFLECTION: "inflexion",
+}
+"""Those that occur here, spelt as in the vocabulary"""
+DVL_MODES = {0: "none", 1: "bottom", 2: "water"}
+"""What the DVL's velocity is relative to; with the bottom it contains the current"""
+DVL_MODE_FILL = -1
+SURFACE_DEPTH_M = 1.5
+"""Shallower the glider counts as at the surface: half a hull and some"""
+STILL_SPEED = 0.03
+"""[m/s] vertical: slower under water it is turning"""
+
+SIMULATED_MEASURED = (
+    ("PRES", "measured_pressure", "SENSOR_PRESSURE"),
+    ("PITCH", "measured_pitch", "SENSOR_AHRS"),
+    ("ROLL", "measured_roll", "SENSOR_AHRS"),
+    ("HEADING", "measured_heading", "SENSOR_AHRS"),
+    ("ROLL_RATE", "measured_roll_rate", "SENSOR_AHRS"),
+    ("PITCH_RATE", "measured_pitch_rate", "SENSOR_AHRS"),
+    ("YAW_RATE", "measured_yaw_rate", "SENSOR_AHRS"),
+    ("SPECIFIC_FORCE_X", "measured_specific_force_x", "SENSOR_AHRS"),
+    ("SPECIFIC_FORCE_Y", "measured_specific_force_y", "SENSOR_AHRS"),
+    ("SPECIFIC_FORCE_Z", "measured_specific_force_z", "SENSOR_AHRS"),
+    ("BATTERY_SHIFT", "measured_shift", ""),
+    ("BATTERY_ROTATION", "measured_rotation", ""),
+    ("PUMPED_VOLUME", "measured_pump", ""),
+    ("DVL_SURGE", "measured_dvl_surge", "SENSOR_DVL"),
+    ("DVL_SWAY", "measured_dvl_sway", "SENSOR_DVL"),
+    ("DVL_HEAVE", "measured_dvl_heave", "SENSOR_DVL"),
+)
+"""(name in the file, name in the store, sensor variable) of simulated missions"""
+LOGGED_MEASURED = (
+    ("DENSITY", "measured_density", "SENSOR_CTD"),
+    ("TEMP", "measured_temperature", "SENSOR_CTD"),
+    ("PSAL", "measured_salinity", "SENSOR_CTD"),
+    ("RUDDER", "measured_fin", ""),
+)
+"""The same of what only real vehicles log"""
+MEASURED = SIMULATED_MEASURED + LOGGED_MEASURED
+LONG_NAMES = {
+    "measured_pressure": "sea water pressure, equals 0 at sea level, by the transducer",
+    "measured_dvl_surge": "DVL velocity relative to DVL_MODE, forward",
+    "measured_dvl_sway": "DVL velocity relative to DVL_MODE, starboard",
+    "measured_dvl_heave": "DVL velocity relative to DVL_MODE, down",
+}
+"""Of signals whose own long name would mislead in this format"""
+SENSOR_TYPES = "https://vocab.nerc.ac.uk/collection/L05/current/"
+SENSORS = {
+    "SENSOR_PRESSURE": ("pressure", "pressure transducer", "pressure transducer"),
+    "SENSOR_AHRS": (
+        "imu",
+        "attitude and heading reference",
+        "Microstrain 3DM-GX5-25 attitude and heading reference",
+    ),
+    "SENSOR_DVL": ("dvl", "Doppler velocity log", "LinkQuest 600 kHz micro DVL"),
+}
+"""Sensor variable: device of the sensor suite, what it is, and the model whose errors it has"""
+
+
+def sensor_attributes(run: StoredRun, name: str) -> dict[str, str]:
+    """Attributes of a sensor variable; a device without errors is nobody's model."""
+    device, kind, model = SENSORS[name]
+    settings = getattr(run.suite, device)
+    called = f"simulated {model}"
+    if not getattr(settings, "fitted", True):
+        called = f"none: this vehicle has no {kind}"
+    elif settings == getattr(SensorSuite.preset("ideal"), device):
+        called = f"simulated ideal {kind}"
+    return {
+        "long_name": called,
+        "sensor_model": called,
+        "sensor_model_vocabulary": "n/a",
+        "sensor_maker": "none: simulation",
+        "sensor_serial_number": "n/a",
+        "sensor_type_vocabulary": SENSOR_TYPES,
+        "comment": "simulated",
+    }
+
+
+def stamp(moment: datetime.datetime) -> str:
+    """The moment as the format writes it."""
+    return moment.strftime("%Y%m%dT%H%M%S")
+
+
+def bounds(latitude: Array, longitude: Array, depth: Array) -> dict[str, float | str]:
+    """ACDD's limits of the data, which search engines of data portals read."""
+    limits: dict[str, float | str] = {"geospatial_vertical_positive": "down"}
+    for name, values, units in (
+        ("lat", latitude, "degrees_north"),
+        ("lon", longitude, "degrees_east"),
+        ("vertical", depth, "m"),
+    ):
+        if np.isfinite(values).any():  # a log without fixes has no place
+            limits[f"geospatial_{name}_min"] = float(np.nanmin(values))
+            limits[f"geospatial_{name}_max"] = float(np.nanmax(values))
+            limits[f"geospatial_{name}_units"] = units
+    return limits
+
+
+def global_attributes(run: StoredRun, mission: int) -> dict[str, Any]:
+    """Global attributes; those that depend on the data are `bounds`."""
+    serial = f"sim{mission:06d}"
+    start = stamp(NOMINAL_DEPLOYMENT)
+    end = NOMINAL_DEPLOYMENT + datetime.timedelta(seconds=float(run.small("duration")[mission]))
+    preset, seed = run.settings["preset"], run.seed
+    return {
+        "title": "SIMULATED OceanGliders trajectory file",
+        "summary": "Simulated underwater glider mission: not an observation of the ocean.",
+        "platform": "sub-surface gliders",
+        "platform_vocabulary": PLATFORM,
+        "id": f"{serial}_{start}_delayed",
+        "naming_authority": "glider-twin",
+        "institution": "none: simulation",
+        "internal_mission_identifier": f"{preset}_seed{seed}_mission{mission}",
+        "time_coverage_start": start,
+        "time_coverage_end": stamp(end),
+        "contributor_name": "glider-twin simulation",
+        "contributor_email": "n/a",
+        "contributor_role": "originator",
+        "contributor_role_vocabulary": ROLES,
+        "contributing_institutions": "none: simulation",
+        "contributing_institutions_role": "Operator",
+        "contributing_institutions_role_vocabulary": ROLES,
+        "rtqc_method": "No QC applied",
+        "rtqc_method_doi": "n/a",
+        "comment": f"SIMULATED DATA. Preset {preset}, seed {seed}, mission {mission}, split "
+        f"{run.splits[mission]}; the date is nominal. LATITUDE and LONGITUDE are the simulated "
+        "on-board dead reckoning, TRUE_* variables what really happened in the simulation.",
+        "source": f"simulation: glider-twin {__version__}, vehicle {run.settings['vehicle']}",
+        "history": str(run.dataset.attrs["history"]),
+        "references": "https://oceangliderscommunity.github.io/OG-format-user-manual/OG_Format.html",
+        "start_date": start,
+        "date_created": stamp(datetime.datetime.now(datetime.UTC)),
+        "featureType": "trajectory",
+        "Conventions": "CF-1.10, ACDD-1.3, OG-1.0",
+    }
+
+
+def log_attributes(logs: StoredLogs, missions: Sequence[int]) -> dict[str, Any]:
+    """Global attributes of a file of logged dives `missions`, of one deployment in time order."""
+    deployment = logs.deployments[missions[0]]
+    first, last = missions[0], missions[-1]
+    start, end = (
+        stamp(datetime.datetime.fromtimestamp(float(unix), datetime.UTC))
+        for unix in (logs.starts[first], logs.time(last)[-1])
+    )
+    # the name of a file: letters that every file system takes
+    serial = re.sub(r"[^A-Za-z0-9-]+", "-", deployment).strip("-") or "glider"
+    kind = "SIMULATED OceanGliders" if logs.simulated else "OceanGliders"
+    files = str(logs.dataset.attrs.get("files", ""))
+    return {
+        "title": f"{kind} trajectory file, deployment {deployment}",
+        "summary": f"{len(missions)} dives of deployment {deployment}, {logs.platform}.",
+        "platform": "sub-surface gliders",
+        "platform_vocabulary": PLATFORM,
+        "id": f"{serial}_{start}_delayed",
+        "naming_authority": "glider-twin",
+        "institution": NOT_LOGGED,
+        "internal_mission_identifier": deployment,
+        "time_coverage_start": start,
+        "time_coverage_end": end,
+        "contributor_name": NOT_LOGGED,
+        "contributor_email": "n/a",
+        "contributor_role": "n/a",
+        "contributor_role_vocabulary": ROLES,
+        "contributing_institutions": NOT_LOGGED,
+        "contributing_institutions_role": "Operator",
+        "contributing_institutions_role_vocabulary": ROLES,
+        "rtqc_method": "No QC applied",
+        "rtqc_method_doi": "n/a",
+        "comment": "On one time grid for each dive; LATITUDE and LONGITUDE between the fixes are "
+        "as interpolation_methodology says. Attitude and PRES are missing where the log had gaps.",
+        "source": f"logs of a vehicle ({logs.kind}: {files}), read by glider-twin {__version__}",
+        "history": str(logs.dataset.attrs.get("history", "")),
+        "references": "https://oceangliderscommunity.github.io/OG-format-user-manual/OG_Format.html",
+        "start_date": start,
+        "date_created": stamp(datetime.datetime.now(datetime.UTC)),
+        "featureType": "trajectory",
+        "Conventions": "CF-1.10, ACDD-1.3, OG-1.0",
+    }
+
+
+NOT_LOGGED = "unknown: the log does not say"
+"""Value of attributes that the format demands and a vehicle's log cannot know"""

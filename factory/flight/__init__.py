@@ -1,0 +1,1 @@
+"""Flight: one mission from its parameters to its signals."""

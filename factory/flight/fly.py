@@ -1,0 +1,146 @@
+"""Flight: one mission from its parameters to its signals. Replays run the same code."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.flight.bounds import check_possible
+from factory.flight.mission_water import bottom_depth, build_current, build_density, origin
+from factory.flight.vehicle_errors import BelievedMission, apply_errors, spread_vehicle
+from factory.recipe.sampling import SAW_TOOTH, SURFACE, Parameters, number
+from twin.mission import SawTooth, Segment, Spiral, Surface
+from twin.physics.scenario import SAMPLE_PERIOD, Scenario
+from twin.physics.simulation import Simulation
+from twin.vehicle.vehicle import Vehicle
+from twin.water.current.base import Current
+
+if TYPE_CHECKING:
+    from twin.records.trajectory import Trajectory
+    from twin.sensors import SensorSuite
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flight:
+    """One mission as it was flown."""
+
+    trajectory: Trajectory
+    measured: Mapping[str, Array]
+    drawn: Mapping[str, float]
+    """The sensors' constants of this mission."""
+
+    @property
+    def signals(self) -> dict[str, Array]:
+        """Truth, measured and commanded, each of shape (time,)."""
+        return {**self.trajectory.signals, **self.measured}
+
+
+def build_mission(parameters: Parameters, vehicle: Vehicle) -> BelievedMission:
+    """The mission that the guidance is given."""
+    heading = parameters.number("mission.start_heading_deg")
+    start_heading = heading
+    segments: list[Segment] = []
+    for drawn in parameters.segments:
+        kind = drawn["mission.kind"]
+        if kind == SURFACE:
+            segments.append(Surface(duration_s=number(drawn, "mission.surface_duration_s")))
+            continue
+        profile: dict[str, Any] = {
+            "max_depth_m": number(drawn, "mission.max_depth_m"),
+            "min_depth_m": number(drawn, "mission.min_depth_m"),
+            "pitch_deg": number(drawn, "mission.pitch_deg"),
+            "climb_pitch_deg": number(drawn, "mission.climb_pitch_deg"),
+            "net_mass_kg": number(drawn, "mission.net_mass_kg"),
+            "climb_net_mass_kg": number(drawn, "mission.climb_net_mass_kg"),
+            "yos": _unless_nan(number(drawn, "mission.yos")),
+            "duration_s": _unless_nan(number(drawn, "mission.segment_duration_s")),
+        }
+        if kind == SAW_TOOTH:
+            heading = (heading + number(drawn, "mission.heading_change_deg")) % 360.0
+            segments.append(SawTooth(heading_deg=heading, **profile))
+        else:
+            segments.append(Spiral(rotation_deg=number(drawn, "mission.rotation_deg"), **profile))
+    return BelievedMission(
+        believed=vehicle,
+        segments=tuple(segments),
+        duration_s=parameters.duration_s,
+        start_depth_m=parameters.number("mission.start_depth_m"),
+        start_heading_deg=start_heading,
+        at_end="hold",
+    )
+
+
+def _unless_nan(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def build_scenario(
+    parameters: Parameters, nominal: Vehicle, current: Current | None = None
+) -> Scenario:
+    """Everything that the physics needs; `current` replaces the drawn one."""
+    return Scenario(
+        vehicle=spread_vehicle(nominal, parameters),
+        plan=build_mission(parameters, nominal),
+        duration=parameters.duration_s,
+        current=build_current(parameters) if current is None else current,
+        density=build_density(parameters),
+        origin=origin(parameters),
+        sample_period=SAMPLE_PERIOD,
+    )
+
+
+def quiet_physics() -> None:
+    """Keep MuJoCo's own warnings out of the terminal and of MUJOCO_LOG.TXT in this process.
+
+    A mission that leaves the finite numbers is recorded with its parameters instead.
+    """
+    mujoco.set_mju_user_warning(lambda text: None)
+
+
+def fly(
+    parameters: Parameters,
+    nominal: Vehicle,
+    suite: SensorSuite,
+    sensor_seed: np.random.SeedSequence,
+    *,
+    current: Current | None = None,
+    drawn: Mapping[str, float] | None = None,
+) -> Flight:
+    """Fly one mission and measure it.
+
+    Args:
+      current: instead of the drawn one.
+      drawn: the sensors' constants, by default those that the seed gives.
+
+    Raises:
+      MissionError: the vehicle cannot fly it.
+      SimulationUnstable: the simulation left the finite numbers.
+      Impossible: it left the physically possible ones.
+    """
+    scenario = build_scenario(parameters, nominal, current)
+    simulation = Simulation(scenario)
+    apply_errors(simulation, parameters, scenario.density)
+    trajectory = simulation.run()
+    check_possible(trajectory.signals, trajectory.time)
+    if drawn is None:
+        drawn = suite.draw(sensor_seed)
+    water = scenario.current
+    measured = suite.measure(
+        trajectory.signals,
+        dt=SAMPLE_PERIOD,
+        rng_seed=sensor_seed,
+        drawn=drawn,
+        bottom_depth=bottom_depth(parameters),
+        latitude=parameters.number("water.latitude"),
+        density=scenario.density,
+        current=None if water is None else water.compile(simulation.duration, scenario.origin),
+    )
+    return Flight(trajectory=trajectory, measured=measured, drawn=drawn)

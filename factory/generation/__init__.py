@@ -1,0 +1,1 @@
+"""Generation: many missions into one store, on all cores, resumable."""

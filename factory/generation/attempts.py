@@ -1,0 +1,103 @@
+"""Produce: one mission from its number to the chunks of its signals, retried when it fails."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from factory.flight.bounds import Impossible
+from factory.flight.fly import Flight, fly
+from factory.generation.chunk import encode, stored_values
+from factory.generation.mission_record import Failure, Record
+from factory.recipe.parameters import PARAMETERS
+from factory.recipe.recipe import Recipe
+from factory.recipe.sampling import sensor_seed
+from twin.errors import (
+    CurrentError,
+    InputError,
+    MissionError,
+    SimulationUnstable,
+    TwinError,
+    VehicleError,
+)
+from twin.records.schema import VARIABLES
+
+MAX_ATTEMPTS = 20
+"""So many failures in a row mean impossible distributions, not bad luck."""
+REPLACED = (MissionError, VehicleError, CurrentError, SimulationUnstable, Impossible)
+"""What a draw can do wrong: the vehicle cannot fly it, cannot exist, or runs away."""
+
+
+def produce(recipe: Recipe, mission: int) -> tuple[Record, dict[str, bytes]]:
+    """Fly mission number `mission`; failed attempts are recorded and replaced.
+
+    Raises:
+      InputError: no attempt succeeded; names the distributions to narrow.
+    """
+    failures: list[Failure] = []
+    for attempt in range(MAX_ATTEMPTS):
+        parameters = None
+        try:
+            parameters = recipe.parameters(mission, attempt)
+            seed = sensor_seed(recipe.seed, mission, attempt)
+            flight = fly(
+                parameters, recipe.vehicle, recipe.suite, seed, current=recipe.given_current
+            )
+        except REPLACED as error:
+            failures.append(
+                Failure(
+                    attempt=attempt,
+                    reason=reason(error),
+                    time_s=getattr(error, "time_s", None),
+                    values={} if parameters is None else parameters.values,
+                    segments=() if parameters is None else parameters.segments,
+                )
+            )
+            continue
+        record = Record(
+            mission=mission,
+            attempt=attempt,
+            samples=len(flight.trajectory.time),
+            parameters=parameters,
+            sensors=flight.drawn,
+            failures=tuple(failures),
+        )
+        return record, encode_signals(flight, recipe.plan.samples)
+    raise InputError(
+        f"mission {mission} failed {MAX_ATTEMPTS} times, last: {failures[-1].reason}; "
+        f"{to_narrow(recipe, failures[-1].reason)}"
+    )
+
+
+def to_narrow(recipe: Recipe, reason: str) -> str:
+    """Which distributions to narrow: those that the reason speaks of, else those replaced."""
+    words = set(re.findall(r"\w+", reason))
+    named = [name for name in PARAMETERS if name.partition(".")[2] in words] or [*recipe.changes]
+    if not named:
+        return f"preset {recipe.preset!r} does not suit vehicle {recipe.vehicle.name!r}"
+    now = ", ".join(f"{name} (now {recipe.distributions[name].text()})" for name in named)
+    return f"narrow with --set: {now}"
+
+
+def reason(error: TwinError) -> str:
+    """Why an attempt failed, the same words on every replay."""
+    if isinstance(error, SimulationUnstable):
+        return f"went unstable at {error.time_s:.1f} s"
+    return str(error)
+
+
+def encode_signals(flight: Flight, samples: int) -> dict[str, bytes]:
+    """Every signal as its chunk, in the schema's order."""
+    signals = flight.signals
+    # noise-free sensors pass the very arrays of the truth on: compress them once
+    done: dict[tuple[int, Any], bytes] = {}
+    chunks: dict[str, bytes] = {}
+    for name, variable in VARIABLES.items():
+        if name not in signals:
+            continue
+        values = signals[name]
+        key = (id(values), variable.decimals)
+        if key not in done:
+            done[key] = encode(stored_values(values, variable.decimals), samples)
+        chunks[name] = done[key]
+    return chunks

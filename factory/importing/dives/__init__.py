@@ -1,0 +1,1 @@
+"""Dives: logs cut into dives and put on a uniform grid."""

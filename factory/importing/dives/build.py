@@ -1,0 +1,218 @@
+"""Build: logs cut into rows and put on the grid, with the report of what was done."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.dives.dataset import FRAMES, Row, rows_dataset
+from factory.importing.dives.dive_current import averaged_current
+from factory.importing.dives.resample import grid, on_grid
+from factory.importing.dives.rowcheck import complete, standing
+from factory.importing.dives.segments import Rules, Segment, cut
+from factory.importing.reading.log import Array, Channel, Log
+from factory.importing.reading.tally import ImportReport, Tally, summarise
+from factory.importing.reading.unread import stand_ins, tell_unread
+from factory.importing.repairs.plausibility import check_signs
+from factory.importing.repairs.seawater import depth_of, pressure_of
+from factory.importing.repairs.surface import zeroed
+from twin.errors import InputError
+from twin.records.schema import VARIABLES
+from twin.records.store import IMPORT_REPORT
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+WANTED = (
+    "measured_pitch", "measured_roll", "measured_heading", "measured_pump", "measured_shift",
+    "measured_rotation", "measured_density",
+)  # fmt: skip
+"""Channels whose absence the report names."""
+HAS_NONE = {"slocum": ("measured_rotation",), "lrauv": ("measured_rotation",)}
+"""Channels that no vehicle of the kind has: their absence is no news."""
+_EQUATOR = 0.0
+"""[degree] Latitude for depth where a log has no position: 0.5 % of gravity's range."""
+
+
+def build(
+    logs: Sequence[Log],
+    *,
+    kind: str,
+    period: float,
+    rules: Rules,
+    tally: Tally,
+    files: Sequence[str],
+    held: frozenset[str] = frozenset(),
+) -> tuple[xr.Dataset, ImportReport]:
+    """One dataset of all logs, rows of each deployment in time order.
+
+    Raises:
+      InputError: no log holds a dive.
+    """
+    rows: list[Row] = []
+    lacking: dict[str, list[str]] = {}
+    deepened: list[Log] = []
+    for log in sorted(logs, key=lambda one: (one.span[0], one.deployment)):
+        log = zeroed(with_depth(log, tally), rules, tally)
+        deepened.append(log)
+        depth = log.channel("measured_depth")
+        check_signs(log, tally)
+        if not len(log.fixes):
+            lacking.setdefault("GPS fixes", []).append(log.deployment)
+        for name in WANTED:
+            if not len(log.channel(name)) and name not in HAS_NONE.get(kind, ()):
+                lacking.setdefault(name, []).append(log.deployment)
+        if not len(log.channel("measured_pitch")):
+            tally.add(
+                "suspect", "measured_pitch", 1,
+                f"{log.deployment} has none: identification and dead reckoning need it",
+            )  # fmt: skip
+        segments = cut(log, depth, rules, tally)
+        if not segments:
+            tally.add("left out", log.deployment, 1, f"no dive: deepest {depth.values.max():.3g} m")
+        _tell_outside(depth, segments, rules, tally)
+        for name in ("true_speed", "velocity_north"):
+            truth = log.channel(name)
+            outside = int(_outside(truth, segments).sum())
+            tally.add("left out", name, outside, "truth samples outside rows")
+        for number, segment in enumerate(segments):
+            times = grid(segment, period)
+            signals = on_grid(
+                log, segment, times, period=period, rules=rules, tally=tally, held=held
+            )
+            numbers = _numbers(log, segment, segments, number)
+            whole = complete(log, segment, int(numbers["dive"]), tally)
+            standing(log, segment, tally)
+            numbers["dac_north"], numbers["dac_east"] = averaged_current(
+                signals, segment, period,
+                complete=whole, driven=numbers.get("thruster_fraction", 0.0),
+            )  # fmt: skip
+            rows.append(Row(log=log, segment=segment, signals=signals, numbers=numbers))
+    tell_unread(tally)
+    instead = stand_ins(tuple(lacking), tally.unread)
+    for name, deployments in lacking.items():
+        split = " (rows are split by depth)" if name == "GPS fixes" else ""
+        other = f"; is it {instead[name]!r}, which is not read?" if name in instead else ""
+        tally.add(
+            "missing", name, len(deployments), f"in {summarise(deployments, 3)}{split}{other}"
+        )
+    if not rows and max(len(log.channel("measured_depth")) for log in deepened) < 2:
+        raise InputError(f"{summarise(files)}: the log holds 1 sample; a dive needs many")
+    if not rows:
+        raise InputError(
+            f"no dive deeper than {rules.min_depth:g} m and longer than {rules.min_duration:g} s "
+            f"in {summarise(files)}; lower --min-depth for a shallower log"
+        )
+    for axis in ("north", "east"):  # a store has no variable of NaN alone
+        if not any(np.isfinite(row.numbers[f"dac_{axis}"]) for row in rows):
+            for row in rows:
+                del row.numbers[f"dac_{axis}"]
+    names = tuple(n for n in VARIABLES if any(n in row.signals for row in rows))
+    samples = sum(len(row.signals["measured_gap"]) for row in rows)
+    report = ImportReport(
+        kind=kind,
+        files=tuple(files),
+        deployments=tuple(dict.fromkeys(row.log.deployment for row in rows)),
+        rows=len(rows),
+        rows_with_fixes=sum(
+            1 for r in rows if r.segment.start_fix is not None and r.segment.end_fix is not None
+        ),
+        samples=samples,
+        hours=samples * period / 3600.0,
+        period=period,
+        channels=names,
+        entries=tally.entries(),
+    )
+    stamp = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    attributes = {
+        "source_format": kind,
+        "platform": ", ".join(dict.fromkeys(row.log.platform for row in rows)),
+        "files": " ".join(files),
+        "history": f"{stamp}: factory import {kind}",
+        IMPORT_REPORT: json.dumps(report.to_dict()),
+    }
+    if any(row.log.simulated for row in rows):
+        attributes["comment"] = f"The files say that they are simulated. {FRAMES}"
+    return rows_dataset(rows, period, attributes), report
+
+
+def with_depth(log: Log, tally: Tally) -> Log:
+    """The log with depth by TEOS-10 from its pressure; from depth alone, pressure is computed.
+
+    Raises:
+      InputError: it has neither.
+    """
+    latitude = float(np.median(log.fixes.latitude)) if len(log.fixes) else _EQUATOR
+    track = log.channel("latitude")
+    if not len(log.fixes) and len(track):
+        latitude = float(np.median(track.values))
+    pressure, depth = log.channel("measured_pressure"), log.channel("measured_depth")
+    channels = dict(log.channels)
+    if len(pressure):
+        channels["measured_depth"] = Channel(pressure.time, depth_of(pressure.values, latitude))
+    elif len(depth):
+        channels["measured_pressure"] = Channel(depth.time, pressure_of(depth.values, latitude))
+        tally.add("note", "measured_pressure", len(depth), "computed from the vehicle's depth")
+    else:
+        raise InputError(f"{log.deployment}: the log has neither pressure nor depth")
+    return dataclasses.replace(log, channels=channels)
+
+
+def _tell_outside(depth: Channel, segments: Sequence[Segment], rules: Rules, tally: Tally) -> None:
+    """Count the depths that no row holds, by where the vehicle was."""
+    outside = _outside(depth, segments)
+    shallow = depth.values <= rules.surface_depth
+    for where, count in (
+        (f"at the surface between dives (above {rules.surface_depth:g} m)", outside & shallow),
+        ("under water, but no dive: too shallow or too short", outside & ~shallow),
+    ):
+        tally.add("left out", "depth samples", int(count.sum()), where)
+
+
+def _outside(depth: Channel, segments: Sequence[Segment]) -> NDArray[np.bool_]:
+    """True for samples in no segment."""
+    inside = np.zeros(len(depth), bool)
+    for segment in segments:
+        inside |= (depth.time >= segment.start) & (depth.time <= segment.end)
+    return ~inside
+
+
+def _numbers(
+    log: Log, segment: Segment, segments: Sequence[Segment], number: int
+) -> dict[str, float]:
+    """Per-row numbers that come from the log."""
+    numbers: dict[str, float] = {"dive": float(number)}
+    dive = log.channel("dive").within(segment.start, segment.end)
+    if len(dive):
+        numbers["dive"] = float(np.median(dive.values))
+    middle = np.array([0.5 * (segment.start + segment.end)])
+    if len(log.magnetic_variation):
+        numbers["magnetic_variation"] = float(log.magnetic_variation.at(middle)[0])
+    # the vehicle computes the dive's current after it: the last value before the next dive
+    after = segments[number + 1].start if number + 1 < len(segments) else float("inf")
+    for axis in ("north", "east"):
+        reported = log.channel(f"dac_{axis}").within(segment.end - _BEFORE_FIX, after)
+        if len(reported):
+            numbers[f"vehicle_dac_{axis}"] = float(reported.values[-1])
+    thruster = log.channel("thruster").within(segment.start, segment.end)
+    if len(log.channel("thruster")):
+        numbers["thruster_fraction"] = (
+            float(np.mean(thruster.values > 0.0)) if len(thruster) else 0.0
+        )
+    return numbers
+
+
+_BEFORE_FIX = 1.0
+"""[s] A current stamped with the fix itself belongs to the dive before it."""
+
+
+def as_array(values: object) -> Array:
+    """Any numbers as a float64 array; masked ones are NaN."""
+    filled = np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
+    return np.asarray(filled, np.float64).ravel()

@@ -1,0 +1,226 @@
+"""Resample: a log's channels on one row's uniform grid."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.dives.segments import Rules, Segment, float_at_fixes, phases
+from factory.importing.reading.log import Channel, Log
+from factory.importing.reading.tally import Tally
+from factory.importing.repairs.fixes import nearest
+from twin.geodesy import offset
+
+Array = NDArray[np.float64]
+
+ANGLES = frozenset({"measured_heading", "commanded_heading", "true_heading"})
+"""[degree] On a circle: interpolated the short way round."""
+HELD = frozenset(
+    {"commanded_shift", "commanded_rotation", "commanded_pump", "commanded_pitch",
+     "commanded_heading", "commanded_segment", "measured_dvl_mode"}
+)  # fmt: skip
+"""Set at once and kept: the last value holds."""
+SPARSE = frozenset(
+    {"true_speed", "true_surge", "true_sway", "true_heave", "true_current_north",
+     "true_current_east", "true_current_down", "measured_dvl_surge", "measured_dvl_sway",
+     "measured_dvl_heave"}
+)  # fmt: skip
+"""Only where an original sample lies within half a period: the nearest one."""
+WATER = frozenset({"measured_temperature", "measured_salinity", "measured_density"})
+"""Interpolated over short gaps of the CTD alone."""
+WATER_GAP = 120.0
+"""[s] A glider crosses less than 25 m in it."""
+_GAP_FACTOR = 3.0
+"""A gap is longer than so many usual sample spacings."""
+_TRUTH = ("true_surge", "true_sway", "true_heave")
+
+
+def grid(segment: Segment, period: float) -> Array:
+    """[s] unix times of a row's samples: from its start, the last nearest to its end."""
+    count = max(2, round(segment.duration / period) + 1)
+    return np.asarray(segment.start + period * np.arange(count), np.float64)
+
+
+def on_grid(
+    log: Log,
+    segment: Segment,
+    times: Array,
+    *,
+    period: float,
+    rules: Rules,
+    tally: Tally,
+    held: frozenset[str] = frozenset(),
+) -> dict[str, Array]:
+    """Signals of one row, each with the shape of `times`.
+
+    Values outside a channel's first and last sample are held; `measured_gap` marks them. `held`
+    names further channels that keep their last value.
+    """
+    signals: dict[str, Array] = {}
+    for name, channel in log.channels.items():
+        if name in HELD:
+            if channel.time[0] <= times[-1]:
+                signals[name] = _hold(channel, times)
+            continue
+        # the samples just outside belong to the row's ends, those of other dives do not
+        margin = max(period, _GAP_FACTOR * channel.spacing if len(channel) > 1 else 0.0)
+        near = channel.within(times[0] - margin, times[-1] + margin)
+        if not len(near):
+            continue
+        if name in SPARSE:
+            values = _close(near, times, 0.5 * period)
+        elif name in held:
+            values = _hold(near, times)
+        elif name in ANGLES:
+            turned = np.degrees(np.unwrap(np.radians(near.values)))
+            values = np.mod(np.interp(times, near.time, turned), 360.0)
+        else:
+            values = near.at(times)
+            if name in WATER:
+                values = np.where(_distance(near, times) <= WATER_GAP, values, np.nan)
+        if np.isfinite(values).any():
+            signals[name] = values
+    for name in ("true_north", "true_east"):
+        if name in signals:  # of a simulated log, from its own origin
+            signals[name] = signals[name] - signals[name][0]
+    _fill_density(signals, tally)
+    gap = _gaps(log, times, period)
+    tally.add("interpolated", "attitude or depth", int(gap.sum()), "grid samples within gaps")
+    signals["measured_gap"] = gap.astype(np.float64)
+    if "measured_depth" in signals:
+        signals["measured_phase"] = float_at_fixes(
+            phases(times - times[0], signals["measured_depth"], rules.surface_depth),
+            signals["measured_depth"],
+            segment,
+            period,
+        )
+    _put_fixes(log, segment, times, period, signals)
+    _put_onboard(log, segment, times, signals)
+    _put_truth(log, times, signals)
+    return signals
+
+
+def _distance(channel: Channel, times: Array) -> Array:
+    """[s] From each time to the channel's nearest sample."""
+    return np.abs(nearest(channel.time, times) - times)
+
+
+def _close(channel: Channel, times: Array, reach: float) -> Array:
+    """The nearest sample where it lies within `reach` [s], else NaN."""
+    at = nearest(channel.time, times)
+    values = channel.values[np.searchsorted(channel.time, at)]
+    return np.where(np.abs(at - times) <= reach, values, np.nan)
+
+
+def _hold(channel: Channel, times: Array) -> Array:
+    """The last sample at or before each time; the first one before it."""
+    index = np.searchsorted(channel.time, times, side="right") - 1
+    return channel.values[np.maximum(index, 0)]
+
+
+def _gaps(log: Log, times: Array, period: float) -> NDArray[np.bool_]:
+    """True where attitude or depth has no original sample near."""
+    gap = np.zeros(len(times), bool)
+    for names in (("measured_pitch",), ("measured_depth", "measured_pressure")):
+        channel = next((c for n in names if len(c := log.channel(n))), None)
+        if channel is not None:
+            reach = max(0.5 * _GAP_FACTOR * channel.spacing, period)
+            gap |= _distance(channel, times) > reach
+    return gap
+
+
+def _fill_density(signals: dict[str, Array], tally: Tally) -> None:
+    """Where the CTD was off, density comes from the row's own profile at the same depth."""
+    density, depth = signals.get("measured_density"), signals.get("measured_depth")
+    if density is None or depth is None:
+        return
+    there = np.isfinite(density)
+    missing = ~there & np.isfinite(depth)
+    if not missing.any() or there.sum() < 10:
+        return
+    order = np.argsort(depth[there])
+    signals["measured_density"] = np.where(
+        missing, np.interp(depth, depth[there][order], density[there][order]), density
+    )
+    tally.add(
+        "interpolated", "measured_density", int(missing.sum()),
+        "grid samples without CTD: from the row's own profile at that depth",
+    )  # fmt: skip
+
+
+def _put_fixes(
+    log: Log, segment: Segment, times: Array, period: float, signals: dict[str, Array]
+) -> None:
+    """GPS [m] from the row's start at the samples nearest to its fixes; NaN elsewhere."""
+    origin = segment.start_fix or segment.end_fix
+    if origin is None:
+        return
+    north, east = np.full(len(times), np.nan), np.full(len(times), np.nan)
+    for position, k in ((segment.start_fix, 0), (segment.end_fix, len(times) - 1)):
+        if position is not None:
+            north[k], east[k] = offset(np.float64(position[0]), np.float64(position[1]), *origin)
+    signals["measured_gps_north"], signals["measured_gps_east"] = north, east
+
+
+def _put_onboard(log: Log, segment: Segment, times: Array, signals: dict[str, Array]) -> None:
+    """The vehicle's own track [m] from the row's start, before the end fix corrects it."""
+    north, east = log.channel("onboard_north"), log.channel("onboard_east")
+    if len(log.channel("latitude")) and len(log.channel("longitude")) and not len(north):
+        latitude, longitude = log.channel("latitude"), log.channel("longitude")
+        origin = segment.start_fix
+        if origin is None:
+            origin = (
+                float(latitude.at(np.array([segment.start]))[0]),
+                float(longitude.at(np.array([segment.start]))[0]),
+            )
+        common = latitude.within(segment.start, segment.end - 1e-3)
+        if len(common) < 2:
+            return
+        values = offset(common.values, longitude.at(common.time), *origin)
+        north, east = Channel(common.time, values[0]), Channel(common.time, values[1])
+    else:
+        north = north.within(segment.start, segment.end - 1e-3)
+        east = east.within(segment.start, segment.end - 1e-3)
+        if len(north) < 2 or len(east) < 2:
+            return
+        north = Channel(north.time, north.values - north.values[0])
+        east = Channel(east.time, east.values - east.values[0])
+    signals["measured_onboard_north"] = north.at(times)
+    signals["measured_onboard_east"] = east.at(times)
+
+
+def _put_truth(log: Log, times: Array, signals: dict[str, Array]) -> None:
+    """Velocity through the water [m/s] in body axes, and current, near original truth samples."""
+    parts = [log.channel(f"velocity_{axis}") for axis in ("north", "east", "down")]
+    if all(len(part) for part in parts):
+        needed = ("measured_roll", "measured_pitch", "measured_heading")
+        if all(name in signals for name in needed):
+            reach = 0.5 * parts[0].spacing
+            near = _distance(parts[0], times) <= reach
+            near &= signals["measured_gap"] < 0.5
+            if near.any():
+                ned = np.stack([part.at(times) for part in parts])
+                body = to_body(ned, *(np.radians(signals[name]) for name in needed))
+                for name, values in zip(_TRUTH, body, strict=True):
+                    signals[name] = np.where(near, values, np.nan)
+                signals["true_speed"] = np.where(near, np.linalg.norm(ned, axis=0), np.nan)
+    for axis in ("north", "east"):
+        current = log.channel(f"current_{axis}")
+        if len(current):
+            near = _distance(current, times) <= 0.5 * current.spacing
+            if near.any():
+                signals[f"true_current_{axis}"] = np.where(near, current.at(times), np.nan)
+
+
+def to_body(ned: Array, roll: Array, pitch: Array, heading: Array) -> Array:
+    """Vectors (3, time) from north-east-down to forward-starboard-down axes; angles in rad, ZYX."""
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    ch, sh = np.cos(heading), np.sin(heading)
+    north, east, down = ned
+    return np.stack(
+        [
+            cp * ch * north + cp * sh * east - sp * down,
+            (sr * sp * ch - cr * sh) * north + (sr * sp * sh + cr * ch) * east + sr * cp * down,
+            (cr * sp * ch + sr * sh) * north + (cr * sp * sh - sr * ch) * east + cr * cp * down,
+        ]
+    )

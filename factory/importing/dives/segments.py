@@ -1,0 +1,236 @@
+"""Segments: dives from GPS fix to GPS fix, the drift at the surface before each, and phases."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.reading.log import Channel, Fixes, Log
+from factory.importing.reading.tally import Tally
+from factory.importing.repairs.fixes import good_fixes
+from factory.importing.repairs.rules import Rules as Rules
+from twin.geodesy import offset
+
+Array = NDArray[np.float64]
+
+
+DESCENT, CLIMB, LEVEL, SURFACE = 1, 2, 3, 0
+PHASES = {SURFACE: "surface", DESCENT: "descent", CLIMB: "climb", LEVEL: "inflection_or_level"}
+"""Flags of `measured_phase`."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Segment:
+    """One row: a dive between two fixes, or what there is of one."""
+
+    start: float
+    """[s] unix: last fix before the dive; first sample where there is none."""
+    end: float
+    """[s] unix: first fix after the dive; last sample where there is none."""
+    start_fix: tuple[float, float] | None
+    """Latitude, longitude [degree]."""
+    end_fix: tuple[float, float] | None
+    displacement: tuple[float, float]
+    """[m] north, east over ground between the fixes; NaN without both."""
+    surface_duration: float
+    """[s] at the surface before the row, between the fixes there; NaN where unknown."""
+    surface_drift: tuple[float, float]
+    """[m/s] north, east of that time."""
+
+    @property
+    def duration(self) -> float:
+        """[s] from start to end."""
+        return self.end - self.start
+
+
+def cut(log: Log, depth: Channel, rules: Rules, tally: Tally) -> list[Segment]:
+    """The dives of a log, in time order.
+
+    Consecutive fixes with a dive between them make a row; before the first and after the last fix,
+    and in logs without fixes, rows are split at surfacings and at gaps.
+    """
+    fixes = good_fixes(log.fixes, depth, rules, tally, station=log.station)
+    first, last = log.span
+    edges = [first - 1.0, *fixes.time.tolist(), last + 1.0]
+    segments: list[Segment] = []
+    short = 0
+    for k in range(len(edges) - 1):
+        start, end = edges[k], edges[k + 1]
+        inside = depth.within(start, end)
+        if not len(inside) or inside.values.max() <= rules.min_depth:
+            continue
+        has_start, has_end = k > 0, k < len(edges) - 2
+        if has_start and has_end:
+            parts = [(start, end)]
+        else:
+            parts = split_without_fixes(inside, rules)
+            if has_start and parts:
+                parts[0] = (start, parts[0][1])
+            if has_end and parts:
+                parts[-1] = (parts[-1][0], end)
+        for p, (begin, stop) in enumerate(parts):
+            if stop - begin < rules.min_duration:
+                short += 1
+                continue
+            segments.append(
+                _segment(
+                    log,
+                    fixes,
+                    begin,
+                    stop,
+                    k - 1 if has_start and p == 0 else None,
+                    k if has_end and p == len(parts) - 1 else None,
+                    segments[-1].end if segments else None,
+                    rules,
+                )
+            )
+    tally.add("left out", "dives", short, f"shorter than {rules.min_duration:g} s")
+    carried = [s for s in segments if np.hypot(*s.surface_drift) > rules.drift_speed]
+    tally.add(
+        "left out", "surface drift", len(carried),
+        f"faster than {rules.drift_speed:g} m/s: carried, or a wrong fix",
+    )  # fmt: skip
+    nothing = (float("nan"), float("nan"))
+    segments = [
+        dataclasses.replace(s, surface_drift=nothing) if s in carried else s for s in segments
+    ]
+    _tell_holes(log, depth, tally)
+    open_ended = sum(1 for s in segments if s.start_fix is None or s.end_fix is None)
+    tally.add("note", "rows", open_ended, "without a fix at one or both ends")
+    return segments
+
+
+_DAY = 86400.0
+"""[s]"""
+
+
+def _tell_holes(log: Log, depth: Channel, tally: Tally) -> None:
+    """Say where a log pauses for more than a day: it may be two deployments."""
+    for k in np.flatnonzero(np.diff(depth.time) > _DAY):
+        days = (depth.time[k + 1] - depth.time[k]) / _DAY
+        day = np.datetime64(int(depth.time[k]), "s").astype("datetime64[D]")
+        tally.add("note", log.deployment, 1, f"silent for {days:.1f} days from {day}")
+
+
+def _segment(
+    log: Log,
+    fixes: Fixes,
+    begin: float,
+    stop: float,
+    first: int | None,
+    last: int | None,
+    previous_end: float | None,
+    rules: Rules,
+) -> Segment:
+    """Make one row; `first` and `last` index the fixes at its ends."""
+    nothing = float("nan")
+    position = [
+        None if i is None else (float(fixes.latitude[i]), float(fixes.longitude[i]))
+        for i in (first, last)
+    ]
+    moved, drift, waited = (nothing, nothing), (nothing, nothing), nothing
+    if position[0] is not None and position[1] is not None:
+        north, east = offset(np.float64(position[1][0]), np.float64(position[1][1]), *position[0])
+        moved = (float(north), float(east))
+    if first is not None:
+        begins = fixes.time[0] if previous_end is None else previous_end
+        around = fixes.within(begins, begin)
+        holes = np.flatnonzero(np.diff(around.time) > rules.longest_gap)
+        if holes.size:  # a stay begins after the last hole: nobody knows what was in it
+            around = around.keep(np.arange(len(around)) > holes[-1])
+        if len(around) > 1:
+            waited = float(around.time[-1] - around.time[0])
+            drift = surface_drift(around)
+    return Segment(
+        start=begin,
+        end=stop,
+        start_fix=position[0],
+        end_fix=position[1],
+        displacement=moved,
+        surface_duration=waited,
+        surface_drift=drift,
+    )
+
+
+_DRIFT_TIME = 60.0
+"""[s] Over a shorter time the noise of two fixes exceeds a usual drift."""
+
+
+def surface_drift(fixes: Fixes) -> tuple[float, float]:
+    """North and east [m/s] by a straight line through the fixes; NaN for less than a minute."""
+    time = fixes.time - fixes.time[0]
+    if time[-1] < _DRIFT_TIME:
+        return float("nan"), float("nan")
+    north, east = offset(
+        fixes.latitude, fixes.longitude, float(fixes.latitude[0]), float(fixes.longitude[0])
+    )
+    spread = time - time.mean()
+    weight = spread / (spread @ spread)
+    return float(weight @ north), float(weight @ east)
+
+
+def split_without_fixes(depth: Channel, rules: Rules) -> list[tuple[float, float]]:
+    """Start and end of each dive by depth alone: from surfacing to surfacing or gap."""
+    wet = depth.values > rules.surface_depth
+    gaps = np.diff(depth.time) > rules.longest_gap
+    pieces: list[tuple[float, float]] = []
+    breaks = np.flatnonzero(gaps) + 1
+    for part in np.split(np.arange(len(depth)), breaks):
+        under = wet[part].astype(np.int8)
+        turns = np.diff(np.concatenate([[0], under, [0]]))
+        for down, up in zip(np.flatnonzero(turns == 1), np.flatnonzero(turns == -1), strict=True):
+            rows = part[down:up]
+            if depth.values[rows].max() <= rules.min_depth:
+                continue
+            # the surface sample on either side belongs to the dive
+            low, high = max(part[0], rows[0] - 1), min(part[-1], rows[-1] + 1)
+            pieces.append((float(depth.time[low]), float(depth.time[high])))
+    return pieces
+
+
+_RATE_WINDOW = 20.0
+"""[s] Vertical speed is taken over so long, far shorter than a dive's turns."""
+_STILL = 0.03
+"""[m/s] A glider that sinks and rises slower is turning, level or hanging."""
+
+
+def phases(time: Array, depth: Array, surface_depth: float) -> Array:
+    """Phase of each sample from depth [m]: 0 surface, 1 descent, 2 climb, 3 inflection or level."""
+    half = max(1, round(0.5 * _RATE_WINDOW / max(time[1] - time[0], 1e-9))) if len(time) > 1 else 1
+    index = np.arange(len(time))
+    low, high = np.maximum(index - half, 0), np.minimum(index + half, len(time) - 1)
+    span = np.maximum(time[high] - time[low], 1e-9)
+    rate = (depth[high] - depth[low]) / span
+    phase = np.where(rate > 0.0, DESCENT, CLIMB)
+    phase = np.where(np.abs(rate) < _STILL, LEVEL, phase)
+    return np.where(depth < surface_depth, SURFACE, phase).astype(np.float64)
+
+
+_AFLOAT = 3.0
+"""[m] Upright at the surface, a glider's pressure sensor is so deep at most."""
+_DIVING = 0.5
+"""[m] Below the depth at the fix: waves are smaller, a dive is not."""
+
+
+_AT_REST = 10.0
+"""[s] Floating is told from diving by the depth's change over so long."""
+
+
+def float_at_fixes(phase: Array, depth: Array, segment: Segment, period: float) -> Array:
+    """Phases with 0 from the fix on until the depth leaves what it was there, at both ends.
+
+    A Seaglider hangs with its nose down while it has its fixes, its sensor 1 to 3 m under water.
+    """
+    phase = phase.copy()
+    for fix, order in ((segment.start_fix, slice(None)), (segment.end_fix, slice(None, None, -1))):
+        seen = depth[order]
+        if fix is None or not seen[0] <= _AFLOAT:
+            continue
+        if np.ptp(seen[: max(2, round(_AT_REST / period) + 1)]) > _STILL * _AT_REST:
+            continue  # the fix is logged while the vehicle dives already
+        left = np.abs(seen - seen[0]) > _DIVING
+        count = int(np.argmax(left)) if left.any() else len(left)
+        phase[order][:count] = SURFACE
+    return phase

@@ -1,0 +1,1 @@
+"""Reading: columns and channels of log files, and the tally of what was done to them."""

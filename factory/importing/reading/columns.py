@@ -1,0 +1,255 @@
+"""Table: columns of one file, whatever format it came in, with one time each; sorted and unique."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import gzip
+import math
+import zlib
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.reading.tally import Tally
+from twin.errors import InputError
+
+Array = NDArray[np.float64]
+
+MISSING = frozenset({"", "nan", "na", "null", "none", "n/a", "--"})
+"""Words that mean no value (compared in lower case)."""
+CSV_FORMATS = ("%d/%m/%Y %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S")
+"""SeaExplorer's time stamps."""
+_SECONDS_FROM, _SECONDS_TO = 3.0e8, 4.2e9
+"""Unix seconds from 1979 to 2103: what a log's time can be."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """Columns of one file."""
+
+    path: Path
+    columns: Mapping[str, Array]
+    """Numbers; texts that are no numbers are in `texts`."""
+    texts: Mapping[str, NDArray[Any]] = dataclasses.field(default_factory=dict)
+
+    def has(self, *names: str) -> bool:
+        """True when all the columns are there."""
+        return all(name in self.columns for name in names)
+
+    def __len__(self) -> int:
+        every = [*self.columns.values(), *self.texts.values()]
+        return len(every[0]) if every else 0
+
+
+def read_table(path: Path) -> Table:
+    """Read a csv, csv.gz or parquet file.
+
+    Raises:
+      InputError: unreadable, empty or truncated, or pyarrow is missing.
+    """
+    if path.stat().st_size == 0:
+        raise InputError(f"{path} is empty")
+    if path.suffix == ".parquet":
+        return _parquet(path)
+    return _csv(path)
+
+
+def _parquet(path: Path) -> Table:
+    try:
+        parquet = import_module("pyarrow.parquet")
+    except ImportError:
+        raise InputError(
+            f"{path.name} needs pyarrow, which is not installed: pip install pyarrow"
+        ) from None
+    try:
+        table = parquet.read_table(path)
+    except Exception as error:
+        raise InputError(f"{path} is no whole parquet file: {_line(error)}") from error
+    columns: dict[str, Array] = {}
+    texts: dict[str, NDArray[Any]] = {}
+    for name in table.column_names:
+        values = table[name].to_numpy()
+        if values.dtype.kind == "M":
+            seconds = values.astype("datetime64[ns]").astype(np.int64) / 1e9
+            columns[name] = np.where(np.isnat(values), np.nan, seconds)
+        elif values.dtype.kind in "fiub":
+            columns[name] = values.astype(np.float64)
+        else:
+            texts[name] = values
+    return Table(path, columns, texts)
+
+
+def _csv(path: Path) -> Table:
+    opener: Any = gzip.open if path.suffix == ".gz" else open
+    try:
+        with opener(path, "rt", newline="", encoding="utf-8-sig", errors="replace") as file:
+            sample = file.readline()
+            delimiter = ";" if sample.count(";") > sample.count(",") else ","
+            names = [word.strip() for word in sample.rstrip("\r\n").split(delimiter)]
+            rows = list(csv.reader(file, delimiter=delimiter))
+    except (OSError, EOFError, zlib.error, csv.Error) as error:
+        raise InputError(f"{path} cannot be read to its end: {_line(error)}") from error
+    if len(names) < 2 or any(not name for name in names[1:-1]):
+        raise InputError(f"{path} does not begin with a line of column names")
+    if not names[0]:  # the index that pandas writes
+        names, rows = names[1:], [row[1:] for row in rows]
+    names = [name for name in names if name]
+    rows = [row for row in rows if row]
+    columns: dict[str, Array] = {}
+    texts: dict[str, NDArray[Any]] = {}
+    for k, name in enumerate(names):
+        words = [row[k].strip() if k < len(row) else "" for row in rows]
+        numbers = _numbers(words)
+        if numbers is None:
+            texts[name] = np.array(words, dtype=object)
+        else:
+            columns[name] = numbers
+    return Table(path, columns, texts)
+
+
+def _numbers(words: Sequence[str]) -> Array | None:
+    """The words as numbers, or None when more than half of those with a value are none."""
+    values = np.full(len(words), np.nan)
+    bad = there = 0
+    for i, word in enumerate(words):
+        if word.lower() in MISSING:
+            continue
+        there += 1
+        try:
+            values[i] = float(word)
+        except ValueError:
+            bad += 1
+    return None if there and bad > there / 2 else values
+
+
+def parse_stamps(words: NDArray[Any]) -> Array:
+    """Unix seconds of written times: ISO 8601 or day/month/year; NaN where there is none."""
+    out = np.full(len(words), np.nan)
+    for i, word in enumerate(words):
+        out[i] = _stamp(str(word))
+    return out
+
+
+def _stamp(word: str) -> float:
+    try:
+        moment = datetime.fromisoformat(word)
+    except ValueError:
+        for layout in CSV_FORMATS:
+            try:
+                moment = datetime.strptime(word, layout)
+                break
+            except ValueError:
+                continue
+        else:
+            return math.nan
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def unix_seconds(time: Array, subject: str, tally: Tally) -> Array:
+    """Times in unix seconds, whatever of ms, us, ns, days or MATLAB days they were in; counted.
+
+    Raises:
+      InputError: the numbers are no times of a log.
+    """
+    good = time[np.isfinite(time)]
+    if not good.size:
+        return time
+    middle = float(np.median(good))
+    for factor, offset, unit in (
+        (1.0, 0.0, ""),
+        (1e-3, 0.0, "milliseconds"),
+        (1e-6, 0.0, "microseconds"),
+        (1e-9, 0.0, "nanoseconds"),
+        (86400.0, -719529.0, "MATLAB days"),
+        (86400.0, 0.0, "days since 1970"),
+    ):
+        if _SECONDS_FROM <= (middle + offset) * factor <= _SECONDS_TO:
+            if unit:
+                tally.add("repaired", subject, good.size, f"time was in {unit}, not in seconds")
+            return (time + offset) * factor
+    raise InputError(
+        f"{subject}: time {middle:g} is no unix time in seconds; logs begin in 1979 or later"
+    )
+
+
+def tidy(
+    time: Array, columns: Mapping[str, Array], subject: str, tally: Tally
+) -> tuple[Array, dict[str, Array]]:
+    """Sort by time and make times unique; repeated times become one row.
+
+    Rows without a time are left out. Everything is counted.
+    """
+    known = np.isfinite(time) & (time >= _SECONDS_FROM) & (time <= _SECONDS_TO)
+    tally.add("left out", subject, int((~known).sum()), "rows without a possible time")
+    time = time[known]
+    late = np.flatnonzero(time < np.maximum.accumulate(time)) if time.size else np.zeros(0)
+    tally.add("sorted", subject, late.size, "rows earlier than one before them")
+    order = np.argsort(time, kind="stable")
+    unique, first = np.unique(time[order], return_index=True)
+    repeated = time.size - unique.size
+    out: dict[str, Array] = {}
+    for name, values in columns.items():
+        infinite = np.isinf(values)
+        tally.add("removed", name, int(infinite.sum()), "infinite")
+        out[name] = np.where(infinite, np.nan, values)[known][order]
+    if repeated:
+        out = _once(first, out, subject, tally)
+    return unique, out
+
+
+def _once(
+    first: NDArray[np.intp], columns: Mapping[str, Array], subject: str, tally: Tally
+) -> dict[str, Array]:
+    """Rows of one time as one row.
+
+    Where they agree, each column's first value; where they do not, the first row that has any,
+    alone: values of two rows that contradict each other are not mixed.
+
+    Args:
+      first: index of the first row of each time; rows are in order of time.
+    """
+    total = len(next(iter(columns.values()))) if columns else 0
+    group = np.zeros(total, np.intp)
+    group[first[1:]] = 1
+    group = np.cumsum(group)
+    clash = np.zeros(len(first), bool)
+    some = np.zeros(total, bool)
+    filled: dict[str, Array] = {}
+    for name, values in columns.items():
+        there = np.isfinite(values)
+        some |= there
+        best = np.lexsort((np.arange(total), ~there, group))
+        filled[name] = values[best][first]
+        differs = there & (values != filled[name][group])
+        clash[group[differs]] = True
+    leading = np.lexsort((np.arange(total), ~some, group))[first]
+    extra = np.bincount(group, minlength=len(first)) - 1
+    tally.add("repeated", subject, int(extra[~clash].sum()), "samples written twice: kept once")
+    tally.add(
+        "removed", subject, int(extra[clash].sum()),
+        "rows that repeat a time with other values: the first is kept",
+    )  # fmt: skip
+    return {
+        name: np.where(clash, values[leading], filled[name]) for name, values in columns.items()
+    }
+
+
+def stacked(pieces: Sequence[Mapping[str, Array]], names: Sequence[str]) -> dict[str, Array]:
+    """The named columns of all pieces one after the other; NaN where a piece lacks one."""
+    present = [name for name in names if any(name in piece for piece in pieces)]
+    return {
+        name: np.concatenate(
+            [p.get(name, np.full(len(next(iter(p.values()))), np.nan)) for p in pieces]
+        )
+        for name in present
+    }
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(str(error).split())[:160] or type(error).__name__

@@ -1,0 +1,1 @@
+"""Repairs: impossible values, wrong units and offsets of logs, each counted."""

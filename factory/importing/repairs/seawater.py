@@ -1,0 +1,92 @@
+"""Sea water: depth, salinity and density from pressure and CTD by TEOS-10."""
+
+from __future__ import annotations
+
+import gsw
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.reading.log import Channel
+from factory.importing.reading.tally import Tally
+from factory.importing.repairs.cleaning import clean
+
+Array = NDArray[np.float64]
+
+_MS_PER_CM = 10.0
+"""gsw takes conductivity in mS/cm; 1 S/m is 10 of them."""
+_SWAPPED = 9.0
+"""[S/m] No sea water conducts more: such a median is in mS/cm."""
+
+
+def depth_of(pressure: Array, latitude_deg: float) -> Array:
+    """Depth [m], positive down, of sea pressure [dbar]."""
+    return np.asarray(-gsw.z_from_p(pressure, latitude_deg), np.float64)
+
+
+def pressure_of(depth: Array, latitude_deg: float) -> Array:
+    """Sea pressure [dbar] at a depth [m]."""
+    return np.asarray(gsw.p_from_z(-depth, latitude_deg), np.float64)
+
+
+def siemens(conductivity: Array, subject: str, tally: Tally) -> Array:
+    """Conductivity in S/m; mS/cm where S/m is native is converted, counted."""
+    good = conductivity[np.isfinite(conductivity)]
+    if good.size and np.median(good) > _SWAPPED:
+        tally.add("repaired", subject, good.size, "was in mS/cm where S/m is native")
+        return conductivity / _MS_PER_CM
+    return conductivity
+
+
+def salinity(conductivity: Array, temperature: Array, pressure: Array) -> Array:
+    """Practical salinity from S/m, degC, dbar."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(gsw.SP_from_C(conductivity * _MS_PER_CM, temperature, pressure))
+
+
+def density(
+    practical: Array, temperature: Array, pressure: Array, latitude: float, longitude: float
+) -> Array:
+    """In-situ density [kg m-3] from practical salinity, in-situ temperature [degC] and dbar."""
+    with np.errstate(invalid="ignore"):
+        absolute = gsw.SA_from_SP(practical, pressure, longitude, latitude)
+        conservative = gsw.CT_from_t(absolute, temperature, pressure)
+        return np.asarray(gsw.rho(absolute, conservative, pressure), np.float64)
+
+
+def ctd_channels(
+    time: Array,
+    *,
+    temperature: Array,
+    pressure: Array,
+    latitude: float,
+    longitude: float,
+    tally: Tally,
+    conductivity: Array | None = None,
+    practical: Array | None = None,
+) -> dict[str, Channel]:
+    """Temperature, salinity and density as clean channels.
+
+    Samples where one of the sensors has no value, or an impossible one, are left out together.
+    Either conductivity [S/m] or practical salinity is given.
+    """
+    warm = clean("measured_temperature", time, temperature, tally, subject="temperature")
+    if conductivity is not None:
+        conducts = clean("conductivity", time, conductivity, tally)
+        both = np.intersect1d(warm.time, conducts.time)
+        use = np.isin(time, both)
+        values = salinity(conductivity[use], temperature[use], pressure[use])
+    elif practical is not None:
+        use = np.isin(time, warm.time)
+        values = practical[use]
+    else:
+        return {"measured_temperature": warm}
+    fresh = clean("measured_salinity", time[use], values, tally, subject="salinity")
+    use = np.isin(time, fresh.time)
+    values = density(fresh.values, temperature[use], pressure[use], latitude, longitude)
+    dense = clean("measured_density", time[use], values, tally, subject="density")
+    channels = {
+        "measured_temperature": warm,
+        "measured_salinity": fresh,
+        "measured_density": dense,
+    }
+    return {name: channel for name, channel in channels.items() if len(channel)}

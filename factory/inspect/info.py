@@ -1,0 +1,114 @@
+"""Info: what a store holds, complete or not."""
+
+from __future__ import annotations
+
+import datetime
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from factory.generation.checkpoint import Journal
+from factory.recipe.parameters import PARAMETERS
+from factory.recipe.plan import SPLITS
+from factory.stores.stored import StoredRun
+from factory.stores.stored_logs import StoredLogs
+from twin.errors import StoreError
+from twin.records.store import UNFINISHED
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unfinished:
+    """A store that a run has begun and not completed."""
+
+    store: Path
+    settings: dict[str, Any]
+    missions_kept: int
+
+
+def unfinished(path: Path) -> Unfinished | None:
+    """What an unfinished store holds so far; None when the store is complete or no store."""
+    if (path / "zarr.json").is_file() or not (path / UNFINISHED).is_dir():
+        return None
+    journal = Journal(path)
+    return Unfinished(
+        store=path, settings=journal.settings(), missions_kept=journal.count_missions()
+    )
+
+
+def drawn_rows(run: StoredRun) -> list[dict[str, object]]:
+    """One row for each drawn parameter: its distribution beside what was drawn."""
+    rows: list[dict[str, object]] = []
+    for name, parameter in PARAMETERS.items():
+        if parameter.variable not in run.dataset:
+            continue
+        values = run.small(parameter.variable).ravel()
+        meanings = run.dataset[parameter.variable].attrs.get("flag_meanings")
+        row: dict[str, object] = {"parameter": name, "unit": parameter.unit}
+        row["distribution"] = run.distributions[name].text()
+        if meanings is not None:
+            words = str(meanings).split()
+            counts = Counter(words[int(value)] for value in values if value >= 0)
+            row["drawn"] = ", ".join(f"{counts[word]} {word}" for word in words if counts[word])
+        else:
+            finite = values[np.isfinite(values)]
+            row |= {
+                "n": int(finite.size),
+                "least": float(finite.min()),
+                "mean": float(finite.mean()),
+                "most": float(finite.max()),
+            }
+        rows.append(row)
+    return rows
+
+
+def split_rows(run: StoredRun) -> list[dict[str, object]]:
+    """Missions and hours of each split."""
+    hours = run.small("duration") / 3600.0
+    return [
+        {
+            "split": split,
+            "missions": run.splits.count(split),
+            "hours": float(sum(h for h, s in zip(hours, run.splits, strict=True) if s == split)),
+        }
+        for split in SPLITS
+        if split in run.splits
+    ]
+
+
+def deployment_rows(logs: StoredLogs) -> list[dict[str, object]]:
+    """Dives, time, place and depth of each deployment."""
+    rows: list[dict[str, object]] = []
+    for deployment in dict.fromkeys(logs.deployments):
+        missions = logs.missions_of(deployment)
+        first, last = missions[0], missions[-1]
+        begin, end = (
+            datetime.datetime.fromtimestamp(float(unix), datetime.UTC)
+            for unix in (logs.starts[first], logs.time(last)[-1])
+        )
+        deepest = max(float(np.nanmax(logs.signal("measured_depth", k))) for k in missions)
+        fixed = [logs.fixes(k)[0] for k in missions if np.isfinite(logs.fixes(k)[0]).all()]
+        splits = [logs.splits[k] for k in missions]
+        rows.append(
+            {
+                "deployment": deployment,
+                "dives": len(missions),
+                "from [UTC]": f"{begin:%Y-%m-%d %H:%M}",
+                "to [UTC]": f"{end:%Y-%m-%d %H:%M}",
+                "latitude": f"{np.mean([fix[0] for fix in fixed]):.3f}" if fixed else None,
+                "longitude": f"{np.mean([fix[1] for fix in fixed]):.3f}" if fixed else None,
+                "deepest [m]": deepest,
+                "/".join(SPLITS): "/".join(str(splits.count(name)) for name in SPLITS),
+            }
+        )
+    return rows
+
+
+def stored_bytes(path: Path) -> int:
+    """Size of all files of a store."""
+    try:
+        return sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+    except OSError as error:
+        raise StoreError(f"cannot read {path}: {error.strerror or error}") from error

@@ -1,0 +1,214 @@
+"""Plot: one page that shows a person what a store holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from factory.recipe.plan import SPLITS
+from factory.stores.stored import StoredRun
+from twin.plot import style
+
+Array = NDArray[np.float64]
+
+MOST_TRACKS = 60
+"""Tracks drawn: more hide each other."""
+MOST_PROFILES = 8
+"""Depths over time drawn."""
+MOST_MISSIONS = 200
+"""Missions behind the histograms, spread evenly over the store."""
+POINTS = 1500
+"""Samples of a mission behind the histograms, spread evenly over it."""
+BINS = 60
+COVERED = 0.1, 99.9
+"""Percentiles that the axes of histograms cover; launches and surfacings lie outside."""
+SPLIT_COLOURS = {
+    "train": style.PALETTE["blue"],
+    "validation": style.PALETTE["green"],
+    "test": style.PALETTE["vermillion"],
+}
+TARGETS = (
+    ("true_surge", "surge through the water [m/s]"),
+    ("true_sway", "sway through the water [m/s]"),
+    ("true_heave", "heave through the water [m/s]"),
+)
+INPUTS = (
+    ("measured_pitch", "pitch [deg]"),
+    ("measured_roll", "roll [deg]"),
+    ("measured_depth", "depth [m]"),
+    ("measured_pump", "pumped volume [cm3]"),
+    ("measured_shift", "battery shift [mm]"),
+    ("measured_rotation", "battery rotation [deg]"),
+)
+ERRORS = (
+    ("pitch", "pitch error [deg]"),
+    ("heading", "heading error [deg]"),
+    ("depth", "depth error [m]"),
+)
+MILLIMETRES = {"measured_shift": 1000.0}
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Evenly thinned samples of some missions of a store."""
+
+    splits: list[str]
+    """of each mission"""
+    time: list[Array]
+    signals: dict[str, list[Array]]
+    """by name: one array for each mission"""
+
+    def pooled(self, name: str, split: str) -> Array:
+        """All samples of the missions of one split."""
+        rows = [r for r, s in zip(self.signals[name], self.splits, strict=True) if s == split]
+        return np.concatenate(rows) if rows else np.zeros(0)
+
+
+def sample_store(run: StoredRun, names: list[str]) -> Sampled:
+    """Read what a page needs."""
+    count = min(len(run), MOST_MISSIONS)
+    missions = np.unique(np.linspace(0, len(run) - 1, count).round().astype(int))
+    period = float(run.settings["sample_period_s"])
+    time: list[Array] = []
+    signals: dict[str, list[Array]] = {name: [] for name in names}
+    for mission in missions:
+        samples = int(run.samples[mission])
+        chosen = np.unique(np.linspace(0, samples - 1, min(samples, POINTS)).round().astype(int))
+        time.append(chosen * period)
+        for name in names:
+            signals[name].append(run.row(name, int(mission))[chosen].astype(float))
+    return Sampled([run.splits[m] for m in missions], time, signals)
+
+
+def store_page(run: StoredRun) -> Figure:
+    """Tracks, depths, currents, targets and inputs of a store; sensor errors if it has any."""
+    noisy = run.dataset.attrs["sensors"] != "ideal"
+    names = ["true_north", "true_east", "true_depth", "true_current_north", "true_current_east"]
+    names += [name for name, _ in (*TARGETS, *INPUTS)]
+    names += [f"{kind}_{name}" for name, _ in ERRORS for kind in ("true", "measured")]
+    data = sample_store(run, sorted(set(names)))
+    with style.styled():
+        figure = style.new_figure(style.PAGE_WIDTH, 10.6 if noisy else 9.2)
+        heights = [3.0, 1.9, 1.7, 1.7, 1.7, *([1.7] if noisy else [])]
+        grid = figure.add_gridspec(len(heights), 6, height_ratios=heights)
+        _draw_tracks(figure.add_subplot(grid[0, :3]), data, len(run))
+        _draw_currents(figure.add_subplot(grid[0, 3:]), data)
+        _draw_depths(figure.add_subplot(grid[1, :]), data)
+        panels = [(2, "targets", *entry) for entry in TARGETS]
+        panels += [(3, "inputs", *entry) for entry in INPUTS[:3]]
+        panels += [(4, "inputs", *entry) for entry in INPUTS[3:]]
+        panels += [(5, "sensor errors", *entry) for entry in ERRORS] if noisy else []
+        for place, (row, kind, name, label) in enumerate(panels):
+            column = 2 * (place % 3)
+            axes = figure.add_subplot(grid[row, column : column + 2])
+            draw = _draw_error if kind == "sensor errors" else _draw_histogram
+            draw(axes, data, name, label)
+            if column == 0:
+                axes.set_ylabel(kind)
+        figure.suptitle(_headline(run), fontsize=9.5, fontweight="bold", x=0.01, ha="left")
+    return figure
+
+
+def _headline(run: StoredRun) -> str:
+    return (
+        f"{run.path.name}: preset {run.settings['preset']}, seed {run.seed}, {len(run)} missions, "
+        f"{run.hours:.4g} h"
+    )
+
+
+def _draw_tracks(axes: Axes, data: Sampled, missions: int) -> None:
+    shown = min(len(data.splits), MOST_TRACKS)
+    north, east = data.signals["true_north"][:shown], data.signals["true_east"][:shown]
+    metres, unit = style.length_unit(*north, *east)
+    for split in SPLITS:
+        label: str | None = split
+        for i in range(shown):
+            if data.splits[i] == split:
+                axes.plot(
+                    east[i] / metres, north[i] / metres, label=label,
+                    color=SPLIT_COLOURS[split], linewidth=0.8, alpha=0.8,
+                )  # fmt: skip
+                label = None
+    axes.plot(0.0, 0.0, "o", color=style.PALETTE["black"], markersize=3.5)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel(f"east [{unit}]")
+    axes.set_ylabel(f"north [{unit}]")
+    part = "" if shown == missions else f" ({shown} of {missions})"
+    axes.set_title(f"tracks over ground{part}")
+    axes.legend(loc="best")
+
+
+def _draw_currents(axes: Axes, data: Sampled) -> None:
+    for split in SPLITS:
+        chosen = [i for i, s in enumerate(data.splits) if s == split]
+        for i in chosen:
+            axes.plot(
+                data.signals["true_current_east"][i],
+                data.signals["true_current_north"][i],
+                color=SPLIT_COLOURS[split], linewidth=0.7, alpha=0.7, marker=".", markersize=2.5,
+                markevery=[0, -1],
+            )  # fmt: skip
+    axes.axhline(0.0, color=style.GUIDE, linewidth=0.6)
+    axes.axvline(0.0, color=style.GUIDE, linewidth=0.6)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("east [m/s]")
+    axes.set_ylabel("north [m/s]")
+    axes.set_title("current met on the way")
+
+
+def _draw_depths(axes: Axes, data: Sampled) -> None:
+    deepest = 0.0
+    shown = np.unique(np.linspace(0, len(data.splits) - 1, MOST_PROFILES).round().astype(int))
+    seconds, unit = style.time_unit(max((data.time[i] for i in shown), key=len))
+    for i in shown:
+        depth = data.signals["true_depth"][i]
+        deepest = max(deepest, float(depth.max()))
+        colour = SPLIT_COLOURS[data.splits[i]]
+        axes.plot(data.time[i] / seconds, depth, color=colour, linewidth=0.9, alpha=0.9)
+    style.depth_axis(axes, deepest)
+    style.label_time(axes, unit)
+    axes.margins(x=0.01)
+    axes.set_title(f"depth of {len(shown)} missions")
+
+
+def _draw_histogram(axes: Axes, data: Sampled, name: str, label: str) -> None:
+    scale = MILLIMETRES.get(name, 1.0)
+    values = {split: scale * data.pooled(name, split) for split in SPLITS}
+    _histograms(axes, values, label)
+
+
+def _draw_error(axes: Axes, data: Sampled, name: str, label: str) -> None:
+    values = {}
+    for split in SPLITS:
+        error = data.pooled(f"measured_{name}", split) - data.pooled(f"true_{name}", split)
+        values[split] = (error + 180.0) % 360.0 - 180.0 if name == "heading" else error
+    _histograms(axes, values, label)
+
+
+def _histograms(axes: Axes, values: Mapping[str, Array], label: str) -> None:
+    """One outline for each split over common bins, each of area 1."""
+    everything = np.concatenate(list(values.values()))
+    everything = everything[np.isfinite(everything)]
+    low, high = np.percentile(everything, COVERED) if everything.size else (0.0, 0.0)
+    if high - low < 1e-9:
+        low, high = low - 0.5, high + 0.5
+    margin = 0.03 * (high - low)
+    edges = np.linspace(low - margin, high + margin, BINS + 1)
+    for split in SPLITS:
+        present = values[split][np.isfinite(values[split])]
+        if not present.size:
+            continue
+        filled = split == "train" or not values["train"].size
+        axes.hist(
+            present, bins=edges.tolist(), density=True, histtype="stepfilled" if filled else "step",
+            color=SPLIT_COLOURS[split], alpha=0.45 if filled else 1.0, linewidth=1.0,
+        )  # fmt: skip
+    axes.set_xlabel(label)
+    axes.set_yticks([])
+    axes.grid(visible=False, axis="y")
+    axes.margins(x=0.0)

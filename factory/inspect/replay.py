@@ -1,0 +1,104 @@
+"""Replay: fly a stored mission again, from what the store says, and compare every byte."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from factory.flight.fly import fly, quiet_physics
+from factory.generation.attempts import REPLACED, reason
+from factory.generation.chunk import DTYPE, stored_values
+from factory.recipe.recipe import differences, versions
+from factory.recipe.sampling import Parameters, sensor_seed
+from factory.stores.stored import StoredRun
+from twin.errors import StoreError
+from twin.records.schema import VARIABLES
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """A replayed mission against the stored one."""
+
+    mission: int
+    signals: int
+    """signals compared"""
+    samples: int
+    bytes_compared: int
+    different: dict[str, float]
+    """signal: largest difference, of those whose bytes differ"""
+    other_versions: tuple[str, ...]
+    """libraries whose version is not the store's: they may change the last bits"""
+
+    @property
+    def identical(self) -> bool:
+        """Whether every byte is the same."""
+        return not self.different
+
+
+def replay_mission(run: StoredRun, mission: int) -> Comparison:
+    """Fly mission `mission` of the store again and compare.
+
+    Raises:
+      StoreError: no such mission, or its data cannot be read.
+    """
+    run.check_mission(mission)
+    flight = fly(
+        run.parameters(mission),
+        run.vehicle,
+        run.suite,
+        sensor_seed(run.seed, mission, run.attempt(mission)),
+        current=run.given_current,
+        drawn=run.sensor_constants(mission),
+    )
+    samples = int(run.samples[mission])
+    if len(flight.trajectory.time) != samples:
+        raise StoreError(
+            f"mission {mission} has {samples} samples in the store and "
+            f"{len(flight.trajectory.time)} in the replay: it was made by other code"
+        )
+    different: dict[str, float] = {}
+    names = run.signals()
+    for name in names:
+        stored = run.row(name, mission)[:samples]
+        again = stored_values(flight.signals[name], VARIABLES[name].decimals)
+        if stored.astype(DTYPE).tobytes() != again.tobytes():
+            gap = np.abs(stored.astype(float) - again)
+            only_one = np.isnan(stored) != np.isnan(again)
+            different[name] = float("inf") if only_one.any() else float(np.nanmax(gap))
+    return Comparison(
+        mission=mission,
+        signals=len(names),
+        samples=samples,
+        bytes_compared=len(names) * samples * DTYPE.itemsize,
+        different=different,
+        other_versions=tuple(differences(run.settings["versions"], versions())),
+    )
+
+
+def replay_failure(run: StoredRun, mission: int, attempt: int) -> tuple[str, str]:
+    """Fly a failed attempt again; what it said then and what it says now.
+
+    Raises:
+      StoreError: the store knows no such failure.
+    """
+    known = {(m, failure.attempt): failure for m, failure in run.failures()}
+    if (mission, attempt) not in known:
+        listing = ", ".join(f"{m} ({a})" for m, a in sorted(known)) or "none"
+        raise StoreError(
+            f"attempt {attempt} of mission {mission} did not fail; failures in the store as "
+            f"mission (attempt): {listing}"
+        )
+    failure = known[mission, attempt]
+    parameters = Parameters(
+        duration_s=float(run.small("duration")[mission]),
+        values=failure.values,
+        segments=failure.segments,
+    )
+    quiet_physics()
+    try:
+        seed = sensor_seed(run.seed, mission, attempt)
+        fly(parameters, run.vehicle, run.suite, seed, current=run.given_current)
+    except REPLACED as error:
+        return failure.reason, reason(error)
+    return failure.reason, "flew to its end"

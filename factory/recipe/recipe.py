@@ -1,0 +1,225 @@
+"""Recipe: everything that decides the bytes of a store, and its comparison with another one."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+import mujoco
+import numba
+import numpy as np
+
+from factory.recipe.distribution import Distribution, Fixed, Uniform
+from factory.recipe.given_current import GivenCurrent, given_current
+from factory.recipe.paper_test import paper_test_parameters, paper_test_plan
+from factory.recipe.parameters import PARAMETERS, declared, override
+from factory.recipe.plan import Plan, plan_missions
+from factory.recipe.presets import PRESETS
+from factory.recipe.sampling import Parameters, draw_parameters
+from twin.errors import InputError, unknown_name
+from twin.physics.mujoco_model import INTEGRATORS, compile_model
+from twin.physics.scenario import SAMPLE_PERIOD
+from twin.records.schema import SCHEMA_VERSION
+from twin.sensors import SensorSuite
+from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.version import __version__
+
+PUMP = 2
+"""Place of the pump among a vehicle's actuators."""
+NET_MASSES = {
+    "mission.net_mass_kg": "actuator_min",
+    "mission.climb_net_mass_kg": "actuator_max",
+}
+"""The table gives net masses for the Sea-Wing's pump; which end of the pump limits each of them."""
+DEFAULT_HOURS = 10.0
+"""[h], as much as the paper's training set"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recipe:
+    """The settings of a store; equal recipes give equal arrays."""
+
+    preset: str = "paper"
+    """one of PRESETS"""
+    hours: float | None = None
+    """[h] of all missions together; None: DEFAULT_HOURS, or what the preset's missions last"""
+    seed: int = 0
+    """root of every random draw"""
+    changes: Mapping[str, str | float]
+    """replaced distributions, by parameter name"""
+    vehicle: Vehicle
+    """as its file says"""
+    sensors: str | None = None
+    """sensor suite by name; None: the preset's"""
+    current: str | None = None
+    """one current for all missions, as `twin simulate --current` takes it; None: drawn"""
+
+    def __post_init__(self) -> None:
+        if self.preset not in PRESETS:
+            raise InputError(unknown_name("preset", self.preset, PRESETS))
+        if self.seed < 0:
+            raise InputError(f"--seed {self.seed} must be at least 0")
+        if PRESETS[self.preset].fixed_missions and self.hours is not None:
+            raise InputError(f"preset {self.preset!r} has missions of its own: leave --hours out")
+        # everything that can be wrong shows here, before a store is touched
+        _ = self.suite, self.distributions, self.plan, self.physics, self.given_current
+
+    @property
+    def sensor_preset(self) -> str:
+        """Name of the sensor suite."""
+        return self.sensors or PRESETS[self.preset].sensors
+
+    @cached_property
+    def suite(self) -> SensorSuite:
+        """The sensors."""
+        return SensorSuite.preset(self.sensor_preset)
+
+    @cached_property
+    def physics(self) -> dict[str, Any]:
+        """Time step [s] and integrator; compiling them shows vehicle errors at once."""
+        option = compile_model(self.vehicle, lean=True).opt
+        names = {int(number): name for name, number in INTEGRATORS.items()}
+        return {"timestep_s": option.timestep, "integrator": names[int(option.integrator)]}
+
+    @cached_property
+    def distributions(self) -> dict[str, Distribution]:
+        """What every parameter is drawn from."""
+        distributions = override(declared(PRESETS[self.preset].spread), self.changes)
+        if self.current is not None:
+            for name in self._currents():
+                if name in self.changes:
+                    raise InputError(f"--current replaces every drawn current: do not set {name}")
+                distributions[name] = Fixed(math.nan)
+        if not PRESETS[self.preset].fixed_missions:
+            for name, actuator_end in NET_MASSES.items():
+                if name not in self.changes:
+                    pump = float(getattr(self.vehicle, actuator_end)[PUMP])
+                    reach = abs(self.vehicle.net_mass_for_pump(pump))
+                    distributions[name] = within_reach(distributions[name], reach)
+        return distributions
+
+    def _currents(self) -> list[str]:
+        return [name for name in PARAMETERS if name.startswith("current.")]
+
+    @cached_property
+    def given_current(self) -> GivenCurrent | None:
+        """The current of all missions; None when it is drawn."""
+        if self.current is None:
+            return None
+        return given_current(self.current, max(self.plan.durations_s))
+
+    @cached_property
+    def plan(self) -> Plan:
+        """Durations and splits of all missions."""
+        if PRESETS[self.preset].fixed_missions:
+            return paper_test_plan()
+        hours = DEFAULT_HOURS if self.hours is None else self.hours
+        return plan_missions(self.distributions["mission.duration_h"], hours=hours, seed=self.seed)
+
+    def parameters(self, mission: int, attempt: int) -> Parameters:
+        """What one attempt at one mission is made of; raises MissionError."""
+        if PRESETS[self.preset].fixed_missions:
+            settled = [*self.changes, *(self._currents() if self.current is not None else ())]
+            return paper_test_parameters(
+                mission, self.distributions, settled, seed=self.seed, attempt=attempt
+            )
+        return draw_parameters(
+            self.distributions,
+            seed=self.seed,
+            mission=mission,
+            attempt=attempt,
+            duration_s=self.plan.durations_s[mission],
+            vehicle=self.vehicle,
+        )
+
+    def describe(self) -> dict[str, Any]:
+        """Everything that the bytes depend on, as JSON can hold it."""
+        description = {
+            "schema_version": SCHEMA_VERSION,
+            "preset": self.preset,
+            "hours": self.plan.hours,
+            "seed": self.seed,
+            "vehicle": self.vehicle.name,
+            "vehicle_sha256": sha256(self.vehicle.xml),
+            "hydrodynamics": "coefficients",
+            **self.physics,
+            "sample_period_s": SAMPLE_PERIOD,
+            "distributions": {name: d.text() for name, d in self.distributions.items()},
+            "sensors": asdict(self.suite),
+            "current": None if self.given_current is None else self.given_current.describe(),
+            "versions": versions(),
+        }
+        # as a store or journal gives it back: tuples become lists
+        plain: dict[str, Any] = json.loads(json.dumps(description))
+        return plain
+
+
+def within_reach(distribution: Distribution, reach: float) -> Distribution:
+    """A uniform distribution of net mass [kg] scaled down until its end is what the pump reaches.
+
+    The draws keep their order and their place in the range, and stores record what was drawn from.
+    """
+    if not isinstance(distribution, Uniform) or distribution.high <= reach or reach <= 0.0:
+        return distribution
+    return Uniform(distribution.low * reach / distribution.high, reach)
+
+
+def make_recipe(
+    *,
+    preset: str = "paper",
+    hours: float | None = None,
+    seed: int = 0,
+    changes: Mapping[str, str | float] | None = None,
+    vehicle: str = "glider",
+    sensors: str | None = None,
+    current: str | None = None,
+) -> Recipe:
+    """A recipe from names.
+
+    Raises:
+      InputError: unknown preset, parameter, vehicle or sensor suite; impossible value.
+    """
+    return Recipe(
+        preset=preset,
+        hours=hours,
+        seed=seed,
+        changes=dict(changes or {}),
+        vehicle=load_vehicle(vehicle),
+        sensors=sensors,
+        current=current,
+    )
+
+
+def sha256(text: str) -> str:
+    """Hexadecimal digest of a text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """What can change a bit of a result."""
+    return {
+        "glider-twin": __version__,
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "mujoco": mujoco.__version__,
+        "numba": numba.__version__,
+        "numpy": np.__version__,
+    }
+
+
+def differences(old: Mapping[str, Any], new: Mapping[str, Any], prefix: str = "") -> list[str]:
+    """`name: old -> new` of every entry in which two descriptions differ."""
+    lines: list[str] = []
+    for name in sorted(old.keys() | new.keys()):
+        a, b = old.get(name), new.get(name)
+        if isinstance(a, Mapping) and isinstance(b, Mapping):
+            lines += differences(a, b, f"{prefix}{name}.")
+        elif a != b:
+            lines.append(f"{prefix}{name}: {a} -> {b}")
+    return lines

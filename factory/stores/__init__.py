@@ -1,0 +1,1 @@
+"""Stores of missions and of logs, read back."""

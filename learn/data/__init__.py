@@ -1,0 +1,1 @@
+"""Data: missions of a store as the sequences that networks learn from."""

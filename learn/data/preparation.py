@@ -1,0 +1,223 @@
+"""Preparation: from a store to the sequences that one network is trained and validated on."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learn.data.dataset import TARGETS, Mirror, Mission, Sequences, load_missions, sample_split
+from learn.data.features import FEATURES, channels_of, mirror_signs
+from learn.data.logs import SPEED, is_real
+from learn.data.missions import open_missions
+from learn.data.normalisation import Normalisation, fit_normalisation
+from twin.errors import InputError, StoreError, unknown_name
+
+Division = Literal["missions", "samples"]
+
+TARGET_SIGNS = {"surge": 1.0, "sway": -1.0}
+"""What the mirror port to starboard makes of the velocities."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Prepared:
+    """Normalised data of one target."""
+
+    train: Sequences
+    validation: Sequences
+    normalisation: Normalisation
+
+
+def prepare(
+    store: str | Path,
+    *,
+    target: str,
+    features: Sequence[str],
+    division: Division = "missions",
+    seed: int = 0,
+    mirror: bool = True,
+    period: float | None = None,
+    scales: Normalisation | None = None,
+    held_out: Sequence[int] = (),
+) -> Prepared:
+    """Training and validation data of one velocity.
+
+    Args:
+      store: path of the store.
+      target: surge or sway.
+      features: names of the inputs, in order.
+      division: `missions` uses the store's split. `samples` is the paper's random 70/15/15
+        division over samples of all missions; it leaks (see `sample_split`).
+      seed: of the division by samples.
+      mirror: let the training show every mission mirrored port to starboard too.
+      period: [s] between samples, see `load_missions`.
+      scales: of a network whose training goes on; fitted anew without.
+      held_out: rows of the store that are neither trained nor validated on. With any, the store's
+        split is not asked: of the other rows every fourth validates, the rest train.
+
+    Raises:
+      InputError: an unknown target or division.
+      StoreError: see `load_missions`; or a split has no missions.
+    """
+    if target not in TARGETS:
+        raise InputError(unknown_name("target", target, TARGETS))
+    channels = [*channels_of(features), TARGETS[target], *_speed(store)]
+    if division == "missions":
+        missions = load_missions(store, channels, split="all", period=period)
+        missions = _with_truth(missions, target, store)
+        if held_out:
+            missions = _held_out(missions, held_out, store)
+        train = [m for m in missions if m.split == "train"]
+        validation = [m for m in missions if m.split == "validation"]
+        if not train:
+            raise StoreError(
+                f"store {store} has no missions for training; it needs a split into train, "
+                "validation and test, as `factory generate` makes"
+            )
+        return _assemble(train, validation, features, target, None, mirror, scales)
+    if division == "samples":
+        missions = load_missions(store, channels, split="all", period=period)
+        missions = _with_truth(missions, target, store)
+        weights = sample_split([m.samples for m in missions], seed)
+        return _assemble(missions, missions, features, target, weights, mirror, scales)
+    raise InputError(unknown_name("division", division, ("missions", "samples")))
+
+
+VALIDATING = 4
+"""Of the rows that are not held out, every so many-th validates."""
+
+
+def _speed(store: str | Path) -> list[str]:
+    """The channel of a log's speed through the water, where it has one."""
+    dataset = open_missions(store)
+    try:
+        return [SPEED] if is_real(dataset.attrs) and SPEED in dataset else []
+    finally:
+        dataset.close()
+
+
+def _with_truth(missions: list[Mission], target: str, store: str | Path) -> list[Mission]:
+    """Missions that say something about a target; in a simulated store all do."""
+    kept = [m for m in missions if m.row is None or np.isfinite(m.target(target)).any()]
+    if not kept:
+        raise _no_truth(store, target)
+    return kept
+
+
+def _no_truth(store: str | Path, target: str) -> StoreError:
+    return StoreError(
+        f"store {store} has no truth to learn {target} from (neither {TARGETS[target]} nor "
+        f"{SPEED}); a run that is trained on another store can be judged on it: "
+        f"`learn evaluate RUN {store}`"
+    )
+
+
+def check_truth(store: str | Path) -> None:
+    """Refuse logs that have no array of truth, before their signals are read.
+
+    Raises:
+      StoreError: see `prepare`.
+    """
+    dataset = open_missions(store)
+    try:
+        if is_real(dataset.attrs):
+            for target, channel in TARGETS.items():
+                if channel not in dataset and SPEED not in dataset:
+                    raise _no_truth(store, target)
+    finally:
+        dataset.close()
+
+
+def check_window(
+    store: str | Path, window: int, *, division: Division = "missions", period: float | None = None
+) -> None:
+    """Refuse a window of samples that no training mission fills.
+
+    Raises:
+      InputError: it is longer than the longest of them.
+      StoreError: see `load_missions`.
+    """
+    missions = load_missions(store, ("measured_depth",), split="all", period=period)
+    if division == "missions":
+        missions = [m for m in missions if m.split == "train"]
+    longest = max(missions, key=lambda m: m.samples, default=None)
+    if longest is not None and window > longest.samples:
+        raise InputError(
+            f"--window {window} is longer than every training mission of {store}: the longest, "
+            f"mission {longest.index}, has {longest.samples} samples"
+        )
+
+
+def _held_out(missions: list[Mission], held_out: Sequence[int], store: str | Path) -> list[Mission]:
+    left = [m for m in missions if m.index not in set(held_out)]
+    if len(left) < 2:
+        raise StoreError(f"store {store}: without rows {list(held_out)} fewer than two are left")
+    return [
+        dataclasses.replace(m, split="validation" if k % VALIDATING == 1 else "train")
+        for k, m in enumerate(left)
+    ]
+
+
+def _assemble(
+    train: list[Mission],
+    validation: list[Mission],
+    features: Sequence[str],
+    target: str,
+    weights: list[list[NDArray[np.float32]]] | None,
+    mirror: bool,
+    scales: Normalisation | None,
+) -> Prepared:
+    matrices = [m.features(features) for m in train]
+    targets = [m.target(target) for m in train]
+    image = Mirror(mirror_signs(features), TARGET_SIGNS[target]) if mirror else None
+    centred = [name for name in features if FEATURES[name].odd] if mirror else []
+    if mirror and TARGET_SIGNS[target] < 0:
+        centred.append(target)
+    known = [values[np.isfinite(values)] for values in targets]
+    normalisation = scales or fit_normalisation(
+        matrices, known, features=features, target=target, centred=centred
+    )
+
+    def sequences(
+        inputs: list[NDArray[np.float32]],
+        wanted: list[NDArray[np.float32]],
+        counted: list[NDArray[np.float32]] | None,
+    ) -> Sequences:
+        shift, scale = normalisation.target_mean, normalisation.target_scale
+        return Sequences(
+            [normalisation.inputs(values) for values in inputs],
+            [
+                np.nan_to_num((values - np.float32(shift)) / np.float32(scale), nan=0.0)
+                for values in wanted
+            ],
+            [
+                weight * np.isfinite(values).astype(np.float32)
+                for weight, values in zip(
+                    counted or [np.ones(len(values), np.float32) for values in wanted],
+                    wanted,
+                    strict=True,
+                )
+            ],
+            image,
+        )
+
+    if validation is train or weights is not None:
+        assert weights is not None
+        return Prepared(
+            sequences(matrices, targets, weights[0]),
+            sequences(matrices, targets, weights[1]),
+            normalisation,
+        )
+    return Prepared(
+        sequences(matrices, targets, None),
+        sequences(
+            [m.features(features) for m in validation],
+            [m.target(target) for m in validation],
+            None,
+        ),
+        normalisation,
+    )

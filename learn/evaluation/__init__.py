@@ -1,0 +1,1 @@
+"""Evaluation: velocities and tracks judged against the truth."""

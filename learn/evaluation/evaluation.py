@@ -1,0 +1,241 @@
+"""Evaluate: networks, floor and baselines on the missions of a store, all by the same rules."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from learn.data.dataset import Mission, load_missions
+from learn.data.features import channels_of
+from learn.data.logs import SPEED, VEHICLE, is_real
+from learn.data.missions import open_missions
+from learn.evaluation.log_score import score_logs
+from learn.evaluation.score import (
+    GPS_CHANNELS,
+    NAVIGATION_CHANNELS,
+    TRUTH_CHANNELS,
+    MissionScore,
+    Reference,
+    score_mission,
+    summarise_scores,
+)
+from learn.navigation.baselines import BASELINES, Baseline, Estimate
+from learn.navigation.dead_reckoning import Array
+from twin.errors import StoreError
+from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+
+if TYPE_CHECKING:
+    from learn.networks.predictor import Ensemble
+
+NETWORK, FLOOR = "network", "floor"
+GROUP = 16
+"""Missions that are predicted at once; progress is shown after each group."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Method:
+    """Scores of one way to estimate velocities."""
+
+    name: str
+    scores: tuple[MissionScore, ...]
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """Its summary over missions, see `learn.evaluation.score.summarise_scores`."""
+        return summarise_scores(self.scores)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Evaluation:
+    """All methods on the same missions."""
+
+    store: str
+    split: str
+    methods: Mapping[str, Method]
+    """NETWORK, FLOOR and the baselines by name; one whose channels are missing is left out."""
+    missing: Mapping[str, str]
+    """Why a baseline is left out, by name."""
+    provenance: Mapping[str, Any]
+    """Attributes of the store."""
+    counts: Mapping[str, int] = dataclasses.field(default_factory=dict)
+    """Of a store of logs: what was judged and what was not, see `learn.evaluation.log_score`."""
+
+    def to_json(self) -> dict[str, Any]:
+        """The network's figures, with `floor` and `baselines` beside them."""
+        empty = summarise_scores(())
+        figures = {name: method.figures for name, method in self.methods.items() if name != NETWORK}
+        return {
+            "store": self.store,
+            "split": self.split,
+            **self.methods[NETWORK].figures,
+            **({"counts": dict(self.counts)} if self.counts else {}),
+            FLOOR: figures.pop(FLOOR),
+            "baselines": {name: figures.get(name, empty) for name in BASELINES},
+        }
+
+
+Watch = Callable[[Reference, Mapping[str, Estimate]], None]
+"""Called with each mission and every method's estimate of it."""
+
+
+def evaluate(
+    networks: Mapping[str, Ensemble],
+    store: str | Path,
+    *,
+    split: str = "test",
+    baselines: Sequence[str] = tuple(BASELINES),
+    limit: int | None = None,
+    watch: Watch | None = None,
+    period: float | None = None,
+) -> Evaluation:
+    """Run networks, floor and baselines over missions of a store.
+
+    Args:
+      networks: `surge` and `sway`.
+      store: path of the store.
+      split: train, validation, test or all.
+      baselines: names of the baselines to run.
+      limit: the first so many missions only.
+      watch: sees every mission with its estimates, for tracks, figures and progress.
+      period: [s] between the samples that the networks were trained on; a finer store is thinned.
+
+    A store of real logs is judged by what it knows, see `learn.evaluation.log_score`; its
+    watch is given a `LogReference`.
+
+    Raises:
+      StoreError: no store, an empty one, no split in it, a missing channel or one that is not
+        finite (named).
+    """
+    present, attributes = _describe(store)
+    vehicle = nominal_vehicle(attributes, store)
+    missing = {
+        name: f"the store has no channel {gone[0]}"
+        for name in baselines
+        if (gone := [c for c in BASELINES[name].channels if c not in present])
+    }
+    runners = {name: BASELINES[name](vehicle=vehicle) for name in baselines if name not in missing}
+    wanted = [
+        *NAVIGATION_CHANNELS,
+        *TRUTH_CHANNELS,
+        *(c for ensemble in networks.values() for c in channels_of(ensemble.members[0].features)),
+        *(c for runner in runners.values() for c in runner.channels),
+        *(c for c in GPS_CHANNELS if c in present),
+    ]
+    if is_real(attributes):
+        wanted += [c for c in (SPEED,) if c in present]
+        return _evaluate_logs(
+            networks, store, split, wanted, runners, missing, attributes, vehicle, watch, period
+        )
+    missions = load_missions(store, wanted, split=split, limit=limit, period=period)
+    scores: dict[str, list[MissionScore]] = {NETWORK: [], FLOOR: [], **{n: [] for n in runners}}
+    for first in range(0, len(missions), GROUP):
+        group = missions[first : first + GROUP]
+        predictions = {name: ensemble.predict(group) for name, ensemble in networks.items()}
+        for k, mission in enumerate(group):
+            try:
+                reference = Reference.of(mission)
+                estimates = {
+                    NETWORK: _network_estimate({n: p[k] for n, p in predictions.items()}),
+                    FLOOR: Estimate(surge=reference.surge, sway=reference.sway),
+                }
+                seen = visible(mission)
+                for name, runner in runners.items():
+                    estimates[name] = runner.estimate(seen, mission.period)
+            except StoreError as error:
+                raise StoreError(f"store {store}, mission {mission.index}: {error}") from error
+            for name, estimate in estimates.items():
+                scores[name].append(score_mission(reference, estimate))
+            if watch is not None:
+                watch(reference, estimates)
+    return Evaluation(
+        store=str(store),
+        split=split,
+        methods={name: Method(name, tuple(rows)) for name, rows in scores.items()},
+        missing=missing,
+        provenance=attributes,
+    )
+
+
+def _evaluate_logs(
+    networks: Mapping[str, Ensemble],
+    store: str | Path,
+    split: str,
+    channels: Sequence[str],
+    runners: Mapping[str, Baseline],
+    missing: Mapping[str, str],
+    attributes: Mapping[str, Any],
+    vehicle: Vehicle,
+    watch: Any,
+    period: float | None,
+) -> Evaluation:
+    missions = load_missions(store, channels, split="all", period=period)
+    if split != "all":
+        load_missions(store, ("measured_depth",), split=split)  # says which parts there are
+
+    def predict(group: Sequence[Mission]) -> list[Estimate]:
+        found = {name: ensemble.predict(group) for name, ensemble in networks.items()}
+        return [_network_estimate({n: p[k] for n, p in found.items()}) for k in range(len(group))]
+
+    judged = score_logs(
+        missions,
+        [split in ("all", mission.split) for mission in missions],
+        network=NETWORK,
+        floor=FLOOR,
+        predict=predict,
+        baselines=runners,
+        vehicle=vehicle,
+        visible=visible,
+        together=GROUP,
+        watch=watch,
+    )
+    return Evaluation(
+        store=str(store),
+        split=split,
+        methods={name: Method(name, rows) for name, rows in judged.scores.items()},
+        missing=missing,
+        provenance=attributes,
+        counts=judged.counts,
+    )
+
+
+def visible(mission: Mission) -> dict[str, Array]:
+    """The channels of a mission that a vehicle has: all but truth."""
+    return {
+        name: np.asarray(values, float)
+        for name, values in mission.signals.items()
+        if not name.startswith("true_")
+    }
+
+
+def nominal_vehicle(attributes: Mapping[str, Any], store: str | Path) -> Vehicle:
+    """The vehicle as its file says, from the MJCF text in the store; else the shipped glider.
+
+    Logs have no such file: the shipped vehicle that is nearest to them stands for it.
+    """
+    if is_real(attributes):
+        return load_vehicle(VEHICLE)
+    text = attributes.get("vehicle_mjcf")
+    if text is None:
+        return load_vehicle("glider")
+    return parse_vehicle(str(text), Path(store))
+
+
+def _describe(store: str | Path) -> tuple[set[str], dict[str, Any]]:
+    dataset = open_missions(store)
+    try:
+        return {str(name) for name in dataset.data_vars}, dict(dataset.attrs)
+    finally:
+        dataset.close()
+
+
+def _network_estimate(predictions: Mapping[str, tuple[Any, Any]]) -> Estimate:
+    fields: dict[str, Any] = {}
+    for name, (mean, spread) in predictions.items():
+        fields[name] = np.asarray(mean, float)
+        if np.any(spread):
+            fields[f"{name}_sd"] = np.asarray(spread, float)
+    return Estimate(**fields)

@@ -1,0 +1,250 @@
+"""Log score: networks and baselines on real logs, by the truth that a log has.
+
+Two things can be known of a real vehicle. Where a current profiler or a Doppler log was, its
+velocity through the water: samples without are left out and counted. And where it was at each fix:
+one row is one dive, so a track is judged at the row's end, and the depth-averaged current of the
+row before it is carried over if that one ended less than an hour ago. Between the fixes nothing is
+known, so that a track that is corrected afterwards, which ends at the fix, has no error to show.
+
+Errors in % refer to the horizontal path through the water of w / tan(pitch + angle of attack),
+since the true one is not known.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from learn.data.dataset import Mission
+from learn.data.logs import LogRow
+from learn.evaluation.score import LAUNCH_S, TARGETS, MissionScore, TrackError
+from learn.navigation.baselines import Baseline, Estimate
+from learn.navigation.baselines.pitch_plus_alpha import PitchPlusAlpha
+from learn.navigation.dead_reckoning import (
+    Array,
+    Attitude,
+    depth_rate,
+    finite_channel,
+    horizontal_velocity,
+    integrate,
+)
+from twin.errors import StoreError
+from twin.vehicle.vehicle import Vehicle
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LogReference:
+    """What is known of one row."""
+
+    mission: Mission
+    row: LogRow
+    truth: Mapping[str, Array]
+    """Surge and sway [m/s] through the water, (time,); NaN where unknown."""
+    measured: Attitude
+    depth_rate: Array
+    """[m/s] measured"""
+    path: float
+    """[m] horizontal path through the water, see the module"""
+
+    @classmethod
+    def of(cls, mission: Mission, vehicle: Vehicle) -> LogReference:
+        """From a row with its navigation channels.
+
+        Raises:
+          StoreError: one has no value at all.
+        """
+        assert mission.row is not None
+        signals = mission.signals
+        measured = Attitude.of(signals, "measured")
+        rate = depth_rate(finite_channel(signals, "measured_depth"), mission.period)
+        simple = PitchPlusAlpha(vehicle=vehicle).estimate(signals, mission.period)
+        assert simple.surge is not None
+        assert simple.sway is not None
+        velocity = horizontal_velocity(simple.surge, simple.sway, rate, measured)
+        return cls(
+            mission=mission,
+            row=mission.row,
+            truth={
+                "surge": np.asarray(mission.target("surge"), float),
+                # a log with a speed only is learned from with sway zero, but nothing is judged so
+                "sway": signals.get("true_sway", np.full(mission.samples, np.nan)),
+            },
+            measured=measured,
+            depth_rate=rate,
+            path=float(integrate(np.hypot(*velocity.T), mission.period)[-1]),
+        )
+
+    def moved(self, estimate: Estimate) -> Array | None:
+        """North, east [m], (2,), that an estimate moves through the water over the row."""
+        if estimate.surge is None or estimate.sway is None:
+            return None
+        velocity = horizontal_velocity(
+            np.asarray(estimate.surge, float),
+            np.asarray(estimate.sway, float),
+            self.depth_rate,
+            self.measured,
+        )
+        return np.asarray(integrate(velocity, self.mission.period)[-1], float)
+
+
+def score_row(
+    reference: LogReference,
+    estimate: Estimate,
+    before: tuple[LogReference, Estimate] | None,
+) -> MissionScore:
+    """One method on one row.
+
+    Args:
+      before: the row before it and the same method's estimate of that, where it follows on it.
+    """
+    mission = reference.mission
+    launch = min(mission.samples, math.ceil(LAUNCH_S / mission.period))
+    squared, late = {}, {}
+    for name in TARGETS:
+        values, truth = getattr(estimate, name), reference.truth[name]
+        if values is not None and np.isfinite(truth).any():
+            error = np.square(np.asarray(values, float) - truth)
+            squared[name] = float(np.nansum(error))
+            late[name] = float(np.nansum(error[launch:]))
+    known = np.isfinite(reference.truth["surge"])
+    tracks: dict[str, TrackError] = {}
+    dives: dict[str, tuple[TrackError, ...]] = {}
+    if reference.row.displacement is not None:
+        _over_ground(reference, estimate, before, tracks, dives)
+    return MissionScore(
+        mission=mission.index,
+        samples=int(known.sum()),
+        late_samples=int(known[launch:].sum()),
+        squared=squared,
+        squared_late=late,
+        tracks=tracks,
+        dives=dives,
+    )
+
+
+def _over_ground(
+    reference: LogReference,
+    estimate: Estimate,
+    before: tuple[LogReference, Estimate] | None,
+    tracks: dict[str, TrackError],
+    dives: dict[str, tuple[TrackError, ...]],
+) -> None:
+    row = reference.row
+    truth = np.array(row.displacement)
+
+    def error(reckoned: Array) -> TrackError:
+        missed = float(np.hypot(*(reckoned - truth)))
+        return TrackError(missed, missed, reference.path)
+
+    if estimate.ground_track is not None and estimate.uses_fixes:
+        if before is not None:  # judged on the same dives as the others
+            dives["previous"] = (error(np.asarray(estimate.ground_track[-1], float)),)
+        return
+    moved = reference.moved(estimate)
+    if moved is None:
+        return
+    tracks["ground"] = error(moved)
+    if before is None:
+        return
+    earlier, its_estimate = before
+    its_moved = earlier.moved(its_estimate)
+    if its_moved is None or earlier.row.displacement is None:
+        return
+    current = (np.array(earlier.row.displacement) - its_moved) / earlier.row.duration
+    dives["none"] = (error(moved),)
+    dives["previous"] = (error(moved + current * row.duration),)
+
+
+@dataclasses.dataclass(frozen=True)
+class LogScores:
+    """All methods on the rows of a store."""
+
+    scores: Mapping[str, tuple[MissionScore, ...]]
+    counts: Mapping[str, int]
+    """Of rows, samples and dives that were and were not judged."""
+
+
+Predict = Callable[[Sequence[Mission]], list[Estimate]]
+Watch = Callable[[LogReference, Mapping[str, Estimate]], None]
+
+
+def score_logs(
+    missions: Sequence[Mission],
+    chosen: Sequence[bool],
+    *,
+    network: str,
+    floor: str,
+    predict: Predict,
+    baselines: Mapping[str, Baseline],
+    vehicle: Vehicle,
+    visible: Callable[[Mission], dict[str, Array]],
+    together: int,
+    watch: Watch | None = None,
+) -> LogScores:
+    """Run networks and baselines over the rows of a store, in its order.
+
+    Args:
+      missions: all rows: those that are not judged lend their current to the next.
+      chosen: which of them are judged.
+      network, floor: names of the networks and of the floor, which is empty here: the true
+        velocities of a log are no track.
+      predict: the networks' estimates of some rows.
+      visible: channels of a row without truth.
+      together: rows that are predicted at once.
+    """
+    scores: dict[str, list[MissionScore]] = {network: [], floor: [], **{n: [] for n in baselines}}
+    last: tuple[LogReference, dict[str, Estimate]] | None = None
+    counts = dict.fromkeys(
+        ("rows", "rows_with_truth", "samples", "samples_with_truth", "rows_with_fixes",
+         "rows_that_follow", "rows_left_out"), 0,
+    )  # fmt: skip
+    for first in range(0, len(missions), together):
+        group = missions[first : first + together]
+        for k, estimate in enumerate(predict(group)):
+            mission = group[k]
+            try:
+                reference = LogReference.of(mission, vehicle)
+            except StoreError:  # a row without depth or attitude
+                counts["rows_left_out"] += 1
+                last = None
+                continue
+            estimates = {network: estimate}
+            seen = visible(mission)
+            for name, runner in baselines.items():
+                try:
+                    estimates[name] = runner.estimate(seen, mission.period)
+                except StoreError:  # this row lacks a channel that others have
+                    continue
+            before = last if last is not None and reference.row.follows(last[0].row) else None
+            if before is not None and before[0].row.displacement is None:
+                before = None
+            if chosen[first + k]:
+                for name, found in estimates.items():
+                    its = None if before is None or name not in before[1] else before[1][name]
+                    pair = None if before is None or its is None else (before[0], its)
+                    scores[name].append(score_row(reference, found, pair))
+                known = np.isfinite(reference.truth["surge"])
+                counts["rows"] += 1
+                counts["rows_with_truth"] += int(known.any())
+                counts["samples"] += mission.samples
+                counts["samples_with_truth"] += int(known.sum())
+                counts["rows_with_fixes"] += int(reference.row.displacement is not None)
+                counts["rows_that_follow"] += int(before is not None)
+                if watch is not None:
+                    watch(reference, estimates)
+            last = (reference, estimates)
+    return LogScores({name: tuple(rows) for name, rows in scores.items()}, counts)
+
+
+def sentences(counts: Mapping[str, Any]) -> list[str]:
+    """What was judged and what was not."""
+    return [
+        f"Truth at {counts['samples_with_truth']} of {counts['samples']} samples, in "
+        f"{counts['rows_with_truth']} of {counts['rows']} dives; the others are not scored.",
+        f"{counts['rows_with_fixes']} dives lie between two fixes, {counts['rows_that_follow']} of "
+        "them follow on another one, whose current they are given.",
+    ]

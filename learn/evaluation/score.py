@@ -1,0 +1,286 @@
+"""Score: how good estimated velocities and tracks are, one mission at a time and over many.
+
+Dead-reckoning percent is the horizontal error at the mission's end over the horizontal path through
+the water, without re-initialisation at fixes; the largest error along the track stands beside it.
+
+- `dr_water`: through the water, measured attitude;
+- `dr_velocity`: the same with the true attitude, which isolates surge and sway;
+- `dr_ground`: the through-water track taken as one over ground, nothing known of the current.
+
+Between GPS fixes, dive by dive, there are three more: no current, the previous dive's
+depth-averaged current, and corrected afterwards (`learn.navigation.dives`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from learn.data.dataset import Mission
+from learn.navigation.baselines.base import Estimate
+from learn.navigation.dead_reckoning import (
+    Array,
+    Attitude,
+    depth_rate,
+    finite_channel,
+    horizontal_error,
+    horizontal_velocity,
+    integrate,
+    true_ground_track,
+    true_water_path,
+    true_water_track,
+)
+from learn.navigation.dives import (
+    KNOWLEDGE,
+    LEAST_DIVE_S,
+    CurrentKnowledge,
+    Dive,
+    depth_averaged_current,
+    dive_track,
+    find_dives,
+    gps_fixes,
+)
+
+LAUNCH_S = 30.0
+"""[s] after the start that `..._after_30s` leaves out: the launch from rest."""
+TARGETS = ("surge", "sway")
+TRACKS = ("water", "velocity", "ground")
+PERCENTILE = 90.0
+
+TRUTH_CHANNELS = (
+    *(f"true_{name}" for name in ("surge", "sway", "north", "east", "roll", "pitch", "heading")),
+    *("true_velocity_north", "true_velocity_east", "true_current_north", "true_current_east"),
+)
+NAVIGATION_CHANNELS = ("measured_roll", "measured_pitch", "measured_heading", "measured_depth")
+GPS_CHANNELS = ("measured_gps_north", "measured_gps_east")
+
+
+@dataclasses.dataclass(frozen=True)
+class TrackError:
+    """Error of one track against the truth."""
+
+    end_m: float
+    max_m: float
+    path_m: float
+    """Horizontal path through the water."""
+
+    @property
+    def percent(self) -> float:
+        """Error at the end in % of the path; NaN where nothing was travelled."""
+        return 100.0 * self.end_m / self.path_m if self.path_m > 0 else math.nan
+
+    @property
+    def max_percent(self) -> float:
+        """Largest error along the track in % of the whole path."""
+        return 100.0 * self.max_m / self.path_m if self.path_m > 0 else math.nan
+
+
+@dataclasses.dataclass(frozen=True)
+class MissionScore:
+    """One method on one mission; what it does not define is missing."""
+
+    mission: int
+    samples: int
+    late_samples: int
+    """Those after the launch."""
+    squared: Mapping[str, float]
+    """Sum of squared errors [(m/s)^2] of surge and sway, all samples."""
+    squared_late: Mapping[str, float]
+    """The same after the launch."""
+    tracks: Mapping[str, TrackError]
+    """By the names of TRACKS."""
+    dives: Mapping[str, tuple[TrackError, ...]]
+    """By what is known of the current, one entry per dive that has one before it."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Reference:
+    """What one mission truly did, worked out once for all methods."""
+
+    mission: Mission
+    surge: Array
+    sway: Array
+    measured: Attitude
+    true: Attitude
+    depth_rate: Array
+    """[m/s] measured"""
+    water_track: Array
+    """[m] north, east, (time, 2)"""
+    ground_track: Array
+    path: Array
+    """[m] horizontal path through the water, (time,)"""
+    dives: tuple[Dive, ...]
+
+    @classmethod
+    def of(cls, mission: Mission) -> Reference:
+        """From a mission with TRUTH_CHANNELS and NAVIGATION_CHANNELS.
+
+        Raises:
+          StoreError: one is missing or not finite.
+        """
+        signals, period = mission.signals, mission.period
+        return cls(
+            mission=mission,
+            surge=finite_channel(signals, "true_surge"),
+            sway=finite_channel(signals, "true_sway"),
+            measured=Attitude.of(signals, "measured"),
+            true=Attitude.of(signals, "true"),
+            depth_rate=depth_rate(finite_channel(signals, "measured_depth"), period),
+            water_track=true_water_track(signals, period),
+            ground_track=true_ground_track(signals),
+            path=true_water_path(signals, period),
+            dives=tuple(find_dives(signals, period)),
+        )
+
+    @property
+    def surfaced(self) -> bool:
+        """True when there are fixes later than the launch."""
+        index, _ = gps_fixes(self.mission.signals)
+        return bool(index.size) and float(index[-1]) * self.mission.period >= LEAST_DIVE_S
+
+    def track(self, estimate: Estimate, attitude: Attitude) -> Array:
+        """Dead-reckoned track through the water [m], (time, 2)."""
+        assert estimate.surge is not None
+        assert estimate.sway is not None
+        velocity = horizontal_velocity(
+            np.asarray(estimate.surge, float),
+            np.asarray(estimate.sway, float),
+            self.depth_rate,
+            attitude,
+        )
+        return integrate(velocity, self.mission.period)
+
+    def tracks(self, estimate: Estimate) -> dict[str, Array]:
+        """Every track of TRACKS that the method defines, [m], (time, 2)."""
+        found: dict[str, Array] = {}
+        if estimate.surge is not None and estimate.sway is not None:
+            found["water"] = self.track(estimate, self.measured)
+            found["velocity"] = self.track(estimate, self.true)
+            found["ground"] = found["water"]
+        if estimate.ground_track is not None:
+            found.pop("ground", None)
+            if not estimate.uses_fixes:
+                found["ground"] = estimate.ground_track
+            elif not self.surfaced:
+                # A logged track without a fix after the launch never learnt of a current.
+                found["ground"] = found["water"] = estimate.ground_track
+        return found
+
+
+def score_mission(reference: Reference, estimate: Estimate) -> MissionScore:
+    """One method on one mission."""
+    samples = reference.mission.samples
+    launch = min(samples, math.ceil(LAUNCH_S / reference.mission.period))
+    squared, late = {}, {}
+    for name in TARGETS:
+        values = getattr(estimate, name)
+        if values is not None:
+            error = np.square(np.asarray(values, float) - getattr(reference, name))
+            squared[name], late[name] = float(error.sum()), float(error[launch:].sum())
+    length = float(reference.path[-1])
+    tracks = {}
+    for name, track in reference.tracks(estimate).items():
+        truth = reference.ground_track if name == "ground" else reference.water_track
+        error = horizontal_error(track, truth)
+        tracks[name] = TrackError(float(error[-1]), float(error.max()), length)
+    return MissionScore(
+        mission=reference.mission.index,
+        samples=samples,
+        late_samples=samples - launch,
+        squared=squared,
+        squared_late=late,
+        tracks=tracks,
+        dives=_score_dives(reference, estimate),
+    )
+
+
+def _score_dives(reference: Reference, estimate: Estimate) -> dict[str, tuple[TrackError, ...]]:
+    """Every dive but the first, so that all kinds of knowledge are judged on the same dives."""
+    pairs = list(zip(reference.dives[:-1], reference.dives[1:], strict=True))
+    own = estimate.ground_track
+    if own is not None and estimate.uses_fixes:
+        # The logged track jumps to the fix at the dive's end: it is judged just before.
+        judged = [
+            _dive_error(reference, dive, own[dive.start : dive.end], dive.end) for _, dive in pairs
+        ]
+        return {"previous": tuple(judged)} if pairs else {}
+    if own is None:
+        if estimate.surge is None or estimate.sway is None:
+            return {}
+        own = reference.track(estimate, reference.measured)
+    period = reference.mission.period
+    found: dict[str, tuple[TrackError, ...]] = {}
+    for knowledge in KNOWLEDGE if pairs else ():
+        errors = []
+        for before, dive in pairs:
+            current = _current(knowledge, before, dive, own, period)
+            track = dive_track(dive, own, current, period)
+            errors.append(_dive_error(reference, dive, track, dive.end + 1))
+        found[knowledge] = tuple(errors)
+    return found
+
+
+def _current(
+    knowledge: CurrentKnowledge, before: Dive, dive: Dive, track: Array, period: float
+) -> Array:
+    if knowledge == "none":
+        return np.zeros(2)
+    return depth_averaged_current(before if knowledge == "previous" else dive, track, period)
+
+
+def _dive_error(reference: Reference, dive: Dive, track: Array, end: int) -> TrackError:
+    signals = reference.mission.signals
+    start = np.array([signals["true_north"][0], signals["true_east"][0]])
+    error = horizontal_error(track, reference.ground_track[dive.start : end] + start)
+    path = float(reference.path[dive.end] - reference.path[dive.start])
+    return TrackError(float(error[-1]), float(error.max()), path)
+
+
+def summarise_scores(scores: Sequence[MissionScore]) -> dict[str, Any]:
+    """The figures of one method over missions; None where no mission defines one.
+
+    Squared errors are means over all samples of all missions; track errors are statistics over
+    missions, dive errors over dives.
+    """
+    figures: dict[str, Any] = {"missions": len(scores)}
+    for name in TARGETS:
+        figures[f"{name}_mse"] = _pooled(scores, "squared", "samples", name)
+    for name in TARGETS:
+        figures[f"{name}_mse_after_30s"] = _pooled(scores, "squared_late", "late_samples", name)
+    for name in TRACKS:
+        errors = [score.tracks[name] for score in scores if name in score.tracks]
+        figures |= _statistics(f"dr_{name}", errors)
+    figures["dives"] = {
+        knowledge: _statistics("dr", [e for s in scores for e in s.dives.get(knowledge, ())])
+        | {"dives": sum(len(score.dives.get(knowledge, ())) for score in scores)}
+        for knowledge in KNOWLEDGE
+    }
+    return figures
+
+
+def _pooled(scores: Sequence[MissionScore], sums: str, counts: str, target: str) -> float | None:
+    known = [score for score in scores if target in getattr(score, sums)]
+    count = sum(getattr(score, counts) for score in known)
+    return math.fsum(getattr(s, sums)[target] for s in known) / count if count else None
+
+
+def _statistics(prefix: str, errors: Sequence[TrackError]) -> dict[str, float | None]:
+    def statistics(name: str, values: list[float]) -> dict[str, float | None]:
+        finite = np.array([v for v in values if math.isfinite(v)])
+        if not finite.size:
+            return {f"{name}_{kind}": None for kind in ("mean", "median", "p90")}
+        return {
+            f"{name}_mean": float(finite.mean()),
+            f"{name}_median": float(np.median(finite)),
+            f"{name}_p90": float(np.percentile(finite, PERCENTILE)),
+        }
+
+    return {
+        **statistics(f"{prefix}_percent", [e.percent for e in errors]),
+        **statistics(f"{prefix}_max_percent", [e.max_percent for e in errors]),
+        **statistics(f"{prefix}_m", [e.end_m for e in errors]),
+    }

@@ -1,0 +1,164 @@
+"""Tracks: dead-reckoned tracks as a file, to be drawn beside the true one.
+
+Written as `twin.records.tracks` reads them: variables NAME_north and NAME_east [m] over ground,
+dims (mission, time). A track is re-initialised at GPS fixes with the previous dive's
+depth-averaged current, as a vehicle flies; where missions have fixes, NAME_corrected is the same
+track after its end. Nothing known of a current, both are tracks through the water. A method that
+has no track in some mission is left out.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learn.evaluation.score import Reference
+from learn.navigation.baselines import Estimate
+from learn.navigation.dead_reckoning import Array
+from learn.navigation.dives import CurrentKnowledge, ground_track
+from twin.errors import InputError
+from twin.records.schema import MISSION, TIME
+
+Numbers = NDArray[Any]
+Arrays = Mapping[str, Numbers]
+
+CORRECTED = "_corrected"
+TRUTH_NAMES = ("floor",)
+"""Methods that use truth: they are no tracks that a vehicle could have."""
+
+
+class TrackCollector:
+    """Gathers the tracks of an evaluation; give its `add` as the evaluation's watch."""
+
+    def __init__(self) -> None:
+        self._missions: list[int] = []
+        self._tracks: dict[str, dict[int, Array]] = {}
+        self._time: NDArray[Any] = np.zeros(0)
+
+    def add(self, reference: Reference, estimates: Mapping[str, Estimate]) -> None:
+        """The tracks of one mission."""
+        mission = reference.mission
+        self._missions.append(mission.index)
+        if mission.samples > len(self._time):
+            self._time = mission.period * np.arange(mission.samples)
+        for name, estimate in estimates.items():
+            if name in TRUTH_NAMES:
+                continue
+            for suffix, track in ground_tracks(reference, estimate).items():
+                self._tracks.setdefault(name + suffix, {})[mission.index] = track
+
+    def _complete(self) -> dict[str, dict[int, Array]]:
+        """Tracks that every mission has: readers refuse one without samples.
+
+        Where nothing was corrected, the corrected track is the plain one.
+        """
+        filled = {
+            name: {**self._tracks.get(name.removesuffix(CORRECTED), {}), **tracks}
+            for name, tracks in self._tracks.items()
+        }
+        return {n: t for n, t in filled.items() if all(m in t for m in self._missions)}
+
+    def write(self, path: Path) -> Path:
+        """Write everything to `path`, in the format of its ending.
+
+        Raises:
+          InputError: an unknown ending, or the file cannot be written.
+        """
+        check_ending(path)
+        missions = np.array(self._missions)
+        arrays: dict[str, NDArray[Any]] = {}
+        for name, tracks in self._complete().items():
+            both = np.full((len(missions), len(self._time), 2), np.nan, np.float32)
+            for row, mission in enumerate(self._missions):
+                both[row, : len(tracks[mission])] = tracks[mission]
+            arrays[f"{name}_north"], arrays[f"{name}_east"] = both[..., 0], both[..., 1]
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            _WRITERS[path.suffix](path, missions, self._time, arrays)
+        except OSError as error:
+            raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+        return path
+
+
+def check_ending(path: Path) -> None:
+    """Raise InputError for a file name whose ending is no known format."""
+    if path.suffix not in _WRITERS:
+        raise InputError(
+            f"track file {path}: the ending must be one of {', '.join(sorted(_WRITERS))}"
+        )
+
+
+def ground_tracks(reference: Reference, estimate: Estimate) -> dict[str, Array]:
+    """Tracks over ground [m], (time, 2), by the ending of their names: "" and "_corrected"."""
+    signals, period = reference.mission.signals, reference.mission.period
+    start = np.array([signals["true_north"][0], signals["true_east"][0]])
+    if estimate.ground_track is not None:
+        return {"": np.asarray(estimate.ground_track, float)}
+    if estimate.surge is None or estimate.sway is None:
+        return {}
+    moved = reference.track(estimate, reference.measured)
+    kinds: dict[str, CurrentKnowledge] = {"": "previous"}
+    if reference.dives:
+        kinds[CORRECTED] = "corrected"
+    return {
+        suffix: ground_track(moved, signals, period, knowledge=knowledge, start=start)
+        for suffix, knowledge in kinds.items()
+    }
+
+
+def _write_dataset(path: Path, missions: Numbers, time: Numbers, arrays: Arrays) -> None:
+    import warnings
+
+    import xarray as xr
+
+    dataset = xr.Dataset(
+        {
+            name: ((MISSION, TIME), values, {"units": "m", "long_name": name.replace("_", " ")})
+            for name, values in arrays.items()
+        },
+        {MISSION: missions, TIME: (TIME, time, {"units": "s"})},
+        {"title": "Dead-reckoned tracks, metres from each mission's start"},
+    )
+    if path.suffix == ".nc":
+        dataset.to_netcdf(path)
+        return
+    with warnings.catch_warnings():
+        # gathered metadata is not in zarr's v3 specification yet
+        warnings.filterwarnings("ignore", "Consolidated metadata")
+        dataset.to_zarr(path, mode="w", zarr_format=3)
+
+
+def _write_npz(path: Path, missions: Numbers, time: Numbers, arrays: Arrays) -> None:
+    np.savez_compressed(path, **{MISSION: missions, TIME: time, **arrays})  # type: ignore[arg-type]
+
+
+def _write_csv(path: Path, missions: Numbers, time: Numbers, arrays: Arrays) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["mission", "track", "time", "north", "east"])
+        for name in (n.removesuffix("_north") for n in arrays if n.endswith("_north")):
+            north, east = arrays[f"{name}_north"], arrays[f"{name}_east"]
+            for row, mission in enumerate(missions):
+                for k in np.flatnonzero(np.isfinite(north[row])):
+                    writer.writerow(
+                        [
+                            mission,
+                            name,
+                            f"{time[k]:g}",
+                            f"{north[row, k]:.3f}",
+                            f"{east[row, k]:.3f}",
+                        ]
+                    )
+
+
+_WRITERS: dict[str, Callable[[Path, Numbers, Numbers, Arrays], None]] = {
+    ".nc": _write_dataset,
+    ".zarr": _write_dataset,
+    ".npz": _write_npz,
+    ".csv": _write_csv,
+}

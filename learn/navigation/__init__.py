@@ -1,0 +1,1 @@
+"""Navigation: dead reckoning, and the methods that it is compared with."""

@@ -1,0 +1,28 @@
+"""On-board: the track that the vehicle reckoned and logged by itself.
+
+It is a track over ground: reset at every GPS fix, with the last depth-averaged current added (see
+`twin.sensors.onboard`). Where a mission never had a fix, no current was known either, and the
+track is one through the water. It gives no velocity that could be set against surge and sway.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import ClassVar
+
+import numpy as np
+
+from learn.navigation.baselines.base import Baseline, Estimate
+from learn.navigation.dead_reckoning import Signals, finite_channel
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Onboard(Baseline):
+    """The vehicle's own track."""
+
+    channels: ClassVar[tuple[str, ...]] = ("measured_onboard_north", "measured_onboard_east")
+
+    def estimate(self, signals: Signals, period: float) -> Estimate:
+        """See `learn.navigation.baselines.base.Baseline`."""
+        track = np.stack([finite_channel(signals, name) for name in self.channels], axis=1)
+        return Estimate(ground_track=track, uses_fixes=True)

@@ -1,0 +1,1 @@
+"""Networks: from what a vehicle measures to its velocity through the water."""

@@ -1,0 +1,177 @@
+"""Predictor: a trained network with its features and scales, from missions to m/s."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from learn.data.dataset import Mission
+from learn.data.features import FEATURES
+from learn.data.normalisation import Normalisation
+from learn.files import read_json, write_json
+from learn.networks.network import Network, NetworkConfig, build_network
+from twin.errors import InputError, StoreError, unknown_name
+
+Floats = NDArray[np.float32]
+
+FORMAT = 1
+"""Version of the files that `save` writes."""
+
+SIDE_BY_SIDE = 32
+"""Missions predicted at once: keeps the memory of 10 000 s missions near 0.5 GB."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Predictor:
+    """One velocity of one network."""
+
+    network: Network
+    normalisation: Normalisation
+
+    @property
+    def target(self) -> str:
+        """`surge` or `sway`."""
+        return self.normalisation.target
+
+    @property
+    def features(self) -> tuple[str, ...]:
+        """Inputs by name."""
+        return self.normalisation.features
+
+    def predict(self, missions: Sequence[Mission]) -> list[Floats]:
+        """Free-running velocity [m/s] of each mission, (time,), from launch to end."""
+        matrices = [
+            self.normalisation.inputs(mission.features(self.features)) for mission in missions
+        ]
+        scale, mean = self.normalisation.target_scale, self.normalisation.target_mean
+        return [scale * values + mean for values in free_run(self.network, matrices)]
+
+    def save(self, stem: Path) -> None:
+        """Write `stem`.safetensors (weights) and `stem`.json (everything else).
+
+        The description is written last: where it is, the network is whole.
+        """
+        from safetensors.torch import save_file
+
+        state = {k: v.detach().cpu().contiguous() for k, v in self.network.state_dict().items()}
+        weights = stem.with_suffix(".safetensors")
+        half = weights.with_name(weights.name + ".part")
+        save_file(state, str(half))
+        half.replace(weights)
+        description = {
+            "format": FORMAT,
+            "network": dataclasses.asdict(self.network.config),
+            "normalisation": dataclasses.asdict(self.normalisation),
+        }
+        write_json(stem.with_suffix(".json"), description)
+
+
+def load_predictor(stem: Path) -> Predictor:
+    """Read what `Predictor.save` wrote.
+
+    Raises:
+      StoreError: a file is missing or damaged, of another format, or does not fit the other.
+      InputError: it names a feature or network that this version does not know.
+    """
+    from safetensors import SafetensorError
+    from safetensors.torch import load_file
+
+    weights_path, description_path = stem.with_suffix(".safetensors"), stem.with_suffix(".json")
+    for path in (description_path, weights_path):
+        if not path.is_file():
+            raise StoreError(f"no network at {path}; train one with `learn fit`")
+    description = read_json(description_path, "bring it back from a copy, or train it anew")
+    version = description.get("format")
+    if version != FORMAT:
+        raise StoreError(
+            f"{description_path} has format {version}, this program reads {FORMAT}; train it anew"
+        )
+    try:
+        config = NetworkConfig(**description["network"])
+        fields: dict[str, Any] = description["normalisation"]
+        for name in ("features", "mean", "scale"):
+            fields[name] = tuple(fields[name])
+        normalisation = Normalisation(**fields)
+        network = build_network(config)
+        network.load_state_dict(load_file(str(weights_path)))
+    except InputError:
+        raise
+    except (KeyError, TypeError, RuntimeError, SafetensorError) as error:
+        message = " ".join(str(error).split())
+        raise StoreError(f"{weights_path} does not fit {description_path}: {message}") from error
+    for name in ("mean", "scale"):
+        values = getattr(normalisation, name)
+        if len(values) != len(normalisation.features):
+            raise StoreError(
+                f"{description_path} is damaged: normalisation.{name} has {len(values)} numbers "
+                f"for {len(normalisation.features)} features; bring it back from a copy, or train "
+                "it anew"
+            )
+        if not all(isinstance(v, float | int) and math.isfinite(v) for v in values):
+            raise StoreError(f"{description_path} is damaged: normalisation.{name} is not finite")
+    unknown = [name for name in normalisation.features if name not in FEATURES]
+    if unknown:
+        raise InputError(unknown_name("feature", unknown[0], FEATURES))
+    if config.inputs != len(normalisation.features):
+        raise StoreError(
+            f"{description_path} names {len(normalisation.features)} features for a network with "
+            f"{config.inputs} inputs"
+        )
+    return Predictor(network, normalisation)
+
+
+def free_run(network: Network, matrices: Sequence[Floats]) -> list[Floats]:
+    """Normalised outputs (time,) for normalised inputs (time, features), from zero state."""
+    results: list[Floats] = [np.empty(0, np.float32)] * len(matrices)
+    order = sorted(range(len(matrices)), key=lambda k: -len(matrices[k]))
+    device = next(network.parameters()).device
+    network.eval()
+    for first in range(0, len(order), SIDE_BY_SIDE):
+        group = order[first : first + SIDE_BY_SIDE]
+        shape = (len(matrices[group[0]]), len(group), matrices[group[0]].shape[1])
+        x = np.zeros(shape, np.float32)
+        for column, k in enumerate(group):
+            x[: len(matrices[k]), column] = matrices[k]
+        with torch.no_grad():
+            y = network(torch.from_numpy(x).to(device))[0][..., 0].cpu().numpy()
+        for column, k in enumerate(group):
+            results[k] = y[: len(matrices[k]), column].copy()
+    return results
+
+
+@dataclasses.dataclass(frozen=True)
+class Ensemble:
+    """Several predictors of the same velocity: their mean, and their spread as an uncertainty."""
+
+    members: tuple[Predictor, ...]
+
+    def __post_init__(self) -> None:
+        if not self.members:
+            raise InputError("an ensemble needs at least one network")
+        targets = {member.target for member in self.members}
+        if len(targets) > 1:
+            raise InputError(f"an ensemble predicts one velocity, not {' and '.join(targets)}")
+
+    @property
+    def target(self) -> str:
+        """`surge` or `sway`."""
+        return self.members[0].target
+
+    def predict(self, missions: Sequence[Mission]) -> list[tuple[Floats, Floats]]:
+        """Mean and standard deviation over the members [m/s], each (time,), of each mission.
+
+        The deviation of a single member is zero: it says nothing about uncertainty.
+        """
+        runs = [member.predict(missions) for member in self.members]
+        results = []
+        for mission in range(len(missions)):
+            stack = np.stack([run[mission] for run in runs])
+            results.append((stack.mean(0), stack.std(0, ddof=1 if len(stack) > 1 else 0)))
+        return results

@@ -1,0 +1,1 @@
+"""Runs: the folder that one training leaves behind."""

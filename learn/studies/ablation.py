@@ -1,0 +1,53 @@
+"""Ablation: the same networks for a vehicle that lacks one sensor at a time."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+from learn.data.features import SENSORS, features_of
+from learn.evaluation.evaluation import evaluate
+from learn.files import write_json
+from learn.runs.run import ABLATION, Run
+from learn.studies.judge import judged_split
+from learn.training.fitting import FitConfig, Watch, fit
+from twin.cli.console import to_json
+
+
+def masked(config: FitConfig) -> dict[str, FitConfig]:
+    """Settings without each sensor (`SENSORS`) that the inputs read, by its name."""
+    found = {}
+    for sensor in SENSORS:
+        lost = features_of(sensor)
+        left = tuple(name for name in config.features if name not in lost)
+        if left and left != config.features:
+            found[sensor] = dataclasses.replace(config, features=left)
+    return found
+
+
+def ablate(
+    run: Run,
+    config: FitConfig,
+    *,
+    workers: int = 2,
+    watch: Watch | None = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Train a run without each sensor, in folders of their own inside the run, and judge them.
+
+    What is there already is kept. The figures are written to `ablation.json` and returned.
+    """
+    split, _ = judged_split(run)
+    figures: dict[str, Any] = {}
+    for sensor, settings in masked(config).items():
+        say(f"training without {sensor}")
+        part = fit(
+            settings, run.path / f"without-{sensor}", resume=True, workers=workers, watch=watch
+        )
+        evaluation = evaluate(
+            part.networks(), run.store, split=split, baselines=(), period=run.period
+        )
+        figures[f"without {sensor}"] = to_json(evaluation.to_json())
+    write_json(run.path / ABLATION, figures)
+    return figures

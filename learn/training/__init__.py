@@ -1,0 +1,1 @@
+"""Training: networks fitted to missions, side by side."""

@@ -1,0 +1,200 @@
+"""Exports: OG1.0 files that the compliance checker passes, a Parquet table, a page of plots."""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import sys
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+
+from factory.exporting.og1_missions import export_og1, geographic, phases
+from factory.exporting.og1_terms import PHASES, sensor_attributes
+from factory.exporting.parquet import export_parquet
+from factory.inspect.missions_page import store_page
+from factory.stores.stored import StoredRun
+from twin.errors import InputError, StoreError
+from twin.records.schema import VARIABLES
+from twin.sensors import SensorSuite
+from twin.water.current.origin import Origin
+
+
+@pytest.fixture(scope="module")
+def og1(field_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return export_og1(StoredRun(field_store), 1, tmp_path_factory.mktemp("og1"))
+
+
+def test_og1_has_what_the_format_demands_and_says_that_it_is_simulated(
+    og1: Path, field_store: Path
+) -> None:
+    run = StoredRun(field_store)
+    samples = int(run.samples[1])
+    with netCDF4.Dataset(og1) as file:
+        for name in ("title", "platform", "platform_vocabulary", "id", "contributor_name",
+                     "contributor_email", "contributor_role", "contributor_role_vocabulary",
+                     "contributing_institutions", "rtqc_method", "start_date", "date_created",
+                     "featureType", "Conventions"):  # fmt: skip
+            assert file.getncattr(name), name
+        assert file.featureType == "trajectory"
+        assert "OG-1.0" in file.Conventions
+        assert og1.name == f"{file.id}.nc"
+        assert "SIMULATED" in file.title
+        assert "SIMULATED" in file.comment
+        for name in ("TIME", "LATITUDE", "LONGITUDE", "DEPTH", "TIME_GPS", "LATITUDE_GPS",
+                     "LONGITUDE_GPS", "PHASE"):  # fmt: skip
+            assert file[name].dimensions == ("N_MEASUREMENTS",), name
+            assert len(file[name]) == samples
+        for name in ("TRAJECTORY", "WMO_IDENTIFIER", "PLATFORM_MODEL", "PLATFORM_SERIAL_NUMBER",
+                     "DEPLOYMENT_TIME", "DEPLOYMENT_LATITUDE", "DEPLOYMENT_LONGITUDE"):  # fmt: skip
+            assert file[name].dimensions == (), name
+        assert file["TRAJECTORY"].cf_role == "trajectory_id"
+        assert file["PHASE"].phase_vocabulary == PHASES
+        np.testing.assert_allclose(np.diff(file["TIME"][:]), 0.5)
+        assert file.dimensions["N_MEASUREMENTS"].isunlimited()
+        for name in ("TIME", "TIME_GPS"):
+            assert file[name].get_fill_value() == -1.0
+        latitude, depth = np.asarray(file["LATITUDE"][:]), np.asarray(file["DEPTH"][:])
+        assert (file.geospatial_lat_min, file.geospatial_lat_max) == (
+            latitude.min(),
+            latitude.max(),
+        )
+        assert (file.geospatial_vertical_min, file.geospatial_vertical_max) == (
+            depth.min(),
+            depth.max(),
+        )
+        pitch = run.row("measured_pitch", 1)[:samples]
+        np.testing.assert_array_equal(np.asarray(file["PITCH"][:]), pitch)
+        gps = np.ma.getmaskarray(file["LATITUDE_GPS"][:])
+        np.testing.assert_array_equal(~gps, np.isfinite(run.row("measured_gps_north", 1)[:samples]))
+        np.testing.assert_array_equal(gps, np.ma.getmaskarray(file["TIME_GPS"][:]))
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("compliance_checker") is None,
+    reason="compliance-checker is not installed (extra `test`)",
+)
+def test_og1_passes_the_cf_check(
+    og1: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from compliance_checker.cf import util
+    from compliance_checker.runner import CheckSuite, ComplianceChecker
+
+    # the checker asks the same of the same file thousands of times: half a minute without a memory
+    for name in (
+        "get_auxiliary_coordinate_variables", "get_axis_variables", "get_geophysical_variables",
+        "get_time_variable", "get_time_variables", "get_z_variable", "get_z_variables",
+        "get_latitude_variables", "get_longitude_variables", "get_axis_map",
+        "get_climatology_variable", "coordinate_dimension_matrix", "guess_feature_type",
+    ):  # fmt: skip
+        monkeypatch.setattr(util, name, functools.cache(getattr(util, name)))
+    CheckSuite.load_all_available_checkers()
+    report = tmp_path / "report.txt"
+    passed, errors = ComplianceChecker.run_checker(
+        str(og1), ["cf:1.10"], verbose=0, criteria="strict", output_filename=str(report)
+    )
+    assert passed, report.read_text()
+    assert not errors
+
+
+def test_og1_says_what_the_codes_mean_and_the_dvl_refers_to(og1: Path, field_store: Path) -> None:
+    """A velocity over the bottom contains the current, one through the water does not."""
+    run = StoredRun(field_store)
+    with netCDF4.Dataset(og1) as file:
+        for name in ("PHASE", "DVL_MODE"):
+            meanings = str(file[name].flag_meanings).split()
+            assert len(meanings) == len(file[name].flag_values)
+            assert set(np.unique(file[name][:])) <= set(file[name].flag_values)
+        mode = np.asarray(file["DVL_MODE"][:])
+        np.testing.assert_array_equal(mode, run.row("measured_dvl_mode", 1)[: len(mode)])
+        np.testing.assert_array_equal(mode == 0, np.isnan(np.asarray(file["DVL_SURGE"][:])))
+        for stored in file.variables.values():
+            if sensor := getattr(stored, "sensor", None):
+                assert sensor in file.variables
+
+
+@pytest.mark.parametrize(
+    ("sensors", "ahrs", "dvl"),
+    [
+        ("ideal", "simulated ideal attitude and heading reference", "simulated ideal Doppler"),
+        ("field", "simulated Microstrain 3DM-GX5-25", "simulated LinkQuest"),
+        ("field-no-dvl", "simulated Microstrain 3DM-GX5-25", "none: this vehicle has no Doppler"),
+    ],
+)
+def test_og1_calls_the_sensors_what_they_were(
+    sensors: str, ahrs: str, dvl: str, field_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = StoredRun(field_store)
+    monkeypatch.setattr(run, "suite", SensorSuite.preset(sensors))
+    for name, model in (("SENSOR_AHRS", ahrs), ("SENSOR_DVL", dvl)):
+        attributes = sensor_attributes(run, name)
+        assert attributes["sensor_model"] == attributes["long_name"]
+        assert attributes["sensor_model"].startswith(model)
+
+
+def test_geographic_positions_agree_with_geodesy() -> None:
+    """Within a metre of pymap3d, 28 km from the origin."""
+    import pymap3d
+
+    origin = Origin(latitude_deg=52.0, longitude_deg=-16.0)
+    rng = np.random.default_rng(0)
+    north, east = rng.uniform(-20e3, 20e3, (2, 50))
+    latitude, longitude = geographic(north, east, origin)
+    exact = pymap3d.ned2geodetic(north, east, np.zeros(50), 52.0, -16.0, 0.0)
+    metres = 111e3  # [m] in a degree
+    assert np.abs(latitude - exact[0]).max() * metres < 1.0
+    assert np.abs(longitude - exact[1]).max() * metres * np.cos(np.radians(52.0)) < 1.0
+
+
+def test_phases_are_those_of_the_vocabulary() -> None:
+    depth = np.array([0.2, 50.0, 50.0, 120.0])
+    down = np.array([0.0, 0.2, -0.2, 0.01])
+    np.testing.assert_array_equal(phases(depth, down), [3, 2, 1, 5])
+
+
+def test_a_mission_that_is_not_there_is_told(field_store: Path, tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match=r"missions 0 to \d+, not 77"):
+        export_og1(StoredRun(field_store), 77, tmp_path)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyarrow") is None, reason="pyarrow is not installed")
+def test_parquet_has_a_row_for_every_sample(field_store: Path, tmp_path: Path) -> None:
+    import pyarrow.parquet as pq
+
+    run = StoredRun(field_store)
+    path = export_parquet(run, range(len(run)), tmp_path / "missions.parquet")
+    table = pq.read_table(path)
+    assert table.num_rows == run.samples.sum()
+    stored = [name for name in VARIABLES if name in run.dataset]
+    assert len(stored) > 50
+    assert table.column_names == ["mission", "split", "time", *stored]
+    assert table.schema.field("true_surge").metadata[b"units"] == b"m s-1"
+    mission = table["mission"].to_numpy()
+    depth = table["true_depth"].to_numpy()[mission == 1]
+    np.testing.assert_array_equal(depth, run.row("true_depth", 1)[: len(depth)])
+    splits = dict(zip(mission.tolist(), table["split"].to_pylist(), strict=True))
+    assert list(splits.values()) == run.splits
+
+
+def test_without_pyarrow_the_way_out_is_told(
+    field_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(InputError, match="pip install pyarrow"):
+        export_parquet(StoredRun(field_store), [0], tmp_path / "missions.parquet")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("name", "panels"), [("paper_store", 12), ("field_store", 15)])
+def test_the_page_has_every_panel_with_data(
+    name: str, panels: int, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    run = StoredRun(request.getfixturevalue(name))
+    figure = store_page(run)
+    assert len(figure.axes) == panels
+    assert all(axes.has_data() for axes in figure.axes)
+    assert f"{len(run)} missions" in figure.get_suptitle()
+    figure.savefig(tmp_path / "page.png", dpi=40)
+    assert (tmp_path / "page.png").stat().st_size > 10_000

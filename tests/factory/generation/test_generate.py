@@ -1,0 +1,338 @@
+"""The contract of generate: same bytes for any workers, kills, resumes, refusals, full disks."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import factory.generation.shards
+import factory.generation.workers
+from factory.generation.bulk import generate
+from factory.generation.checkpoint import Journal
+from factory.generation.store_layout import SHARD_MISSIONS
+from factory.inspect.info import unfinished
+from factory.inspect.replay import replay_failure
+from factory.inspect.verify import verify_store
+from factory.recipe.recipe import Recipe
+from factory.stores.stored import StoredRun
+from twin.errors import InputError, StoreError, TwinError
+from twin.records.store import UNFINISHED, open_store
+
+Recipes = Callable[..., Recipe]
+
+
+def contents(store: Path) -> dict[str, Any]:
+    """Every file of a store, but for what the promise of equal bytes leaves out: `history`."""
+    files: dict[str, Any] = {
+        str(path.relative_to(store)): path.read_bytes()
+        for path in store.rglob("*")
+        if path.is_file()
+    }
+    group = json.loads(files["zarr.json"])
+    del group["attributes"]["history"]
+    files["zarr.json"] = group
+    return files
+
+
+def test_one_worker_two_workers_and_two_kills_give_the_same_bytes(
+    tmp_path: Path, recipe: Recipes
+) -> None:
+    settings = {"hours": 3.4, "changes": {"mission.duration_h": "uniform(0.03, 0.06)"}}
+    made = recipe(**settings)
+    assert len(made.plan) > SHARD_MISSIONS  # more than one shard
+    generate(made, tmp_path / "one.zarr", workers=1)
+    generate(made, tmp_path / "two.zarr", workers=2)
+    expected = contents(tmp_path / "one.zarr")
+    assert contents(tmp_path / "two.zarr") == expected
+
+    killed = tmp_path / "killed.zarr"
+    command = [sys.executable, "-m", "factory", "generate", "--hours", "3.4", "--workers", "2"]
+    command += ["--out", str(killed), "--resume", "--set"]
+    command += [f"{name}={text}" for name, text in made.changes.items()]
+    kept = 0
+    for _ in range(2):
+        process = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        kept = _kill_after(process, killed, kept + 15)
+        with pytest.raises(StoreError, match=r"is incomplete.*--resume"):
+            open_store(killed)
+    assert 30 <= kept < len(made.plan)
+    summary = generate(made, killed, workers=2, resume=True)
+    assert 0 < summary.flown <= len(made.plan) - 30  # what was finished is not flown again
+    assert contents(killed) == expected
+    assert not (killed / UNFINISHED).exists()
+
+
+def _kill_after(process: subprocess.Popen[bytes], store: Path, missions: int) -> int:
+    """Send SIGKILL once that many missions are kept; how many there are then."""
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline and process.poll() is None:
+        if Journal(store).count_missions() >= missions:
+            process.send_signal(signal.SIGKILL)
+            break
+        time.sleep(0.005)
+    process.wait()
+    assert process.returncode == -signal.SIGKILL, "the run ended before it could be killed"
+    return Journal(store).count_missions()
+
+
+def test_a_kill_between_any_two_files_of_a_shard_loses_nothing(
+    tmp_path: Path, recipe: Recipes, paper_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written = factory.generation.shards.write_whole
+    store = tmp_path / "missions.zarr"
+    for allowed in (0, 3, 40, 60, 90):  # inside the shard, and among the last files
+        left = [allowed]
+
+        def write(path: Path, data: bytes, left: list[int] = left) -> None:
+            if left[0] == 0:
+                raise KeyboardInterrupt
+            left[0] -= 1
+            written(path, data)
+
+        monkeypatch.setattr(factory.generation.shards, "write_whole", write)
+        with pytest.raises(KeyboardInterrupt):
+            generate(recipe(), store, workers=1, resume=True)
+        assert unfinished(store) is not None
+    monkeypatch.setattr(factory.generation.shards, "write_whole", written)
+    generate(recipe(), store, workers=1, resume=True)
+    assert contents(store) == contents(paper_store)
+
+
+def test_a_damaged_part_is_flown_again(
+    tmp_path: Path, recipe: Recipes, paper_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = tmp_path / "missions.zarr"
+    _stop_before_shards(monkeypatch, recipe(), store)
+    parts = sorted((store / UNFINISHED).glob("mission-*.part"))
+    whole = parts[0].read_bytes()
+    parts[0].write_bytes(whole[: len(whole) // 2])  # cut short
+    parts[1].write_bytes(whole[:100] + bytes([whole[100] ^ 1]) + whole[101:])  # one bit
+    parts[2].write_bytes(b"")
+    summary = generate(recipe(), store, workers=1, resume=True)
+    assert summary.flown == 3
+    assert contents(store) == contents(paper_store)
+
+
+def _stop_before_shards(monkeypatch: pytest.MonkeyPatch, made: Recipe, store: Path) -> None:
+    def stop(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("factory.generation.bulk.write_shard", stop)
+        with pytest.raises(KeyboardInterrupt):
+            generate(made, store, workers=1)
+
+
+def test_an_existing_store_is_only_replaced_when_told(
+    tmp_path: Path, recipe: Recipes, paper_store: Path
+) -> None:
+    store = tmp_path / "missions.zarr"
+    shutil.copytree(paper_store, store)
+    before = contents(store)
+    with pytest.raises(StoreError, match="already exists; use --overwrite"):
+        generate(recipe(seed=1), store, workers=1)
+    assert contents(store) == before
+    generate(recipe(seed=1), store, workers=1, overwrite=True)
+    assert StoredRun(store).seed == 1
+
+
+def test_a_folder_that_is_no_store_is_never_touched(tmp_path: Path, recipe: Recipes) -> None:
+    (tmp_path / "thesis.txt").write_text("years of work")
+    for options in ({}, {"overwrite": True}, {"resume": True}):
+        with pytest.raises(StoreError, match="exists and is not a store"):
+            generate(recipe(), tmp_path, workers=1, **options)
+    assert (tmp_path / "thesis.txt").read_text() == "years of work"
+    assert list(tmp_path.iterdir()) == [tmp_path / "thesis.txt"]
+
+
+def test_resume_starts_completes_and_repeats(
+    tmp_path: Path, recipe: Recipes, paper_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = tmp_path / "missions.zarr"
+    assert generate(recipe(), store, workers=1, resume=True).flown == len(recipe().plan)
+    again = generate(recipe(), store, workers=1, resume=True)
+    assert again.flown == 0
+    assert contents(store) == contents(paper_store)
+    other = tmp_path / "other.zarr"
+    _stop_before_shards(monkeypatch, recipe(), other)
+    with pytest.raises(StoreError, match="is incomplete: --resume completes it"):
+        generate(recipe(), other, workers=1)
+    assert generate(recipe(), other, workers=1, resume=True).flown == 0
+
+
+@pytest.mark.parametrize(
+    ("settings", "difference"),
+    [
+        ({"seed": 3}, "seed: 0 -> 3"),
+        ({"hours": 0.3}, "hours: 0.2 -> 0.3"),
+        ({"sensors": "field"}, "sensors."),
+        ({"current": "uniform:0.1,0"}, "current: None -> "),
+        (
+            {"changes": {"mission.pitch_deg": "uniform(20, 30)"}},
+            "distributions.mission.pitch_deg: uniform(15, 45) except (28, 32) -> uniform(20, 30)",
+        ),
+    ],
+)
+def test_resume_with_other_settings_is_refused_with_the_difference(
+    tmp_path: Path,
+    recipe: Recipes,
+    paper_store: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    settings: dict[str, Any],
+    difference: str,
+) -> None:
+    begun = tmp_path / "begun.zarr"
+    _stop_before_shards(monkeypatch, recipe(), begun)
+    for store in (paper_store, begun):
+        with pytest.raises(StoreError, match="started with other settings") as caught:
+            generate(recipe(**settings), store, workers=1, resume=True)
+        assert difference in str(caught.value)
+        assert "\n" not in str(caught.value)
+    assert StoredRun(paper_store).seed == 0
+
+
+@contextmanager
+def largest_file(size: int) -> Iterator[None]:
+    """Writing more than `size` bytes into a file fails, as on a full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("size", [2_000, 20_000, 60_000])
+def test_a_full_disk_is_told_and_leaves_a_store_to_resume(
+    tmp_path: Path, recipe: Recipes, paper_store: Path, size: int
+) -> None:
+    store = tmp_path / "missions.zarr"
+    # 2 000 bytes stop the settings, 20 000 the workers' parts, 60 000 the shards
+    with largest_file(size), pytest.raises(StoreError, match=r"cannot write .*--resume") as caught:
+        generate(recipe(), store, workers=2)
+    assert "\n" not in str(caught.value)
+    assert not list(store.rglob(".*.*"))  # no half-written files are left behind
+    generate(recipe(), store, workers=2, resume=True)
+    assert contents(store) == contents(paper_store)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_an_unwritable_folder_is_told(tmp_path: Path, recipe: Recipes) -> None:
+    tmp_path.chmod(0o500)
+    with pytest.raises(StoreError, match="cannot write"):
+        generate(recipe(), tmp_path / "missions.zarr", workers=1)
+
+
+def test_a_path_through_a_file_is_told(tmp_path: Path, recipe: Recipes) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StoreError, match=r"cannot write .*Not a directory"):
+        generate(recipe(), tmp_path / "file" / "missions.zarr", workers=1)
+
+
+def test_two_runs_cannot_write_one_store(tmp_path: Path, recipe: Recipes) -> None:
+    store = tmp_path / "missions.zarr"
+    Journal(store).start(recipe().describe())
+    with Journal(store).locked():
+        with pytest.raises(StoreError, match="another run is generating"):
+            generate(recipe(), store, workers=1, resume=True)
+        with pytest.raises(StoreError, match="another run is generating"):
+            generate(recipe(), store, workers=1, overwrite=True)
+    assert generate(recipe(), store, workers=1, resume=True).flown == len(recipe().plan)
+
+
+@pytest.mark.parametrize("workers", [0, -1])
+def test_impossible_workers_are_refused(tmp_path: Path, recipe: Recipes, workers: int) -> None:
+    with pytest.raises(InputError, match="must be at least 1"):
+        generate(recipe(), tmp_path / "missions.zarr", workers=workers)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unstable_mission_is_recorded_replaced_and_counted(
+    tmp_path: Path, recipe: Recipes
+) -> None:
+    """Negative pitch damping tumbles the glider out of the finite numbers."""
+    made = recipe(changes={"vehicle.k_q": "choice(1, -40)"})
+    store = tmp_path / "missions.zarr"
+    heard: list[int] = []
+    summary = generate(made, store, workers=1, watch=lambda hours, failed: heard.append(failed))
+    run = StoredRun(store)
+    failures = run.failures()
+    assert summary.failed == len(failures) == sum(heard) > 0
+    assert run.small("attempt").sum() == len(failures)
+    for mission, failure in failures:
+        assert failure.values["vehicle.k_q"] == -40.0
+        assert failure.time_s is not None
+        assert f"at {failure.time_s:.1f} s" in failure.reason
+        then, now = replay_failure(run, mission, failure.attempt)
+        assert then == now
+    assert "vehicle_k_q" not in run.dataset or set(run.small("vehicle_k_q")) == {1.0}
+    assert verify_store(run).ok
+    with pytest.raises(StoreError, match="did not fail; failures in the store"):
+        replay_failure(run, failures[0][0], 19)
+
+
+def test_a_mission_that_never_flies_ends_the_run(tmp_path: Path, recipe: Recipes) -> None:
+    made = recipe(changes={"mission.pitch_deg": "2"})
+    store = tmp_path / "missions.zarr"
+    with pytest.raises(InputError, match=r"failed 20 times, last: .*too shallow") as told:
+        generate(made, store, workers=2)
+    assert "narrow with --set: mission.pitch_deg (now 2)" in str(told.value)
+    assert told.value.exit_code == 2
+    assert unfinished(store) is not None
+
+
+def test_a_dead_worker_is_told(
+    tmp_path: Path, recipe: Recipes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        factory.generation.workers, "produce", lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+    )
+    with pytest.raises(TwinError, match="a worker process ended by signal 9"):
+        generate(recipe(), tmp_path / "missions.zarr", workers=2)
+
+
+def test_a_bug_in_a_worker_keeps_its_traceback(
+    tmp_path: Path, recipe: Recipes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("a bug")
+
+    monkeypatch.setattr(factory.generation.workers, "produce", fail)
+    with pytest.raises(RuntimeError, match=r"(?s)in fail.*ZeroDivisionError: a bug"):
+        generate(recipe(), tmp_path / "missions.zarr", workers=1)
+
+
+def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(tmp_path: Path) -> None:
+    store = tmp_path / "missions.zarr"
+    command = [sys.executable, "-m", "factory", "generate", "--hours", "100", "--workers", "2"]
+    process = subprocess.Popen(
+        [*command, "--out", str(store)],
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        # a test run started in the background of a shell inherits an ignored SIGINT
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline and Journal(store).count_missions() < 2:
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: parent and workers
+    _, error = process.communicate(timeout=60.0)
+    assert process.returncode == 130
+    assert b"--resume" in error
+    assert b"Traceback" not in error
+    assert len(error.splitlines()) == 1
+    begun = unfinished(store)
+    assert begun is not None
+    assert begun.missions_kept >= 2

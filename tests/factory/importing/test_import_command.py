@@ -1,0 +1,189 @@
+"""`factory import`: what it says, writes and refuses; and the tools of cleaning and reading."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from logs import Flight, nmea, write_slocum
+
+from factory.__main__ import PROGRAM
+from factory.exporting.og1_missions import geographic
+from factory.importing import KINDS, import_logs
+from factory.importing.dives.segments import Rules, surface_drift
+from factory.importing.reading.columns import parse_stamps, tidy, unix_seconds
+from factory.importing.reading.log import Channel, Fixes
+from factory.importing.reading.tally import Tally
+from factory.importing.repairs.cleaning import degrees_minutes, spikes
+from twin.errors import InputError
+from twin.geodesy import offset, turn
+from twin.records.store import open_store
+from twin.water.current.origin import Origin
+
+FLIGHT = Flight()
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+    code = PROGRAM.main([str(word) for word in words])
+    said = capsys.readouterr()
+    return code, said.out, said.err
+
+
+def test_the_command_writes_a_store_and_prints_the_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_slocum(tmp_path, FLIGHT)
+    out = tmp_path / "real.zarr"
+    code, said, err = run(capsys, "import", "slocum", tmp_path, "--out", out)
+    assert code == 0, err
+    assert "3, 3 from GPS fix to GPS fix" in said
+    assert "measured_density" in said
+    assert open_store(out).sizes["mission"] == 3
+    code, _, err = run(capsys, "import", "slocum", tmp_path, "--out", out)
+    assert code == 2
+    assert "already exists" in err
+    code, said, _ = run(
+        capsys, "import", "slocum", tmp_path, "--out", out, "--overwrite", "--json", "--period", 4
+    )
+    answer = json.loads(said)
+    assert code == 0
+    assert answer["report"]["period"] == 4.0
+    assert answer["report"]["rows"] == 3
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["slocum", "nowhere.dbd"], "no file nowhere.dbd"),
+        (["slocum"], "no files to import"),
+        (["slocum", ".", "--period", "0"], "period must be within"),
+        (["slocum", ".", "--min-depth", "-1"], "--min-depth must be positive"),
+        (["slocum", ".", "--variation-deg", "400"], "within +-180 degree"),
+        (["slocom", "."], "did you mean 'slocum'"),
+    ],
+)
+def test_bad_requests_are_one_line(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    words: list[str],
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(capsys, "import", *words, "--out", "real.zarr")
+    assert code == 2
+    assert message in err
+    assert err.count("\n") == 1
+    assert not Path("real.zarr").exists()
+
+
+def test_shallow_logs_and_unknown_kinds_are_told(tmp_path: Path) -> None:
+    paths = write_slocum(tmp_path, Flight(depth=4.0, speed=0.1))
+    with pytest.raises(InputError, match=r"no dive deeper than 5 m.*--min-depth"):
+        import_logs("slocum", paths)
+    assert import_logs("slocum", paths, rules=Rules(min_depth=2.0))[1].rows == 3
+    with pytest.raises(InputError, match="unknown kind of log 'spray'"):
+        import_logs("spray", paths)
+    assert KINDS == ("slocum", "seaglider", "seaexplorer", "og1", "lrauv")
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_tidy_sorts_and_keeps_each_value_once(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    times = 1e9 + rng.integers(0, 40, 60).astype(float)
+    values = np.where(rng.random(60) < 0.3, np.nan, rng.normal(size=60))
+    tally = Tally()
+    time, columns = tidy(times, {"x": values}, "table", tally)
+    assert np.array_equal(time, np.unique(times))
+    for t, x in zip(time, columns["x"], strict=True):
+        there = values[(times == t) & np.isfinite(values)]
+        assert np.isnan(x) if not len(there) else x == there[0]
+    counted = {e.action: e.count for e in tally.entries()}
+    assert counted.get("removed", 0) + counted.get("repeated", 0) == 60 - len(time)
+
+
+@given(st.integers(2, 57), st.floats(8.0, 60.0), st.booleans())
+def test_a_single_spike_is_found_and_a_step_is_kept(at: int, size: float, down: bool) -> None:
+    time = np.arange(60.0)
+    values = np.linspace(0.0, 30.0, 60)
+    assert not spikes(time, values, rate=3.0, jump=2.0).any()
+    spiked = values.copy()
+    spiked[at] += -size if down else size
+    assert np.flatnonzero(spikes(time, spiked, rate=3.0, jump=2.0)).tolist() == [at]
+    step = values + np.where(np.arange(60) >= at, size, 0.0)
+    assert not spikes(time, step, rate=3.0, jump=2.0).any()
+
+
+@given(st.floats(-89.0, 89.0))
+def test_nmea_positions_round_trip(degrees: float) -> None:
+    assert degrees_minutes(nmea(np.array([degrees])))[0] == pytest.approx(degrees, abs=1e-9)
+
+
+@given(st.floats(-70, 70), st.floats(-15e3, 15e3), st.floats(-15e3, 15e3))
+def test_offsets_add_up_a_course_by_the_compass(latitude: float, north: float, east: float) -> None:
+    """A straight course in many short steps, each on the plane that touches the Earth there."""
+    steps = 50
+    at = (latitude, 179.95)  # across the date line
+    for _ in range(steps):
+        origin = Origin(latitude_deg=at[0], longitude_deg=at[1])
+        place = geographic(np.array([north / steps]), np.array([east / steps]), origin)
+        at = float(place[0][0]), float(place[1][0])
+    back = offset(np.float64(at[0]), np.float64(at[1]), latitude, 179.95)
+    assert float(back[0]) == pytest.approx(north, abs=2.0)
+    assert float(back[1]) == pytest.approx(east, abs=2.0)
+
+
+def test_magnetic_axes_turn_by_the_variation() -> None:
+    """A vector to magnetic north points to the bearing of the variation."""
+    north, east = turn(np.array([0.0]), np.array([1.0]), 30.0)
+    assert np.degrees(np.arctan2(east[0], north[0])) == pytest.approx(30.0)
+    north, east = turn(np.array([1.0]), np.array([0.0]), 30.0)
+    assert np.degrees(np.arctan2(east[0], north[0])) == pytest.approx(120.0)
+
+
+def test_times_of_every_kind() -> None:
+    unix = np.array([1.7e9, 1.7e9 + 1.5])
+    for given_time in (unix * 1e3, unix * 1e6, unix * 1e9, unix / 86400.0 + 719529.0):
+        tally = Tally()
+        assert unix_seconds(given_time, "x", tally) == pytest.approx(unix, abs=1e-4)
+        assert tally.entries()[0].count == 2
+    words = np.array(["14/11/2023 22:13:20", "2023-11-14T22:13:21.5Z", "soon"], dtype=object)
+    assert parse_stamps(words)[:2] == pytest.approx(unix)
+    assert np.isnan(parse_stamps(words)[2])
+
+
+def test_a_drift_needs_a_minute() -> None:
+    time = np.array([0.0, 30.0, 59.0])
+    fixes = Fixes(time, 49.0 + time * 1e-6, np.full(3, 10.0))
+    assert np.isnan(surface_drift(fixes)).all()
+    time = np.array([0.0, 30.0, 90.0])
+    fixes = Fixes(time, 49.0 + time * 1e-6, np.full(3, 10.0))
+    assert surface_drift(fixes)[0] == pytest.approx(0.1112, abs=1e-3)
+
+
+def test_channels_cut_with_both_ends() -> None:
+    channel = Channel(np.arange(10.0), np.arange(10.0) ** 2)
+    assert channel.within(2.0, 4.0).time.tolist() == [2.0, 3.0, 4.0]
+    assert channel.within(2.5, 4.5).time.tolist() == [3.0, 4.0]
+    assert len(channel.within(20.0, 30.0)) == 0
+
+
+def test_a_store_of_logs_can_be_described_and_drawn(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from twin.__main__ import PROGRAM as TWIN
+
+    write_slocum(tmp_path, FLIGHT)
+    out = tmp_path / "real.zarr"
+    assert run(capsys, "import", "slocum", tmp_path, "--out", out)[0] == 0
+    code, said, _ = run(capsys, "info", out)
+    assert code == 0
+    assert "slocum: unit1" in said
+    assert "measured_density" in said
+    picture = tmp_path / "log.png"
+    assert TWIN.main(["plot", str(out), "--mission", "1", "--out", str(picture)]) == 0
+    assert picture.stat().st_size > 10_000

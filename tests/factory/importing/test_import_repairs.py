@@ -1,0 +1,299 @@
+"""Import: what sensors do wrong, and what the import makes of it. Small written files."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from logs import (
+    Flight,
+    slocum_columns,
+    write_csv,
+    write_mat,
+    write_seaglider,
+    write_slocum,
+)
+
+from factory.importing import import_logs
+from factory.importing.reading.columns import read_table, tidy
+from factory.importing.reading.tally import Tally
+from factory.importing.repairs.angles import in_degrees
+from factory.importing.repairs.unreachable import unreachable
+from twin.errors import InputError
+
+FLIGHT = Flight()
+SIGNALS = ("measured_pitch", "measured_heading", "measured_roll", "measured_depth")
+
+
+def with_sentinels(columns: dict[str, np.ndarray], share: float) -> dict[str, np.ndarray]:
+    """Pitch, depth and pressure as a Slocum writes them where a sensor was silent."""
+    bad = np.random.default_rng(5).random(len(columns["time"])) < share
+    changed = {name: columns[name].copy() for name in ("m_pitch", "m_depth", "m_pressure")}
+    for name, sentinel in (("m_pitch", -999.0), ("m_depth", 9999.0), ("m_pressure", 999.0)):
+        changed[name][bad] = sentinel
+    return changed
+
+
+@pytest.mark.parametrize("factor", [1.0, 180.0 / np.pi])
+def test_sentinels_neither_turn_the_unit_nor_leave_depth_behind(
+    tmp_path: Path, factor: float
+) -> None:
+    right, whole = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    changed = with_sentinels(slocum_columns(FLIGHT), 0.05)
+    changed["m_pitch"] = np.where(changed["m_pitch"] == -999.0, -999.0, changed["m_pitch"] * factor)
+    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **changed))
+    bad = int((changed["m_pitch"] == -999.0).sum())
+    assert bad > 20
+    assert report.count("removed", "m_pitch") == report.count("removed", "m_pressure") == bad
+    repaired = report.count("repaired", "m_pitch")
+    assert repaired == (len(FLIGHT.time) - bad if factor > 1.0 else 0)
+    assert report.count("repaired") == repaired
+    assert report.rows == whole.rows
+    # no fix was taken for one under water
+    assert report.count("removed", "GPS fixes") == whole.count("removed", "GPS fixes") == 0
+    assert float(np.nanmax(dataset["measured_depth"])) < FLIGHT.depth + 1.0
+    apart = np.abs(dataset["measured_pitch"].values - right["measured_pitch"].values)
+    assert np.nanpercentile(apart, 90.0) < 0.01
+
+
+def test_runs_of_impossible_depth_go_and_the_dive_stays(tmp_path: Path) -> None:
+    columns = slocum_columns(FLIGHT)
+    depth, pressure = columns["m_depth"].copy(), columns["m_pressure"].copy()
+    run = slice(90, 102)
+    pressure[run] = 40.0
+    depth[run] = 400.0
+    paths = write_slocum(tmp_path, FLIGHT, m_depth=depth, m_pressure=pressure)
+    dataset, report = import_logs("slocum", paths)
+    assert report.count("removed", "m_pressure") == 12
+    assert float(np.nanmax(dataset["measured_depth"])) < FLIGHT.depth + 1.0
+    assert report.rows == FLIGHT.dives
+
+
+@given(st.integers(0, 150), st.integers(1, 20), st.floats(60.0, 9000.0))
+def test_only_the_run_is_out_of_reach(start: int, length: int, value: float) -> None:
+    time = 4.0 * np.arange(200.0)
+    values = 30.0 + 20.0 * np.sin(time / 100.0)
+    assert not unreachable(time, values, rate=2.0, jump=4.0).any()
+    # far enough that the run's own length does not make it reachable
+    values[start : start + length] = value + 2.0 * 4.0 * (length + 2)
+    bad = unreachable(time, values, rate=2.0, jump=4.0)
+    assert np.flatnonzero(bad).tolist() == list(range(start, start + length))
+
+
+def test_a_roll_in_degrees_is_not_taken_for_radian(tmp_path: Path) -> None:
+    """A few degrees of roll would be half a turn in radian; they are in no other angle's unit."""
+    wobble = 3.0 + 2.0 * np.sin(FLIGHT.time / 50.0)
+    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_roll=wobble))
+    assert report.count("repaired", "m_roll") == report.count("repaired") == len(wobble)
+    assert np.nanmax(np.abs(dataset["measured_roll"])) == pytest.approx(5.0, abs=0.1)
+
+
+def test_a_slight_roll_follows_the_unit_of_pitch_and_heading(tmp_path: Path) -> None:
+    """0.1 to 0.5: a roll that could be either."""
+    either = 0.3 + 0.2 * np.sin(FLIGHT.time / 50.0)
+    assert in_degrees("roll", either) is None
+    columns = slocum_columns(FLIGHT)
+    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_roll=either))
+    assert report.count("repaired") == 0
+    assert np.nanmax(dataset["measured_roll"]) == pytest.approx(np.degrees(0.5), abs=0.1)
+    whole = {n: np.degrees(columns[n]) for n in ("m_pitch", "m_heading")}
+    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_roll=either, **whole))
+    assert report.count("repaired", "m_roll") == len(either)
+    assert np.nanmax(dataset["measured_roll"]) == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_heading_sentinel_is_no_heading(tmp_path: Path) -> None:
+    heading = slocum_columns(FLIGHT)["m_heading"]
+    heading[30:34] = -999.0
+    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_heading=heading))
+    assert report.count("removed", "m_heading") == 4
+    assert np.allclose(
+        dataset["measured_heading"].values[np.isfinite(dataset["measured_heading"].values)],
+        FLIGHT.heading,
+        atol=1e-3,
+    )
+
+
+def details(report: object, action: str) -> dict[str, str]:
+    """Subject and reason of each entry of an action."""
+    return {e.subject: e.detail for e in report.entries if e.action == action}  # type: ignore[attr-defined]
+
+
+def test_a_roll_of_half_a_turn_is_suspect(tmp_path: Path) -> None:
+    """Radian by its small values, and yet the vehicle would lie on its side."""
+    samples, dives = write_seaglider(tmp_path, Flight(depth=150.0))
+    table = read_table(samples)
+    columns = {"glider": ["SG999"] * len(table), **table.columns}
+    columns["roll_deg"] = 70.0 + np.sin(columns["time"])
+    write_csv(samples, columns)
+    _, report = import_logs("seaglider", [samples, dives])
+    assert "rolls by 70 degree" in details(report, "suspect")["measured_roll"]
+
+
+@pytest.mark.parametrize(
+    ("column", "subject"), [("m_heading", "measured_heading"), ("m_pitch", "measured_pitch")]
+)
+def test_a_sensor_that_stands_still_for_a_dive_is_suspect(
+    tmp_path: Path, column: str, subject: str
+) -> None:
+    moving = slocum_columns(FLIGHT)
+    for name in ("m_heading", "m_pitch"):
+        moving[name] = moving[name] + 1e-3 * np.sin(FLIGHT.time)
+    both = {name: moving[name] for name in ("m_heading", "m_pitch")}
+    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **both))
+    assert report.count("suspect") == 0
+    start, end = FLIGHT.dive_times(1)
+    stuck = (FLIGHT.time > start - 10.0) & (FLIGHT.time < end + 10.0)
+    both[column] = np.where(stuck, 0.3, both[column])
+    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **both))
+    assert report.count("suspect", subject) == 1
+    assert "same value for a whole dive" in details(report, "suspect")[subject]
+
+
+def test_a_depth_that_stands_still_while_pitched_is_suspect(tmp_path: Path) -> None:
+    flight = Flight(depth=120.0)
+    depth = slocum_columns(flight)["m_depth"]
+    start, _ = flight.dive_times(1)
+    stuck = (flight.time > start + 200.0) & (flight.time < start + 550.0)
+    depth[stuck] = depth[np.argmax(stuck)]
+    paths = write_slocum(tmp_path, flight, m_depth=depth, m_pressure=None)
+    _, report = import_logs("slocum", paths)
+    assert "one depth for more than 300 s" in details(report, "suspect")["measured_depth"]
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(25.4, "mm"), (2.54 * 3.0, "cm"), (0.0254, "metres")])
+def test_the_batterys_unit_is_told_by_its_travel(tmp_path: Path, factor: float, unit: str) -> None:
+    """0.8 inch of travel; in cm only with three times as much, since 2 cm could be 2 inches."""
+    inches = slocum_columns(FLIGHT)["m_battpos"]
+    dataset, report = import_logs(
+        "slocum",
+        write_slocum(tmp_path, FLIGHT, m_battpos=factor * inches, c_battpos=factor * inches),
+    )
+    assert f"was in {unit}" in details(report, "repaired")["m_battpos"]
+    size = 0.4 * 0.0254 * (3.0 if unit == "cm" else 1.0)
+    for name in ("measured_shift", "commanded_shift"):
+        assert np.nanmax(dataset[name]) == pytest.approx(size, rel=1e-3), name
+
+
+def test_a_batterys_travel_that_is_no_gliders_is_suspect(tmp_path: Path) -> None:
+    counts = 4000.0 * slocum_columns(FLIGHT)["m_battpos"]
+    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_battpos=counts))
+    assert "in no unit" in details(report, "suspect")["measured_shift"]
+
+
+def test_what_is_not_read_is_named_and_what_is_missing_looked_for(tmp_path: Path) -> None:
+    columns = slocum_columns(FLIGHT)
+    renamed = {"pitch": columns["m_pitch"], "m_vacuum": columns["m_roll"], "m_pitch": None}
+    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **renamed))
+    assert details(report, "not read")["flight table"] == "m_vacuum, pitch"
+    assert report.count("not read", "flight table") == 2
+    assert "is it 'pitch', which is not read?" in details(report, "missing")["measured_pitch"]
+    assert "identification and dead reckoning" in details(report, "suspect")["measured_pitch"]
+    # a Slocum has no roll mass: nothing to miss
+    assert "measured_rotation" not in details(report, "missing")
+
+
+def test_a_deployment_without_a_dive_does_not_vanish(tmp_path: Path) -> None:
+    paths = write_slocum(tmp_path, FLIGHT)
+    paths += write_slocum(tmp_path, Flight(depth=3.0, speed=0.1, heading=90.0), name="zeta")
+    _, report = import_logs("slocum", paths)
+    assert report.deployments == ("unit1",)
+    assert details(report, "left out")["zeta"].startswith("no dive: deepest ")
+
+
+def test_samples_outside_rows_are_split_by_where_they_were(tmp_path: Path) -> None:
+    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    why = [e.detail for e in report.entries if e.subject == "depth samples"]
+    assert why == ["at the surface between dives (above 1.5 m)"]
+
+
+def test_rows_that_repeat_a_time_are_kept_apart_from_those_that_contradict(tmp_path: Path) -> None:
+    right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    columns = slocum_columns(FLIGHT)
+    rows = np.concatenate([np.arange(len(FLIGHT.time)), [60, 61, 62, 63]])
+    doubled = {name: values[rows] for name, values in columns.items()}
+    doubled["m_pitch"][-2:] = 0.9  # the last two say something else
+    paths = write_slocum(tmp_path, FLIGHT)
+    write_csv(paths[0], doubled)
+    dataset, report = import_logs("slocum", paths)
+    assert report.count("repeated", "unit1_flight.csv") == 2
+    assert report.count("removed", "unit1_flight.csv") == 2
+    assert np.allclose(dataset["measured_pitch"], right["measured_pitch"], equal_nan=True)
+
+
+def test_contradicting_rows_are_not_mixed() -> None:
+    time = np.array([1e9, 1e9, 1e9 + 1.0])
+    columns = {"a": np.array([1.0, 2.0, 3.0]), "b": np.array([np.nan, 5.0, 6.0])}
+    _, out = tidy(time, columns, "x", Tally())
+    assert out["a"].tolist() == [1.0, 3.0]
+    assert np.isnan(out["b"][0])
+    columns["a"][1] = 1.0
+    _, out = tidy(time, columns, "x", Tally())
+    assert out["b"].tolist() == [5.0, 6.0]
+
+
+def test_the_index_that_pandas_writes_is_no_column(tmp_path: Path) -> None:
+    right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    paths = write_slocum(tmp_path, FLIGHT)
+    lines = paths[0].read_text().splitlines()
+    numbered = [f"{k - 1 if k else ''},{line}" for k, line in enumerate(lines)]
+    paths[0].write_text("\n".join(numbered) + "\n")
+    dataset, _ = import_logs("slocum", paths)
+    assert np.allclose(dataset["measured_depth"], right["measured_depth"], equal_nan=True)
+
+
+def test_a_log_of_one_sample_says_so(tmp_path: Path) -> None:
+    one = {name: values[60:61] for name, values in slocum_columns(FLIGHT).items()}
+    path = write_csv(tmp_path / "unit1_flight.csv", one)
+    with pytest.raises(InputError, match="holds 1 sample"):
+        import_logs("slocum", [path], variation_deg=0.0)
+
+
+def test_files_of_no_log_format_are_named(tmp_path: Path) -> None:
+    write_slocum(tmp_path, FLIGHT)
+    (tmp_path / "LICENSE").write_text("free")
+    _, report = import_logs("slocum", [tmp_path])
+    assert details(report, "left out")["files"] == "of no slocum format: LICENSE"
+
+
+def test_a_truth_in_centimetres_a_second_is_suspect(tmp_path: Path) -> None:
+    start, _ = FLIGHT.dive_times(1)
+    times = np.arange(start + 20.0, start + 160.0, 1.0)
+    paths = write_slocum(tmp_path, FLIGHT)
+    truth = {"time": times, "U_dvl_ms": np.full(len(times), 40.0)}
+    paths.append(write_csv(tmp_path / "unit1_truth.csv", truth))
+    dataset, report = import_logs("slocum", paths)
+    assert "cm/s" in details(report, "repaired")["U_dvl_ms"]
+    assert np.nanmedian(dataset["true_speed"]) == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("suffix", [".csv.gz", ".parquet", ".nc", ".mat"])
+def test_cut_files_are_named_in_one_line(tmp_path: Path, suffix: str) -> None:
+    whole = tmp_path / f"whole{suffix}"
+    kind = "slocum"
+    table = write_slocum(tmp_path, FLIGHT)[0]
+    if suffix == ".csv.gz":
+        whole.write_bytes(gzip.compress(table.read_bytes()))
+    elif suffix == ".parquet":
+        parquet = pytest.importorskip("pyarrow.parquet")
+        arrow = pytest.importorskip("pyarrow")
+        parquet.write_table(arrow.table(slocum_columns(FLIGHT)), whole)
+    elif suffix == ".mat":
+        kind = "lrauv"
+        write_mat(whole, FLIGHT)
+    else:
+        kind = "og1"
+        with netCDF4.Dataset(whole, "w") as file:
+            file.createDimension("N_MEASUREMENTS", 5000)
+            for name in ("TIME", "PITCH", "LATITUDE", "LONGITUDE"):
+                file.createVariable(name, "f8", ("N_MEASUREMENTS",))[:] = np.arange(5000.0)
+    cut = tmp_path / f"cut_flight{suffix}"
+    cut.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    with pytest.raises(InputError, match="cut_flight") as caught:
+        import_logs(kind, [cut])
+    assert "\n" not in str(caught.value)

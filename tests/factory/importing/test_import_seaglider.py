@@ -1,0 +1,242 @@
+"""Import of Seaglider logs: tables and basestation netCDF, truth by the ADCP, refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+from logs import SHARED, Flight, write_csv, write_seaglider
+
+from factory.importing import import_logs
+from factory.importing.dives.resample import to_body
+from factory.importing.reading.columns import read_table
+from twin.errors import InputError
+
+FLIGHT = Flight(depth=150.0, variation=15.0)
+AD2CP, STATION = SHARED / "seaglider_apl_ad2cp", SHARED / "seaglider_apl_basestation3"
+SG171 = [AD2CP / f"sg171_ekamsat_2024_{part}" for part in
+         ("samples.parquet", "dives.csv", "ad2cp_inv.parquet")]  # fmt: skip
+needs_sg171 = pytest.mark.skipif(not AD2CP.is_dir(), reason="needs the shared logs of SG171")
+
+
+def write_adcp(path: Path, flight: Flight) -> Path:
+    """Velocity through the water every 60 s, up positive, as the inverse solution gives it."""
+    time = flight.time[::15]
+    state = flight.state(time)
+    level = flight.speed * np.cos(np.radians(flight.pitch)) * state["under"]
+    climb = flight.speed * np.sin(np.radians(state["pitch"]))
+    azimuth = np.radians(flight.heading)
+    return write_csv(
+        path,
+        {
+            "glider": ["SG999"] * len(time),
+            "time": time,
+            "depth_m": state["depth"],
+            "u_ttw": level * np.sin(azimuth),
+            "v_ttw": level * np.cos(azimuth),
+            "w_ttw": climb,
+            "u_ocn": np.full(len(time), flight.east),
+            "v_ocn": np.full(len(time), flight.north),
+        },
+    )
+
+
+def test_dives_run_from_the_second_fix_to_the_last(tmp_path: Path) -> None:
+    dataset, report = import_logs("seaglider", write_seaglider(tmp_path, FLIGHT))
+    assert report.deployments == ("SG999",)
+    assert report.rows == report.rows_with_fixes == FLIGHT.dives
+    assert dataset["dive"].values.tolist() == [1, 2, 3]
+    for dive in range(FLIGHT.dives):
+        begins, ends = FLIGHT.dive_times(dive)
+        moved = FLIGHT.displacement(begins - 40.0, ends + 60.0)
+        row = dataset.isel(mission=dive)
+        assert float(row["dive_duration"]) == pytest.approx(ends - begins + 100.0)
+        assert float(row["displacement_north"]) == pytest.approx(moved[0], abs=0.2)
+        assert float(row["displacement_east"]) == pytest.approx(moved[1], abs=0.2)
+        assert float(row["vehicle_dac_north"]) == pytest.approx(FLIGHT.north)
+    n = int(dataset["n_samples"][0])
+    pitch, shift = dataset["measured_pitch"].values[0, :n], dataset["measured_shift"].values[0, :n]
+    # the encoder: (1800 - 2000) * 0.003 cm is nose down, which is 6 mm forward
+    assert np.allclose(shift[pitch < -20], 0.006, atol=1e-6)
+    assert np.allclose(shift[pitch > 20], -0.006, atol=1e-6)
+    assert np.allclose(dataset["measured_heading"].values[0, :n], FLIGHT.heading, atol=1e-3)
+    assert np.nanmedian(dataset["measured_salinity"]) == pytest.approx(34.0)
+    assert np.nanmedian(dataset["measured_density"]) == pytest.approx(1026.9, abs=0.3)
+    # the glider is silent between the fix and its first sample: held, and marked
+    assert dataset["measured_gap"].values[0, 0] == 1.0
+    assert dataset["measured_gap"].values[0, n // 4] == 0.0
+
+
+def test_adcp_truth_is_turned_into_body_axes_near_its_samples_only(tmp_path: Path) -> None:
+    paths = [*write_seaglider(tmp_path, FLIGHT), write_adcp(tmp_path / "adcp.csv", FLIGHT)]
+    dataset, report = import_logs("seaglider", paths)
+    n = int(dataset["n_samples"][1])
+    surge = dataset["true_surge"].values[1, :n]
+    there = np.isfinite(surge)
+    depth = dataset["measured_depth"].values[1, :n]
+    steady = there & (depth > 30.0) & (depth < 120.0)
+    assert steady.sum() > 50
+    # the imaginary glider moves along its nose
+    assert np.allclose(surge[steady], FLIGHT.speed, atol=1e-3)
+    assert np.allclose(dataset["true_sway"].values[1, :n][steady], 0.0, atol=1e-3)
+    assert np.allclose(dataset["true_heave"].values[1, :n][steady], 0.0, atol=1e-3)
+    assert np.allclose(dataset["true_speed"].values[1, :n][steady], FLIGHT.speed, atol=1e-3)
+    assert np.allclose(dataset["true_current_east"].values[1, :n][steady], FLIGHT.east, atol=1e-6)
+    assert not there[depth < 0.5].any()
+    shallow = [e for e in report.entries if e.action == "left out" and "ADCP" in e.subject]
+    assert shallow[0].count > 0
+
+
+def test_body_axes_undo_the_rotation() -> None:
+    rng = np.random.default_rng(3)
+    angles = rng.uniform(-1.0, 1.0, (3, 20))
+    vectors = rng.normal(size=(3, 20))
+    body = to_body(vectors, *angles)
+    assert np.allclose(np.linalg.norm(body, axis=0), np.linalg.norm(vectors, axis=0))
+    down = np.tile([[0.0], [0.0], [1.0]], 20)
+    roll, pitch, _ = angles
+    expected = [-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)]
+    assert np.allclose(to_body(down, *angles), expected)
+
+
+def test_without_dives_there_is_no_variation_and_no_fix(tmp_path: Path) -> None:
+    samples, dives = write_seaglider(tmp_path, FLIGHT)
+    with pytest.raises(InputError, match="--variation-deg"):
+        import_logs("seaglider", [samples])
+    _, report = import_logs("seaglider", [samples], variation_deg=FLIGHT.variation)
+    assert report.rows == FLIGHT.dives
+    assert report.rows_with_fixes == 0
+    with pytest.raises(InputError, match="dives of SG999 without its table of samples"):
+        import_logs("seaglider", [dives])
+
+
+def test_radian_and_mixed_gliders(tmp_path: Path) -> None:
+    samples, dives = write_seaglider(tmp_path, FLIGHT)
+    table = read_table(samples)
+    columns = {"glider": ["SG999"] * len(table), **table.columns}
+    columns["pitch_deg"] = np.radians(table.columns["pitch_deg"])
+    write_csv(samples, columns)
+    other = tmp_path / "other"
+    other.mkdir()
+    paths = [samples, dives, *write_seaglider(other, Flight(dives=1, heading=250.0), "SG001")]
+    dataset, report = import_logs("seaglider", paths)
+    assert report.count("repaired", "pitch_deg") == len(table)
+    assert np.nanmax(dataset["measured_pitch"]) == pytest.approx(FLIGHT.pitch, abs=1e-3)
+    assert sorted(set(dataset["deployment"].values)) == ["SG001", "SG999"]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("p9990001.nc", b"", "is empty"),
+        ("p9990001.nc", b"\x89HDF\r\n\x1a\n and no more", "truncated or damaged"),
+        ("p9990001.nc", b"not at all", "of another format"),
+        ("a.csv", b"m_depth,m_pitch,time\n1,2,3\n", "looks like slocum"),
+    ],
+)
+def test_files_that_are_no_seaglider_log_are_named(
+    tmp_path: Path, name: str, content: bytes, message: str
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=message) as caught:
+        import_logs("seaglider", [path])
+    assert "\n" not in str(caught.value)
+
+
+def test_a_netcdf_file_of_another_kind_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "og1.nc"
+    with netCDF4.Dataset(path, "w") as file:
+        file.createDimension("N_MEASUREMENTS", 2)
+        for name in ("TIME", "PITCH", "LATITUDE", "LONGITUDE"):
+            file.createVariable(name, "f8", ("N_MEASUREMENTS",))
+    with pytest.raises(InputError, match="looks like og1"):
+        import_logs("seaglider", [path])
+    with pytest.raises(InputError, match="looks like og1"):
+        import_logs("slocum", [path])
+    table = write_seaglider(tmp_path, FLIGHT)[0]
+    with pytest.raises(InputError, match="looks like seaglider"):
+        import_logs("og1", [table])
+
+
+@needs_sg171
+def test_raw_dive_100_agrees_with_its_table() -> None:
+    pytest.importorskip("pyarrow")
+    table, _ = import_logs("seaglider", SG171)
+    raw, report = import_logs("seaglider", [AD2CP / "raw" / "p1710100.nc"])
+    assert report.deployments == ("SG171",)
+    assert raw["dive"].values.tolist() == [100]
+    n = int(raw["n_samples"][0])
+    assert n == int(table["n_samples"][0])
+    limits = {
+        "measured_pitch": 1e-3, "measured_roll": 1e-3, "measured_heading": 1e-3,
+        "measured_pump": 1e-2, "measured_depth": 1e-3, "measured_shift": 1e-6,
+        "true_surge": 1e-3, "true_sway": 1e-3, "true_heave": 1e-3, "commanded_pump": 1e-2,
+        "measured_density": 0.1,
+    }  # fmt: skip
+    for name, limit in limits.items():
+        ours, theirs = raw[name].values[0], table[name].values[0, :n]
+        both = np.isfinite(ours) & np.isfinite(theirs)
+        assert both.sum() > 0.6 * n, name
+        apart = np.abs((ours - theirs + 180.0) % 360.0 - 180.0)
+        assert np.percentile(apart[both], 99.0) < limit, name
+    assert float(raw["displacement_north"][0]) == float(table["displacement_north"][0])
+    # only the raw file says where the roll mass is neutral
+    assert "measured_rotation" in raw
+    rotation, roll = raw["measured_rotation"].values[0], raw["measured_roll"].values[0]
+    deep = np.isfinite(rotation) & (raw["measured_depth"].values[0] > 10.0)
+    assert np.corrcoef(rotation[deep], roll[deep])[0, 1] < -0.8
+
+
+@needs_sg171
+def test_every_dives_displacement_agrees_with_the_basestation() -> None:
+    pytest.importorskip("pyarrow")
+    files = [*SG171[:2], *(p for p in AD2CP.glob("sg265*"))]
+    files += [p for p in STATION.iterdir() if p.suffix in (".csv", ".parquet")]
+    dataset, report = import_logs("seaglider", files)
+    assert report.rows == report.rows_with_fixes == 10 + 5 + 20
+    found = {
+        (str(name), int(dive)): (float(north), float(east))
+        for name, dive, north, east in zip(
+            dataset["deployment"].values,
+            dataset["dive"].values,
+            dataset["displacement_north"].values,
+            dataset["displacement_east"].values,
+            strict=True,
+        )
+    }
+    checked = 0
+    for path in files:
+        if path.suffix != ".csv":
+            continue
+        table = np.atleast_1d(
+            np.genfromtxt(path, delimiter=",", names=True, dtype=None, encoding=None)
+        )
+        for row in table:
+            north, east = found[str(row["glider"]), int(row["dive"])]
+            # the basestation's metres per degree are those of a sphere of nautical miles
+            reach = 0.01 * np.hypot(north, east) + 1.0
+            assert abs(north - row["GPS_north_displacement_m"]) < reach
+            assert abs(east - row["GPS_east_displacement_m"]) < reach
+            checked += 1
+    assert checked == 35
+
+
+@needs_sg171
+def test_sg171_dives_nose_down_with_the_bladder_small_and_moves_along_its_nose() -> None:
+    pytest.importorskip("pyarrow")
+    dataset, _ = import_logs("seaglider", SG171)
+    depth, phase = dataset["measured_depth"].values, dataset["measured_phase"].values
+    deep = depth > 20.0
+    down, up = deep & (phase == 1.0), deep & (phase == 2.0)
+    pump, pitch = dataset["measured_pump"].values, dataset["measured_pitch"].values
+    assert np.median(pump[down]) < -100.0 < 100.0 < np.median(pump[up])
+    assert np.median(pitch[down]) < -20.0 < 15.0 < np.median(pitch[up])
+    surge, sway = dataset["true_surge"].values, dataset["true_sway"].values
+    there = np.isfinite(surge) & deep
+    assert there.sum() > 7000
+    assert np.median(surge[there]) > 0.15
+    # a wrong sign of the variation or of east would put the motion beside the hull
+    assert abs(np.median(sway[there])) < 0.1 * np.median(surge[there])

@@ -1,0 +1,453 @@
+"""Import of Slocum logs: segments, units, repairs and refusals, on written and on real files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from logs import SHARED, START, Flight, gps_columns, slocum_columns, write_csv, write_slocum
+
+from factory.importing import import_logs
+from factory.importing.formats.slocum_binary import read_header, vehicle_of
+from twin.errors import InputError
+from twin.records.store import open_store, read_trajectory, write_store
+
+FLIGHT = Flight()
+COMET, UNIT334 = SHARED / "slocum_comet_dvl_2016", SHARED / "slocum_unit334_2023"
+
+
+def seconds(dataset: Any) -> np.ndarray:
+    """Start times as stored, unix seconds."""
+    values = dataset["start_time"].values
+    return (
+        values.astype("datetime64[ns]").astype(np.int64) / 1e9
+        if values.dtype.kind == "M"
+        else values
+    )
+
+
+def test_a_saw_tooth_comes_back_with_its_dives_displacements_and_units(tmp_path: Path) -> None:
+    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    assert report.rows == report.rows_with_fixes == FLIGHT.dives
+    for dive in range(FLIGHT.dives):
+        begins, ends = FLIGHT.dive_times(dive)
+        row = dataset.isel(mission=dive)
+        start, duration = float(seconds(dataset)[dive]), float(row["dive_duration"])
+        assert begins - FLIGHT.step <= start <= begins
+        assert ends <= start + duration <= ends + FLIGHT.step
+        moved = FLIGHT.displacement(start, start + duration)
+        assert float(row["displacement_north"]) == pytest.approx(moved[0], abs=0.05)
+        assert float(row["displacement_east"]) == pytest.approx(moved[1], abs=0.05)
+        n = int(row["n_samples"])
+        time = start + dataset["time"].values[:n]
+        truth = FLIGHT.state(time)
+        # the tips of the saw-tooth lie between samples
+        near = np.abs(row["measured_depth"].values[:n] - truth["depth"])
+        assert near.max() < 0.5 * FLIGHT.step * 0.4
+        assert np.median(near) < 0.1
+        steady = (truth["depth"] > 3.0) & (truth["depth"] < FLIGHT.depth - 3.0)
+        assert np.allclose(
+            row["measured_pitch"].values[:n][steady], truth["pitch"][steady], atol=1e-3
+        )
+        assert np.allclose(row["measured_heading"].values[:n], FLIGHT.heading, atol=1e-3)
+        assert np.allclose(row["measured_pump"].values[:n][steady], truth["pump"][steady])
+        assert np.allclose(row["measured_fin"].values[:n], np.degrees(0.1), atol=1e-3)
+        # + battery position is forward, which lowers the nose
+        shift = row["measured_shift"].values[:n][steady]
+        assert np.allclose(shift, np.where(truth["pitch"][steady] < 0, 0.4, -0.4) * 0.0254)
+        gps = row["measured_gps_north"].values[:n]
+        assert np.flatnonzero(np.isfinite(gps)).tolist() == [0, n - 1]
+        assert gps[0] == 0.0
+        assert gps[-1] == pytest.approx(moved[0], abs=0.05)
+        assert float(row["magnetic_variation"]) == pytest.approx(FLIGHT.variation)
+    # three fixes of the drift before each dive tell the surface current
+    assert dataset["surface_drift_north"].values[1:] == pytest.approx(FLIGHT.north, abs=1e-3)
+    assert dataset["surface_drift_east"].values[1:] == pytest.approx(FLIGHT.east, abs=1e-3)
+    assert dataset["surface_duration"].values[1:] == pytest.approx(FLIGHT.surface, abs=10.0)
+    assert "measured_density" not in dataset
+    assert report.count("missing", "measured_density") == 1
+
+
+def test_phases_follow_the_dive(tmp_path: Path) -> None:
+    dataset, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    phase = dataset["measured_phase"].values[0, : int(dataset["n_samples"][0])]
+    time = float(seconds(dataset)[0]) + dataset["time"].values[: len(phase)]
+    truth = FLIGHT.state(time)
+    away = np.abs(truth["depth"] - FLIGHT.depth) > 5.0
+    deep = truth["depth"] > 5.0
+    assert set(phase[deep & away & (truth["pitch"] < 0)]) == {1.0}
+    assert set(phase[deep & away & (truth["pitch"] > 0)]) == {2.0}
+    assert phase[0] == phase[-1] == 0.0
+
+
+def test_disorder_repeats_gaps_spikes_and_sentinels_are_repaired_and_counted(
+    tmp_path: Path,
+) -> None:
+    columns = slocum_columns(FLIGHT)
+    clean, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    n = len(columns["time"])
+    broken = {name: values.copy() for name, values in columns.items()}
+    spike = int(np.argmax(broken["m_depth"] > 30.0))
+    broken["m_pressure"][spike] = 90.0
+    broken["m_pitch"][spike + 5] = 9.0
+    middle = FLIGHT.dive_times(1)[0] + 100.0
+    keep = np.abs(broken["time"] - middle) > 40.0
+    order = np.arange(n)
+    order[[20, 40]] = order[[40, 20]]
+    rows = np.concatenate([order[keep], [50, 51, 52]])
+    broken = {name: values[rows] for name, values in broken.items()}
+    folder = tmp_path / "broken"
+    folder.mkdir()
+    write_csv(folder / "unit1_flight.csv", broken)
+    write_csv(folder / "unit1_gps.csv", gps_columns(FLIGHT))
+    dataset, report = import_logs("slocum", [folder])
+    assert report.count("removed", "m_pressure") == 1
+    assert report.count("removed", "m_pitch") == 1
+    assert report.count("repeated", "unit1_flight.csv") == 3
+    assert report.count("sorted", "unit1_flight.csv") > 0
+    gap = dataset["measured_gap"].values[1]
+    marked = np.nansum(gap) * 2.0
+    assert 60.0 < marked < 90.0
+    assert report.count("interpolated", "attitude or depth") == np.nansum(dataset["measured_gap"])
+    same = np.abs(dataset["measured_depth"].values - clean["measured_depth"].values)
+    assert np.nanmax(same[0]) < 0.2
+    assert np.nanmax(same[1]) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "why"),
+    [
+        ("m_pitch", 180.0 / np.pi, "degrees"),
+        ("m_heading", 180.0 / np.pi, "degrees"),
+        ("m_pressure", 10.0, "dbar"),
+        ("m_pressure", 1e5, "Pa"),
+        ("time", 1e3, "milliseconds"),
+    ],
+)
+def test_swapped_units_are_repaired_and_counted(
+    tmp_path: Path, column: str, factor: float, why: str
+) -> None:
+    right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    changed = {column: slocum_columns(FLIGHT)[column] * factor}
+    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **changed))
+    repaired = [e for e in report.entries if e.action == "repaired"]
+    assert len(repaired) == 1
+    assert why in repaired[0].detail
+    assert repaired[0].count == len(FLIGHT.time)
+    for name in ("measured_pitch", "measured_heading", "measured_depth"):
+        assert np.allclose(dataset[name], right[name], atol=2e-4, equal_nan=True), name
+
+
+def test_a_pressure_alone_is_scaled_by_the_speed_that_it_gives(tmp_path: Path) -> None:
+    right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_depth=None))
+    dbar = slocum_columns(FLIGHT)["m_pressure"] * 10.0
+    paths = write_slocum(tmp_path, FLIGHT, m_depth=None, m_pressure=dbar)
+    dataset, report = import_logs("slocum", paths)
+    assert report.count("repaired", "pressure") == len(FLIGHT.time)
+    assert np.allclose(dataset["measured_depth"], right["measured_depth"], equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("column", "subject"),
+    [("m_pitch", "measured_pitch"), ("m_ballast_pumped", "measured_pump")],
+)
+def test_a_sign_that_contradicts_the_dives_is_suspect(
+    tmp_path: Path, column: str, subject: str
+) -> None:
+    columns = slocum_columns(FLIGHT)
+    # a heading that never changes is suspect by itself
+    wobble = {"m_heading": columns["m_heading"] + 1e-3 * np.sin(FLIGHT.time)}
+    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **wobble))
+    assert report.count("suspect") == 0
+    changed = {**wobble, column: -columns[column]}
+    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **changed))
+    assert report.count("suspect", subject) == report.count("suspect") == len(FLIGHT.time)
+
+
+def test_litres_infinities_and_swapped_positions(tmp_path: Path) -> None:
+    right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    columns = slocum_columns(FLIGHT)
+    latitude, longitude = FLIGHT.position(FLIGHT.time)
+    roll = columns["m_roll"].copy()
+    roll[7] = np.inf
+    paths = write_slocum(
+        tmp_path,
+        FLIGHT,
+        m_ballast_pumped=columns["m_ballast_pumped"] / 1000.0,
+        m_roll=roll,
+        m_lat=latitude,
+        m_lon=longitude,
+    )
+    gps = gps_columns(FLIGHT)
+    gps["lat"], gps["lon"] = gps["lon"], gps["lat"]
+    write_csv(paths[1], gps)
+    dataset, report = import_logs("slocum", paths)
+    assert report.count("repaired", "m_ballast_pumped") == len(FLIGHT.time)
+    assert report.count("removed", "m_roll") == 1
+    assert report.count("repaired", "unit1_gps.csv") == len(gps["time"])
+    assert np.allclose(dataset["measured_pump"], right["measured_pump"], equal_nan=True)
+    assert np.allclose(dataset["displacement_north"], right["displacement_north"])
+
+
+def test_a_pressure_that_fits_no_unit_is_refused(tmp_path: Path) -> None:
+    paths = write_slocum(tmp_path, FLIGHT, m_pressure=slocum_columns(FLIGHT)["m_pressure"] * 37.0)
+    with pytest.raises(InputError, match=r"m_pressure: pressure and depth do not belong together"):
+        import_logs("slocum", paths)
+
+
+def test_a_log_without_gps_is_split_by_its_depth(tmp_path: Path) -> None:
+    flight_table, _ = write_slocum(tmp_path, FLIGHT)
+    with pytest.raises(InputError, match="--variation-deg"):
+        import_logs("slocum", [flight_table])
+    dataset, report = import_logs("slocum", [flight_table], variation_deg=FLIGHT.variation)
+    assert report.rows == FLIGHT.dives
+    assert report.rows_with_fixes == 0
+    assert report.count("missing", "GPS fixes") == 1
+    assert np.isnan(dataset["displacement_north"].values).all()
+    assert "measured_gps_north" not in dataset
+    assert np.nanmedian(dataset["measured_heading"]) == pytest.approx(FLIGHT.heading, abs=1e-3)
+
+
+def test_bad_and_stray_fixes_are_counted(tmp_path: Path) -> None:
+    flight_table, _ = write_slocum(tmp_path, FLIGHT)
+    gps = gps_columns(FLIGHT)
+    gps["status"][3] = 2.0
+    gps["lat"][10] += 0.1  # 11 km away for one fix
+    deep = FLIGHT.dive_times(0)[0] + 100.0
+    late = {
+        "time": deep, "lat": gps["lat"][20], "lon": gps["lon"][20], "status": 0.0,
+        "mag_var_rad": gps["mag_var_rad"][0],
+    }  # fmt: skip
+    gps = {name: np.append(values, late[name]) for name, values in gps.items()}
+    path = write_csv(tmp_path / "unit1_gps.csv", gps)
+    _, report = import_logs("slocum", [flight_table, path])
+    removed = {e.detail: e.count for e in report.entries if e.subject == "GPS fixes"}
+    assert removed == {
+        "status is not valid": 1,
+        "under water: deeper than 2 m": 1,
+        "away from their neighbours": 1,
+    }
+    assert report.rows == FLIGHT.dives
+
+
+def test_truth_and_reported_current_arrive_where_they_belong(tmp_path: Path) -> None:
+    paths = write_slocum(tmp_path, FLIGHT)
+    start, end = FLIGHT.dive_times(1)
+    times = np.arange(start + 20.0, start + 60.0, 1.0)
+    speed = np.full(len(times), 0.4)
+    speed[10:15] = np.nan
+    paths.append(write_csv(tmp_path / "unit1_truth.csv", {"time": times, "U_dvl_ms": speed}))
+    angle = np.radians(FLIGHT.variation)
+    x = FLIGHT.east * np.cos(angle) - FLIGHT.north * np.sin(angle)
+    y = FLIGHT.east * np.sin(angle) + FLIGHT.north * np.cos(angle)
+    events = {
+        "time": [end + 100.0] * 2,
+        "name": ["m_final_water_vx", "m_final_water_vy"],
+        "value": [x, y],
+    }
+    paths.append(write_csv(tmp_path / "unit1_events.csv", events))
+    dataset, report = import_logs("slocum", paths)
+    assert report.count("read", "U_dvl_ms") == 35
+    found = np.isfinite(dataset["true_speed"].values)
+    assert not found[[0, 2]].any()
+    # 2 s grid, 1 s truth: every second sample, and none where the truth has a hole
+    assert 15 <= found[1].sum() <= 20
+    assert float(dataset["vehicle_dac_north"][1]) == pytest.approx(FLIGHT.north)
+    assert float(dataset["vehicle_dac_east"][1]) == pytest.approx(FLIGHT.east)
+    assert np.isnan(dataset["vehicle_dac_north"].values[[0, 2]]).all()
+
+
+def test_two_vehicles_in_one_call_stay_apart(tmp_path: Path) -> None:
+    other = Flight(dives=2, heading=200.0)
+    paths = write_slocum(tmp_path, FLIGHT) + write_slocum(tmp_path, other, name="zeta")
+    dataset, report = import_logs("slocum", paths)
+    assert report.deployments == ("unit1", "zeta")
+    headings = np.nanmedian(dataset["measured_heading"].values, axis=1)
+    assert headings == pytest.approx([40.0] * 3 + [200.0] * 2, abs=1e-3)
+
+
+def test_another_vehicles_gps_is_refused(tmp_path: Path) -> None:
+    time = FLIGHT.time
+    latitude, longitude = FLIGHT.position(time)
+    flight_table, gps_table = write_slocum(tmp_path, FLIGHT, m_lat=latitude + 3.0, m_lon=longitude)
+    with pytest.raises(InputError, match=r"km from where unit1 says it was"):
+        import_logs("slocum", [flight_table, gps_table])
+    gps = gps_columns(FLIGHT)
+    gps["time"] = gps["time"] + 1e7
+    write_csv(gps_table, gps)
+    with pytest.raises(InputError, match="covers another time than every flight table"):
+        import_logs("slocum", [flight_table, gps_table])
+
+
+def test_a_store_of_logs_opens_like_a_store_of_missions(tmp_path: Path) -> None:
+    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    path = write_store(dataset, tmp_path / "real.zarr")
+    stored = open_store(path)
+    assert stored.attrs["title"] == "Underwater glider logs"
+    assert "simulated" not in stored.attrs["comment"].lower()
+    assert "preset" not in stored.attrs
+    assert json.loads(stored.attrs["import_report"])["rows"] == report.rows
+    assert stored["deployment"].values.tolist() == ["unit1"] * 3
+    trajectory = read_trajectory(path, 1)
+    assert set(trajectory.signals) == set(report.channels)
+    assert abs(
+        np.datetime64("1970-01-01")
+        + np.timedelta64(int(START), "s")
+        - stored["start_time"].values[0]
+    ) < np.timedelta64(400, "s")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.dbd", b"", "is empty"),
+        ("a.dbd", b"hello\n" * 100, "no Slocum binary file"),
+        ("a.dbd", b"dbd_label: DBD\nencoding_ver: 5\n", "truncated within its header"),
+        ("a.csv", b"pitch_deg,vbd_cc,time\n1,2,3\n", "looks like seaglider"),
+        ("a.csv", b"NavState,Timestamp,Lat,Lon\n1,2,3,4\n", "looks like seaexplorer"),
+        ("a.parquet", b"PAR1 but not whole", "no whole parquet file"),
+        ("a.csv", b"time,m_depth,m_pitch\n", "no rows"),
+        ("a.csv", b"time,m_depth,m_pitch\n5,1,1\n", "is no unix time"),
+    ],
+)
+def test_files_that_are_no_slocum_log_are_named_in_one_line(
+    tmp_path: Path, name: str, content: bytes, message: str
+) -> None:
+    if name.endswith(".parquet"):
+        pytest.importorskip("pyarrow")
+    path = tmp_path / name
+    path.write_bytes(content)
+    if name.endswith(".dbd") and content:
+        pytest.importorskip("dbdreader")
+    with pytest.raises(InputError, match=message) as caught:
+        import_logs("slocum", [path])
+    assert "\n" not in str(caught.value)
+
+
+def test_without_dbdreader_the_extra_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "dbdreader", None)
+    path = tmp_path / "a.dbd"
+    path.write_bytes(b"dbd_label: x\n")
+    with pytest.raises(InputError, match=r"glider-twin\[slocum\]"):
+        import_logs("slocum", [path])
+
+
+def header(crc: str = "abcd1234", total: int = 3, used: int = 2) -> bytes:
+    lines = {
+        "dbd_label": "DBD(dinkum_binary_data)file", "encoding_ver": 5, "num_ascii_tags": 14,
+        "all_sensors": "F", "the8x3_filename": "00000000",
+        "full_filename": "unit_334-2023-262-2-41", "filename_extension": "dbd",
+        "mission_name": "A.MI", "fileopen_time": "Fri", "total_num_sensors": total,
+        "sensors_per_cycle": used, "state_bytes_per_cycle": 1, "sensor_list_crc": crc,
+        "sensor_list_factored": 1,
+    }  # fmt: skip
+    return "".join(f"{k}:    {v}\n" for k, v in lines.items()).encode() + b"sa\x10"
+
+
+def test_missing_and_wrong_cache_files_are_told_before_decoding(tmp_path: Path) -> None:
+    pytest.importorskip("dbdreader")
+    path = tmp_path / "a.dbd"
+    path.write_bytes(header())
+    assert vehicle_of(read_header(path), path) == "unit_334"
+    with pytest.raises(InputError, match=r"needs the cache file abcd1234\.cac.*--cache"):
+        import_logs("slocum", [path])
+    (tmp_path / "abcd1234.cac").write_text("s: T    0    0 4 m_depth m\ns: F 1 -1 4 m_pitch rad\n")
+    with pytest.raises(InputError, match=r"is not the one of a\.dbd"):
+        import_logs("slocum", [path])
+
+
+needs_unit334 = pytest.mark.skipif(not UNIT334.is_dir(), reason="needs the shared logs of unit334")
+needs_comet = pytest.mark.skipif(not COMET.is_dir(), reason="needs the shared logs of comet")
+
+
+@needs_unit334
+def test_unit334_has_the_published_segments() -> None:
+    pytest.importorskip("pyarrow")
+    dataset, report = import_logs("slocum", [UNIT334])
+    table = np.genfromtxt(UNIT334 / "unit334_segments.csv", delimiter=",", names=True)
+    assert report.rows == report.rows_with_fixes == len(table) == 24
+    assert seconds(dataset) == pytest.approx(table["t_start"], abs=0.01)
+    assert dataset["dive_duration"].values == pytest.approx(table["duration_s"], abs=0.01)
+    # the table was made on a sphere: up to 0.4 % apart
+    for axis in ("north", "east"):
+        ours, theirs = dataset[f"displacement_{axis}"].values, table[f"og_{axis}_m"]
+        assert np.allclose(ours, theirs, rtol=5e-3, atol=0.5)
+        dac = dataset[f"vehicle_dac_{axis}"].values
+        assert np.allclose(dac, table[f"onboard_dac_{axis}"], atol=1e-4)
+
+
+@needs_unit334
+def test_unit334_flies_as_gliders_do() -> None:
+    pytest.importorskip("pyarrow")
+    dataset, _ = import_logs("slocum", [UNIT334])
+    rate = np.gradient(dataset["measured_depth"].values, 2.0, axis=1)
+    deep = dataset["measured_depth"].values > 10.0
+    light = dataset["measured_pump"].values > 100.0
+    heavy = dataset["measured_pump"].values < -100.0
+    assert np.median(rate[deep & light]) < -0.1
+    assert np.median(rate[deep & heavy]) > 0.1
+    pitch = dataset["measured_pitch"].values
+    assert np.median(pitch[deep & light]) > 20.0
+    assert np.median(pitch[deep & heavy]) < -20.0
+    phase = dataset["measured_phase"].values
+    assert np.mean(phase[deep & heavy & (rate > 0.05)] == 1.0) > 0.99
+    # with the rudder's sign, + turns to starboard
+    heading = np.unwrap(np.radians(np.nan_to_num(dataset["measured_heading"].values)), axis=1)
+    turn = np.gradient(heading, 2.0, axis=1)
+    use = deep & (np.abs(turn) < 0.1) & np.isfinite(dataset["measured_fin"].values)
+    assert np.corrcoef(turn[use], dataset["measured_fin"].values[use])[0, 1] > 0.3
+
+
+@needs_unit334
+def test_true_heading_brings_the_track_nearest_to_the_displacement() -> None:
+    """Turning the headings by any angle makes the dead reckoning worse: the sign is right."""
+    pytest.importorskip("pyarrow")
+    dataset, _ = import_logs("slocum", [UNIT334])
+    variation = float(dataset["magnetic_variation"][0])
+    rate = np.gradient(dataset["measured_depth"].values, 2.0, axis=1)
+    pitch = np.radians(dataset["measured_pitch"].values)
+    speed = np.where(np.abs(pitch) > 0.15, np.clip(-rate / np.tan(pitch), 0.0, 0.6), 0.0)
+    heading = np.radians(dataset["measured_heading"].values)
+    moved = dataset["displacement_north"].values + 1j * dataset["displacement_east"].values
+    misses = {}
+    for name, turn in (("true", 0.0), ("magnetic", -variation), ("wrong sign", -2 * variation)):
+        track = np.nansum(speed * np.exp(1j * (heading + np.radians(turn))), axis=1) * 2.0
+        misses[name] = np.median(np.abs(moved - track))
+    assert misses["true"] < 0.75 * misses["magnetic"] < misses["wrong sign"]
+
+
+@needs_comet
+def test_every_finite_truth_sample_of_comet_lies_in_a_row() -> None:
+    pytest.importorskip("pyarrow")
+    _, report = import_logs("slocum", [COMET])
+    assert report.count("read", "U_dvl_ms") == 2504
+    assert report.count("left out", "true_speed") == 0
+    assert "true_speed" in report.channels
+
+
+@needs_unit334
+@needs_comet
+def test_binary_files_agree_with_the_tables(tmp_path: Path) -> None:
+    pytest.importorskip("dbdreader")
+    pytest.importorskip("pyarrow")
+    table, _ = import_logs("slocum", [COMET])
+    binary, report = import_logs("slocum", [COMET / "raw"])
+    assert report.deployments == ("comet",)
+    assert seconds(binary) == pytest.approx(seconds(table), abs=0.01)
+    for name in ("measured_pitch", "measured_depth", "measured_pump", "measured_heading"):
+        apart = np.abs(binary[name].values - table[name].values)
+        assert np.nanmedian(apart) < 1e-3, name
+    cut = tmp_path / "comet-2016-174-05-001.dbd"
+    whole = (COMET / "raw" / cut.name).read_bytes()
+    cut.write_bytes(whole[: len(whole) // 2])
+    _, report = import_logs("slocum", [cut], cache=COMET / "raw")
+    assert [e.subject for e in report.entries if "truncated" in e.detail] == [cut.name]
+    with pytest.raises(InputError, match="needs the cache file"):
+        import_logs("slocum", [cut], cache=UNIT334 / "raw")

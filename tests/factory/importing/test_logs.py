@@ -1,0 +1,371 @@
+"""Stores of logs in the factory's commands: export and back, verify, replay, plot, info."""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import json
+import shutil
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+from logs import LATITUDE, LONGITUDE, START, Flight, write_seaglider, write_slocum
+from matplotlib.quiver import Quiver
+
+from factory.__main__ import PROGRAM
+from factory.exporting.og1_logs import export_og1_logs
+from factory.exporting.parquet import export_parquet
+from factory.importing import import_logs
+from factory.inspect.logs_page import deployment_page, dive_figures
+from factory.inspect.verify_logs import verify_logs
+from factory.stores.stored import StoredRun
+from factory.stores.stored_logs import StoredLogs, metres_from, open_stored
+from twin.errors import InputError, StoreError
+from twin.records.store import write_store
+from twin.records.tracks import read_tracks
+from twin.render.subject import read_subject
+
+FLIGHT = Flight(dives=3)
+PERIOD = 4.0
+
+
+@pytest.fixture(scope="module")
+def imported(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    folder = tmp_path_factory.mktemp("logs")
+    return import_logs("slocum", write_slocum(folder, FLIGHT), period=PERIOD)[0]
+
+
+@pytest.fixture(scope="module")
+def store(imported: xr.Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_store(imported, tmp_path_factory.mktemp("store") / "real.zarr")
+
+
+@pytest.fixture(scope="module")
+def og1(store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    (path,) = export_og1_logs(StoredLogs(store), range(3), tmp_path_factory.mktemp("og1"))
+    return path
+
+
+def call(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+    code = PROGRAM.main([str(word) for word in words])
+    out = capsys.readouterr()
+    return code, out.out, out.err
+
+
+def test_time_and_place_of_the_export_are_real(og1: Path, store: Path) -> None:
+    logs = StoredLogs(store)
+    with netCDF4.Dataset(og1) as file:
+        time = np.asarray(file["TIME"][:])
+        assert (np.diff(time) > 0.0).all()
+        assert START <= time[0] < time[-1] <= FLIGHT.time[-1]
+        assert "SIMULATED" not in file.title
+        assert str(file["TRAJECTORY"][...]) == "unit1"
+        fixed = ~np.ma.getmaskarray(file["TIME_GPS"][:])
+        assert fixed.sum() == 2 * len(logs)
+        when = np.asarray(file["TIME_GPS"][:])[fixed]
+        true = FLIGHT.position(when)
+        np.testing.assert_allclose(np.asarray(file["LATITUDE_GPS"][:])[fixed], true[0], atol=1e-7)
+        np.testing.assert_allclose(np.asarray(file["LONGITUDE_GPS"][:])[fixed], true[1], atol=1e-7)
+        # without an on-board track a straight line: within a dive the glider keeps its course
+        latitude, longitude = FLIGHT.position(time)
+        off = np.hypot(
+            np.asarray(file["LATITUDE"][:]) - latitude,
+            (np.asarray(file["LONGITUDE"][:]) - longitude) * np.cos(np.radians(LATITUDE)),
+        )
+        assert off.max() * 111e3 < 100.0
+        assert "straight line" in file["LATITUDE"].interpolation_methodology
+
+
+def test_an_exported_log_comes_back(og1: Path, imported: xr.Dataset) -> None:
+    again, report = import_logs("og1", [og1], period=PERIOD)
+    assert report.rows == 3
+    for name in ("n_samples", "dive_duration", "displacement_north", "split"):
+        np.testing.assert_allclose(again[name], imported[name], atol=1e-9, err_msg=name)
+    # of the stay before the first dive the file has only the last fix
+    np.testing.assert_allclose(again["surface_duration"][1:], imported["surface_duration"][1:])
+    assert list(again["deployment"].values) == list(imported["deployment"].values)
+    compared = 0
+    for name in imported.data_vars:
+        if imported[name].dims == ("mission", "time") and not str(name).startswith("commanded"):
+            np.testing.assert_allclose(
+                again[name].values, imported[name].values, atol=2e-4, err_msg=str(name)
+            )
+            compared += 1
+    assert compared >= 10
+
+
+def test_what_a_profiler_measured_stays_as_sparse_as_it_was(
+    imported: xr.Dataset, tmp_path: Path
+) -> None:
+    sparse = np.full(imported["measured_depth"].shape, np.nan)
+    sparse[:, 5:40:7] = 0.3
+    data = imported.assign(true_surge=(("mission", "time"), sparse))
+    logs = StoredLogs(write_store(data, tmp_path / "profiler.zarr"))
+    again, _ = import_logs("og1", export_og1_logs(logs, range(3), tmp_path), period=PERIOD)
+    np.testing.assert_allclose(again["true_surge"].values, sparse, atol=1e-6)
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("compliance_checker") is None,
+    reason="compliance-checker is not installed (extra `test`)",
+)
+def test_an_exported_log_passes_the_cf_check(
+    og1: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from compliance_checker.cf import util
+    from compliance_checker.runner import CheckSuite, ComplianceChecker
+
+    for name in (  # the checker asks the same thousands of times
+        "get_auxiliary_coordinate_variables", "get_axis_variables", "get_geophysical_variables",
+        "get_time_variable", "get_time_variables", "get_z_variable", "get_z_variables",
+        "get_latitude_variables", "get_longitude_variables", "get_axis_map",
+        "get_climatology_variable", "coordinate_dimension_matrix", "guess_feature_type",
+    ):  # fmt: skip
+        monkeypatch.setattr(util, name, functools.cache(getattr(util, name)))
+    CheckSuite.load_all_available_checkers()
+    report = tmp_path / "report.txt"
+    passed, errors = ComplianceChecker.run_checker(
+        str(og1), ["cf:1.10"], verbose=0, criteria="strict", output_filename=str(report)
+    )
+    assert passed, report.read_text()
+    assert not errors
+
+
+def test_what_was_bridged_is_no_measurement(imported: xr.Dataset, tmp_path: Path) -> None:
+    holed = imported.copy(deep=True)
+    holed["measured_gap"][1, 40:60] = 1.0
+    logs = StoredLogs(write_store(holed, tmp_path / "holed.zarr"))
+    (path,) = export_og1_logs(logs, [1], tmp_path)
+    with netCDF4.Dataset(path) as file:
+        assert np.ma.getmaskarray(file["PRES"][:])[40:60].all()
+        assert np.ma.getmaskarray(file["PITCH"][:]).sum() == 20
+        assert not np.ma.getmaskarray(file["DEPTH"][:]).any()
+        assert set(np.asarray(file["DIVE_NUMBER"][:])) == {int(holed["dive"][1])}
+
+
+def test_water_and_currents_are_exported_by_deployment(tmp_path: Path) -> None:
+    for name in ("SG1", "SG2"):
+        (tmp_path / name).mkdir()
+    files = [
+        *write_seaglider(tmp_path / "SG1", FLIGHT, "SG1"),
+        *write_seaglider(tmp_path / "SG2", Flight(dives=2), "SG2"),
+    ]
+    data, _ = import_logs("seaglider", files)
+    logs = StoredLogs(write_store(data, tmp_path / "two.zarr"))
+    paths = export_og1_logs(logs, range(len(logs)), tmp_path / "og1")
+    assert len(paths) == 2
+    for path, name in zip(paths, logs.deployments[:1] + logs.deployments[-1:], strict=True):
+        with netCDF4.Dataset(path) as file:
+            assert str(file["TRAJECTORY"][...]) == name
+            assert float(np.ma.median(file["PSAL"][:])) == pytest.approx(34.0)
+            assert float(np.ma.median(file["TEMP"][:])) == pytest.approx(8.0)
+            assert 1020.0 < float(np.ma.median(file["DENSITY"][:])) < 1030.0
+            assert "SENSOR_CTD" in file.variables
+            np.testing.assert_allclose(file["VEHICLE_DAC_NORTH"][:], FLIGHT.north, rtol=1e-6)
+
+
+def test_metres_and_degrees_are_inverse() -> None:
+    from twin.geodesy import offset
+
+    rng = np.random.default_rng(1)
+    north, east = rng.uniform(-8e3, 8e3, (2, 40))
+    latitude, longitude = metres_from(north, east, (LATITUDE, LONGITUDE))
+    again = offset(latitude, longitude, LATITUDE, LONGITUDE)
+    np.testing.assert_allclose(again, (north, east), atol=0.1)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyarrow") is None, reason="pyarrow is not installed")
+def test_parquet_of_a_log_says_when_and_where(store: Path, tmp_path: Path) -> None:
+    import pyarrow.parquet as pq
+
+    logs = StoredLogs(store)
+    table = pq.read_table(export_parquet(logs, [0, 2], tmp_path / "real.parquet"))
+    assert table.num_rows == logs.samples[0] + logs.samples[2]
+    assert set(table["deployment"].to_pylist()) == {"unit1"}
+    moments = table["moment"].to_numpy().astype("datetime64[us]").astype(float) / 1e6
+    np.testing.assert_allclose(moments[: logs.samples[0]], logs.time(0), atol=1e-6)
+    assert table["latitude"].to_numpy()[0] == pytest.approx(logs.fixes(0)[0][0])
+    assert b"Recorded by vehicles" in table.schema.metadata[b"comment"]
+
+
+def test_a_sound_log_is_sound(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = call(capsys, "verify", store)
+    assert (code, err) == (0, "")
+    assert "sound: 3 dives" in out
+    report = verify_logs(StoredLogs(store))
+    assert all(check.done for check in report.checks)
+
+
+@pytest.mark.parametrize(
+    ("damage", "check", "words"),
+    [
+        (lambda d: d["measured_depth"].values.__setitem__((1, 30), np.nan), "finite", "sample 30"),
+        (lambda d: d["measured_depth"].values.__setitem__((1, 30), 900.0), "depth", "changes by"),
+        (lambda d: d["measured_pressure"].values.__imul__(10.0), "depth", "dbar/m"),
+        (lambda d: d["measured_pitch"].values.__setitem__((0, 9), 300.0), "range", "to 300"),
+        (lambda d: d["measured_gap"].values.__setitem__((2, 9), 0.5), "range", "code 0.5"),
+        (lambda d: d["measured_roll"].values.__setitem__((0, -1), 1.0), "padding", "has values"),
+        (lambda d: d["start_time"].values.__setitem__(2, START), "order", "dive 2 begins before"),
+        (lambda d: d["end_latitude"].values.__iadd__(0.1), "fixes", "off what lies between"),
+        (lambda d: d["n_samples"].values.__isub__(3), "metadata", "samples, not"),
+    ],
+)
+def test_damage_is_found_and_named(
+    imported: xr.Dataset, tmp_path: Path, damage: object, check: str, words: str
+) -> None:
+    data = imported.copy(deep=True).pad(time=(0, 1))
+    data["time"] = ("time", PERIOD * np.arange(data.sizes["time"]), imported["time"].attrs)
+    damage(data)  # type: ignore[operator]
+    report = verify_logs(StoredLogs(write_store(data, tmp_path / "bad.zarr")))
+    found = {c.name: c.problems for c in report.checks if c.problems}
+    assert check in found, found
+    assert any(words in problem for problem in found[check]), found
+
+
+def test_an_unreadable_chunk_is_named(imported: xr.Dataset, tmp_path: Path) -> None:
+    path = write_store(imported, tmp_path / "cut.zarr")
+    for chunk in (path / "measured_roll" / "c").rglob("*"):
+        if chunk.is_file():
+            chunk.write_bytes(b"cut")
+    chunks = next(c for c in verify_logs(StoredLogs(path)).checks if c.name == "chunks")
+    assert chunks.problems
+    assert "measured_roll of mission 0 cannot be read" in chunks.problems[0]
+
+
+def test_a_log_is_not_replayed(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = call(capsys, "replay", store)
+    assert code == 2
+    assert len(err.strip().splitlines()) == 1
+    assert "logs of real vehicles, which cannot be flown again" in err
+    with pytest.raises(StoreError, match="cannot be flown again"):
+        StoredRun(store)
+
+
+def test_both_kinds_of_store_are_opened(store: Path, paper_store: Path) -> None:
+    assert isinstance(open_stored(store), StoredLogs)
+    assert isinstance(open_stored(paper_store), StoredRun)
+
+
+def test_the_page_shows_where_how_deep_and_how(
+    store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    logs = StoredLogs(store)
+    figure = deployment_page(logs, "unit1")
+    assert "unit1" in figure.get_suptitle()
+    assert "2023-11-14" in figure.get_suptitle()
+    titles = {axes.get_title(loc="left") for axes in figure.axes}
+    assert {"GPS fixes and dives", "depth of all dives", "pitch, median"} <= titles
+    figures = dive_figures(logs, [0, 1, 2])
+    rate = 100.0 * FLIGHT.speed * np.sin(np.radians(FLIGHT.pitch))
+    np.testing.assert_allclose(figures["sink"], rate, rtol=0.01)
+    np.testing.assert_allclose(figures["pitch_up"], FLIGHT.pitch, atol=0.01)
+    np.testing.assert_allclose(figures["deepest"], FLIGHT.depth, rtol=0.02)
+    code, out, _ = call(capsys, "plot", store, "--out", tmp_path / "page.png")
+    assert code == 0
+    assert (tmp_path / "page.png").stat().st_size > 10_000
+    assert "page.png" in out
+
+
+def test_currents_are_drawn_and_pages_are_named_by_deployment(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("SG1", "SG2"):
+        (tmp_path / name).mkdir()
+    files = [f for n in ("SG1", "SG2") for f in write_seaglider(tmp_path / n, FLIGHT, n)]
+    data, _ = import_logs("seaglider", files)
+    path = write_store(data, tmp_path / "two.zarr")
+    logs = StoredLogs(path)
+    assert logs.current(0) == pytest.approx((FLIGHT.north, FLIGHT.east))
+    page = deployment_page(logs, logs.deployments[0])
+    page.draw_without_rendering()
+    ((axes, arrows),) = [(a, c) for a in page.axes for c in a.collections if isinstance(c, Quiver)]
+    tips = np.asarray(arrows.XY) + np.column_stack([arrows.U, arrows.V])
+    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    assert ((tips > (west, south)) & (tips < (east, north))).all()
+    code, out, _ = call(capsys, "plot", path, "--json")
+    assert code == 0
+    assert sorted(Path(p).name for p in json.loads(out)["pages"]) == ["two-SG1.png", "two-SG2.png"]
+
+
+def test_better_currents_come_first(imported: xr.Dataset, tmp_path: Path) -> None:
+    data = imported.assign(
+        {name: ("mission", np.full(3, 0.1 * k)) for k, name in
+         enumerate(("vehicle_dac_north", "vehicle_dac_east", "dac_north", "dac_east"))}
+    )  # fmt: skip
+    logs = StoredLogs(write_store(data, tmp_path / "currents.zarr"))
+    assert logs.current(1) == pytest.approx((0.0, 0.1))
+
+
+def test_info_lists_deployments(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = call(capsys, "info", store)
+    assert code == 0
+    assert "unit1" in out
+    assert "2023-11-14" in out
+
+
+def test_a_mission_that_is_not_there_is_told(store: Path, tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match=r"missions 0 to 2, not 7"):
+        export_og1_logs(StoredLogs(store), [7], tmp_path)
+
+
+@pytest.mark.parametrize("words", [["info"], ["plot"], ["export", "--to", "parquet"]])
+def test_an_array_that_is_gone_is_named(
+    words: list[str], store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cut = tmp_path / "cut.zarr"
+    shutil.copytree(store, cut)
+    shutil.rmtree(cut / "measured_pitch")
+    code, _, err = call(capsys, words[0], cut, *words[1:])
+    assert code == 2
+    assert err.strip().endswith("is damaged: its array measured_pitch is gone; make it anew")
+    (cut / "zarr.json").write_text("{broken")
+    code, _, err = call(capsys, words[0], cut, *words[1:])
+    assert code == 2
+    assert "is damaged: its zarr.json cannot be read" in err
+    assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("missions", "message"), [(["0", "0"], "mission 0 twice"), ([], "needs a number")]
+)
+def test_each_exported_mission_is_named_once(
+    missions: list[str], message: str, store: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, err = call(capsys, "export", store, "--to", "parquet", "--mission", *missions)
+    assert code == 2
+    assert message in err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["plot", "STORE", "--out", "foo.xyz"], "--out foo.xyz: the ending must be one of .png"),
+        (["generate", "--resume", "--out", "STORE"], "holds logs of real vehicles"),
+    ],
+)
+def test_what_a_log_cannot_be_asked_is_told(
+    words: list[str], message: str, store: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, err = call(capsys, *(store if word == "STORE" else word for word in words))
+    assert code == 2
+    assert message in err
+    assert len(err.splitlines()) == 1
+
+
+def test_pictures_of_a_log_lead_to_its_plots(store: Path) -> None:
+    with pytest.raises(StoreError, match=r"logs of real vehicles, .* `twin plot .*--mission 1`"):
+        read_subject(store, 1)
+    with pytest.raises(InputError, match=r"is a store of missions, not a file of dead-reckoned"):
+        read_tracks(store)
+
+
+def test_verify_names_an_array_that_is_gone(store: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.zarr"
+    shutil.copytree(store, cut)
+    shutil.rmtree(cut / "measured_pitch")
+    report = verify_logs(StoredLogs(cut))
+    assert not report.ok
+    assert report.checks[0].problems == ["array 'measured_pitch' is gone"]

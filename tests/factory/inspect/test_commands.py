@@ -1,0 +1,201 @@
+"""The command line: what each command says, and what it says about bad input."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from factory.__main__ import PROGRAM
+from factory.commands.generate import raw_bytes
+from factory.recipe.overrides import read_changes
+from factory.recipe.parameters import TABLE
+from factory.recipe.plan import check_room
+from factory.recipe.recipe import make_recipe
+from factory.stores.stored import StoredRun
+from twin.errors import InputError
+from twin.records.schema import SIMULATED
+
+QUICK = ["--hours", "0.1", "--workers", "1"]
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+    code = PROGRAM.main([str(word) for word in words])
+    said = capsys.readouterr()
+    return code, said.out, said.err
+
+
+def answer(capsys: pytest.CaptureFixture[str], *words: object) -> dict[str, Any]:
+    code, out, err = run(capsys, *words, "--json")
+    assert code == 0, err
+    result: dict[str, Any] = json.loads(out)
+    return result
+
+
+def test_generate_info_verify_replay_plot_export_in_a_row(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = tmp_path / "missions.zarr"
+    made = answer(capsys, "generate", *QUICK, "--out", store, "--seed", 4)
+    assert made["missions"] == made["flown"] == 3
+    assert made["hours"] == pytest.approx(0.1)
+    assert made["stored_bytes"] == sum(p.stat().st_size for p in store.rglob("*") if p.is_file())
+    code, out, _ = run(capsys, "info", store)
+    assert code == 0
+    assert "uniform(15, 45) except (28, 32)" in out
+    assert "1 test" not in out
+    info = answer(capsys, "info", store)
+    assert info["settings"]["seed"] == 4
+    assert {row["split"] for row in info["splits"]} == {"train", "validation", "test"}
+    assert answer(capsys, "verify", store)["ok"] is True
+    replayed = answer(capsys, "replay", store, "--mission", 0, 2)
+    assert replayed["identical"] is True
+    assert [mission["mission"] for mission in replayed["missions"]] == [0, 2]
+    assert answer(capsys, "plot", store)["out"] == str(store.with_suffix(".png"))
+    exported = answer(capsys, "export", store, "--to", "og1", "--mission", 1)
+    assert len(list(Path(exported["out"]).glob("*.nc"))) == 1
+    code, _, err = run(capsys, "generate", *QUICK, "--out", store, "--seed", 4, "--resume")
+    assert code == 0
+    assert "already complete" in err
+
+
+def test_overrides_come_from_a_file_and_from_words_which_win(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = tmp_path / "spread.toml"
+    config.write_text('[mission]\npitch_deg = "uniform(20, 22)"\n[current]\nspeed = 0.1\n')
+    store = tmp_path / "missions.zarr"
+    words = ["generate", *QUICK, "--out", store, "--config", config]
+    code, _, err = run(
+        capsys, *words, "--set", "current.speed=uniform(0.01,0.02)", "mission.kind=spiral"
+    )
+    assert code == 0, err
+    made = StoredRun(store)
+    pitch, speed = made.small("mission_pitch_deg"), made.small("current_speed")
+    assert ((pitch >= 20) & (pitch <= 22) | (pitch != pitch)).all()
+    assert ((speed >= 0.01) & (speed <= 0.02)).all()
+    assert set(made.small("mission_kind").ravel().tolist()) <= {1, -1}
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["generate", "--hours", "0"], "--hours 0 must be above 0"),
+        (["generate", "--hours", "-2"], "--hours -2 must be above 0"),
+        (["generate", "--hours", "nan"], "--hours nan is not a number"),
+        (["generate", "--hours", "1e12"], "--hours 1e+12 would need about 4e+08 GB"),
+        (["generate", "--hours", "inf"], "would need about inf GB"),
+        (["generate", "--hours", "0.001"], "give at least 0.05"),
+        (["generate", "--preset", "feild"], "unknown preset 'feild': did you mean 'field'?"),
+        (["generate", "--seed", "-1"], "--seed -1 must be at least 0"),
+        (["generate", "--set", "mission.pitch=30"], "did you mean 'mission.pitch_deg'?"),
+        (["generate", "--set", "mission.pitch_deg"], "write NAME=DISTRIBUTION"),
+        (["generate", "--set", "mission.pitch_deg=unifrom(1,2)"], "did you mean 'uniform'?"),
+        (["generate", "--sensors", "feild"], "did you mean 'field'?"),
+        (["generate", "--vehicle", "glidr"], "did you mean 'glider'?"),
+        (["generate", "--current", "unifrm:1,2"], "did you mean 'uniform'?"),
+        (
+            ["generate", "--current", "uniform:0.1,0", "--set", "current.speed=0.2"],
+            "do not set current.speed",
+        ),
+        (["generate", "--preset", "paper-test", "--hours", "3"], "leave --hours out"),
+        (["generate", "--config", "none.toml"], "cannot read none.toml"),
+        (["generate", "--hour", "3"], "did you mean --hours?"),
+        (["replay", "none.zarr"], "no store at none.zarr"),
+        (["verify", "none.zarr"], "no store at none.zarr"),
+        (["info", "none.zarr"], "no store at none.zarr"),
+        (["plot", "none.zarr"], "no store at none.zarr"),
+        (["export", "none.zarr", "--to", "og1"], "no store at none.zarr"),
+        (["export", "none.zarr", "--to", "csv"], "allowed: og1, parquet"),
+    ],
+)
+def test_bad_input_is_one_line_and_touches_nothing(
+    words: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(capsys, *words)
+    assert code == 2
+    assert message in err
+    assert len(err.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_damaged_store_exits_with_1_and_names_the_chunk(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = tmp_path / "missions.zarr"
+    run(capsys, "generate", *QUICK, "--out", store)
+    shard = store / "true_heave" / "c" / "0" / "0"
+    data = bytearray(shard.read_bytes())
+    data[200] ^= 1
+    shard.write_bytes(bytes(data))
+    code, out, err = run(capsys, "verify", store)
+    assert code == 1
+    assert "true_heave of mission 0 cannot be read" in out
+    assert "NOT sound" in out
+    assert "Traceback" not in err
+    code, _, err = run(capsys, "replay", store)
+    assert code == 2
+    assert "true_heave of mission 0 cannot be read" in err
+
+
+def test_distributions_lists_the_whole_table(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run(capsys, "distributions", "--preset", "field")
+    assert code == 0
+    for parameter in TABLE:
+        assert parameter.name in out
+    shown = answer(capsys, "distributions", "--set", "mission.yos=2")
+    assert shown["distributions"]["mission.yos"] == "2"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("pitch_deg = 3", "must be a table"),
+        ("[mission]\npitch_deg = [1, 2]", "give a number or a text"),
+        ("[mission", "is not TOML"),
+    ],
+)
+def test_bad_config_files_are_told(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "spread.toml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_changes(path)
+
+
+def test_float32_size_counts_every_sample_of_every_signal() -> None:
+    recipe = make_recipe(hours=0.2)
+    samples = sum(round(duration / 0.5) + 1 for duration in recipe.plan.durations_s)
+    assert raw_bytes(recipe) == 4 * len(SIMULATED) * samples
+
+
+def test_generating_imports_no_library_that_it_does_not_need(tmp_path: Path) -> None:
+    """They cost half a second, as much as flying three hours."""
+    code = (
+        "import sys; from factory.__main__ import PROGRAM;"
+        f"code = PROGRAM.main(['generate', '--hours', '0.06', '--out', {str(tmp_path / 's')!r}]);"
+        "heavy = {'xarray', 'zarr', 'pandas', 'matplotlib', 'torch', 'gsw', 'netCDF4',"
+        "'scipy.signal', 'scipy.optimize', 'scipy.integrate', 'dm_control'};"
+        "sys.exit(code or ', '.join(sorted(heavy & set(sys.modules))) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_hours_that_the_disk_cannot_hold_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usage = shutil.disk_usage(tmp_path)._replace(free=1_000_000_000)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+    check_room(2000.0, tmp_path / "not" / "yet" / "there.zarr")
+    with pytest.raises(InputError, match=r"--hours 3000 needs about 1\.2 GB, .* has 1 GB free"):
+        check_room(3000.0, tmp_path / "not" / "yet" / "there.zarr")

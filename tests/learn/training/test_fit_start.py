@@ -1,0 +1,302 @@
+"""The start of a fit: what it checks and leaves when it fails, and how a run is gone on with."""
+
+import json
+import multiprocessing
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from learn_missions import write_synthetic_store
+
+import learn.training.fitting
+import learn.training.trainers
+from learn.__main__ import PROGRAM
+from learn.commands.fit import Fit
+from learn.networks.network import NetworkConfig
+from learn.runs.claim import Claim, aside, recover
+from learn.runs.run import METRICS, Run, newest_run, open_run, read_description
+from learn.training.fitting import FitConfig, fit
+from learn.training.schedule import TrainingConfig
+from twin.cli.console import to_json
+from twin.errors import InputError, StoreError
+
+QUICK = ("--epochs", "1", "--hidden", "4", "--layers", "1", "--members", "1", "--workers", "1")
+
+
+def call(capsys, *words):
+    code = PROGRAM.main([str(word) for word in words])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def small_config(store, **changes):
+    return FitConfig(
+        store=str(store),
+        features=("sin_pitch", "depth_rate"),
+        network=NetworkConfig(hidden=4, layers=1),
+        training=TrainingConfig(epochs=1, seconds=0.0),
+        **changes,
+    )
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with a store, and a run of it that is trained and not judged."""
+    folder = tmp_path_factory.mktemp("start")
+    store = write_synthetic_store(folder / "s.zarr", [300, 280, 260], [0, 0, 1])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        fit(small_config("s.zarr"), folder / "runs" / "done", workers=1)
+    assert store.exists()
+    return folder
+
+
+@pytest.fixture
+def here(place, tmp_path, monkeypatch):
+    """A copy of it, so that tests may break it."""
+    shutil.copytree(place, tmp_path / "here")
+    monkeypatch.chdir(tmp_path / "here")
+    monkeypatch.setattr("learn.studies.judge.finish", lambda run, **_: run)
+    monkeypatch.setattr(Fit, "_report", lambda *_: None)
+    return tmp_path / "here"
+
+
+def contents(folder):
+    return {p.relative_to(folder): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("nothere.zarr",), "no store at nothere.zarr"),
+        (("s.zarr", "--without", "attitud"), "did you mean 'attitude'"),
+        (("s.zarr", "--epochs", "-1"), "must not be negative"),
+        (("s.zarr", "--workers", "-2"), "workers must be at least 1"),
+        (("s.zarr", "--period", "0.7"), "no multiple"),
+        (("s.zarr", "--resume"), "give one"),
+        (("s.zarr", "--device", "cuda"), "no CUDA device is available"),
+        (("s.zarr", "--start", "none"), "is not a run"),
+        (("s.zarr", "--start", "none", "--inputs", "glider"), "is not a run"),
+        (("s.zarr", "--period", "nan"), "period must be a finite number"),
+        (("s.zarr", "--period", "-1"), "period must be a finite number"),
+        (("s.zarr", "--seconds", "nan"), "seconds must be a finite number, not nan"),
+        (("s.zarr", "--seconds", "inf"), "seconds must be a finite number, not inf"),
+        (("s.zarr", "--window", "1000000"), "the longest, mission 0, has 300 samples"),
+        (("s.zarr", "--hidden", "99999999"), "hidden must be at most 4096"),
+        (("s.zarr", "--layers", "99999999"), "layers must be at most 64"),
+        (("s.zarr", "--delays", "99999999"), "delays must be at most 256"),
+        (("s.zarr", "--hidden", "4096", "--delays", "256"), "take fewer units"),
+        (("s.zarr", "--leave-out-each-dive"), "leaving one out needs at least"),
+    ],
+)
+def test_a_start_that_cannot_be_leaves_the_old_run(here, capsys, monkeypatch, words, message):
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    before = contents(here)
+    code, _, err = call(capsys, "fit", *words, "--name", "done", "--overwrite")
+    assert code == 2
+    assert message in err
+    assert len(err.strip().splitlines()) == 1
+    assert contents(here) == before
+
+
+def test_without_tensorboard_the_old_run_stays_and_the_package_is_named(here, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
+    before = contents(here)
+    words = ("fit", "s.zarr", "--name", "done", "--overwrite", "--tensorboard")
+    code, _, err = call(capsys, *words)
+    assert code == 2
+    assert "pip install tensorboard" in err
+    assert contents(here) == before
+
+
+def test_events_are_written_into_a_new_run(here, capsys):
+    pytest.importorskip("tensorboard")
+    code, _, err = call(capsys, "fit", "s.zarr", "--name", "events", "--tensorboard", *QUICK)
+    assert code == 0, err
+    (events,) = (here / "runs" / "events" / "events").iterdir()
+    assert b"surge-0/validation_mse" in events.read_bytes()
+
+
+def test_a_run_is_replaced_once_the_new_one_is_trained(here, capsys):
+    (here / "runs" / "done" / "README.md").write_text("old")
+    code, _, err = call(capsys, "fit", "s.zarr", "--name", "done", "--overwrite", *QUICK)
+    assert code == 0, err
+    assert not (here / "runs" / "done" / "README.md").exists()
+    assert [p.name for p in (here / "runs").iterdir()] == ["done"]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, StoreError("no"), MemoryError])
+def test_a_start_that_ends_before_training_brings_the_old_run_back(here, monkeypatch, error):
+    def fail(*_, **__):
+        assert not (here / "runs" / "done" / "surge-0.json").exists()
+        raise error
+
+    monkeypatch.setattr("learn.training.fitting.train", fail)
+    before = contents(here)
+    with pytest.raises(type(error) if isinstance(error, Exception) else error) as caught:
+        fit(small_config("s.zarr"), here / "runs" / "done", replace=True, workers=1)
+    assert contents(here) == before
+    if error is KeyboardInterrupt:
+        assert "nothing was trained yet" in str(caught.value)
+        assert "is as it was" in str(caught.value)
+
+
+def test_a_name_stays_free_when_nothing_was_trained(here, capsys):
+    def poke(arrays):
+        arrays["measured_pitch"][1, 12] = float("nan")
+
+    write_synthetic_store(here / "nan.zarr", [300, 280], [0, 0], edit=poke)
+    write_synthetic_store(here / "less.zarr", [300, 280], [0, 0], drop=("measured_pump",))
+    for store, message in (("nan.zarr", "measured_pitch"), ("less.zarr", "measured_pump")):
+        code, _, err = call(capsys, "fit", store, "--name", "free", *QUICK)
+        assert code == 2
+        assert message in err
+        assert "learn fit --without " in err
+        assert not (here / "runs" / "free").exists()
+
+
+def test_an_interrupt_after_training_began_keeps_what_is_trained(here, monkeypatch):
+    real = learn.training.fitting.train
+
+    def train(job, folder, report):
+        if job.target == "sway":
+            raise KeyboardInterrupt
+        return real(job, folder, report)
+
+    monkeypatch.setattr("learn.training.fitting.train", train)
+    with pytest.raises(KeyboardInterrupt, match="`learn fit --name done --resume`"):
+        fit(small_config("s.zarr"), here / "runs" / "done", replace=True, workers=1)
+    assert not aside(here / "runs" / "done").exists()
+    assert (here / "runs" / "done" / "surge-0.json").is_file()
+    with pytest.raises(StoreError, match="`learn fit --name done --resume`"):
+        open_run("done")
+
+
+def test_a_killed_replacement_is_tidied_up_by_the_next_fit(here):
+    folder = here / "runs" / "done"
+    before = contents(folder)
+    with Claim(folder, new=True):  # killed here: the context is left without its end
+        copy = here / "killed"
+        shutil.copytree(here / "runs", copy)
+        (folder / "surge-0.checkpoint").touch()
+    assert contents(copy / aside(folder).name) == before
+    with pytest.raises(InputError, match="no finished run"):
+        newest_run(copy)  # what is kept aside is nobody's newest run
+    recover(copy / "done")
+    assert contents(copy / "done") == before
+    assert not aside(copy / "done").exists()
+
+
+# --- going on ------------------------------------------------------------------------------------
+
+
+def unfinish(folder):
+    """As after a kill: sway is not trained."""
+    description = json.loads((folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps({**description, "complete": False}))
+    for ending in (".json", ".safetensors"):
+        (folder / f"sway-0{ending}").unlink()
+
+
+def test_a_run_is_gone_on_with_by_its_name_alone(here, capsys):
+    folder = here / "runs" / "done"
+    weights = (folder / "sway-0.safetensors").read_bytes()
+    unfinish(folder)
+    code, _, err = call(capsys, "fit", "--name", "done", "--resume", "--workers", "1")
+    assert code == 0, err
+    assert (folder / "sway-0.safetensors").read_bytes() == weights
+    assert open_run("done").features == ("sin_pitch", "depth_rate")
+
+
+def test_options_that_differ_are_refused_and_only_they_are_named(here, capsys):
+    unfinish(here / "runs" / "done")
+    store = here / "s.zarr"
+    words = ("fit", store, "--name", "done", "--resume", "--epochs", "1", "--layers", "1")
+    code, _, err = call(capsys, *words, "--seed", "9", "--hidden", "5", "--without", "controls")
+    assert code == 2
+    assert "hidden 4 instead of 5; seed 0 instead of 9" in err
+    assert "features" in err
+    for same in ("store", "epochs", "layers", "members", "device"):
+        assert f"{same} " not in err.partition("started with")[2].partition(": leave")[0]
+
+
+def test_another_device_may_go_on(here):
+    config = small_config("s.zarr")
+    other = FitConfig.of({**to_json(config), "training": {"device": "auto"}}, here)
+    changes = config.differences(other)
+    assert not [change for change in changes if "device" in change]
+    assert changes == ["seconds 0.0 instead of 120.0", "epochs 1 instead of 0"]
+
+
+def test_a_store_that_changed_is_noticed(here, capsys):
+    unfinish(here / "runs" / "done")
+    write_synthetic_store(here / "other.zarr", [300, 280, 262], [0, 0, 1])
+    shutil.rmtree(here / "s.zarr")
+    (here / "other.zarr").rename(here / "s.zarr")
+    code, _, err = call(capsys, "fit", "--name", "done", "--resume", "--workers", "1")
+    assert code == 2
+    assert "store s.zarr is not the one that run runs/done was started on" in err
+
+
+def test_half_a_line_of_metrics_is_left_out_and_taken_out_by_the_next_fit(here):
+    folder = here / "runs" / "done"
+    path = folder / METRICS
+    whole = path.read_bytes()
+    path.write_bytes(whole + b'{"network": "sw')
+    run = Run(folder, read_description(folder))
+    assert len(run.metrics()) == len(whole.splitlines())
+    unfinish(folder)
+    fit(small_config("s.zarr"), folder, resume=True, workers=1)
+    assert path.read_bytes().startswith(whole + b'{"network": "sway-0"')
+    path.write_bytes(b"{\n" + whole)
+    with pytest.raises(StoreError, match=rf"{METRICS} is damaged in line 1"):
+        run.metrics()
+
+
+CHILD = "import sys, time; from learn.training.parent import end_with; end_with(int(sys.argv[1]));"
+CHILD += "print(1); sys.stdout.flush(); time.sleep(100)"
+PARENT = """
+import os, subprocess, sys
+child = subprocess.Popen([sys.executable, "-c", sys.argv[1], str(os.getpid())],
+                         stdout=subprocess.PIPE)
+child.stdout.readline()
+print(child.pid, flush=True)
+child.wait()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_a_process_ends_with_its_parent(number):
+    command = [sys.executable, "-c", PARENT, CHILD]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
+        child = int(parent.stdout.readline())
+        assert alive(child)
+        parent.send_signal(number)
+    deadline = time.monotonic() + 60.0
+    while alive(child) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert not alive(child)
+
+
+def alive(pid):
+    try:
+        text = Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return False
+    return text.rpartition(")")[2].split()[0] != "Z"
+
+
+def test_trainers_watch_their_parent(here, monkeypatch):
+    watched = []
+    monkeypatch.setattr("learn.training.trainers.end_with", watched.append)
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    monkeypatch.setattr("learn.training.fitting.train", lambda *_: None)
+    receiver, sender = multiprocessing.Pipe(duplex=False)
+    (job, _) = small_config("s.zarr").jobs()
+    learn.training.trainers.work(job, here, sender, 123)
+    assert watched == [123]
+    assert receiver.recv() == ("done", None)

@@ -1,0 +1,133 @@
+"""Scaled conjugate gradients on problems with known answers."""
+
+import pytest
+import torch
+
+from learn.training.scg import ScaledConjugateGradient, ScgConfig, minimise
+from twin.errors import InputError
+
+
+def quadratic(n, seed=0, condition=100.0):
+    generator = torch.Generator().manual_seed(seed)
+    basis, _ = torch.linalg.qr(torch.randn(n, n, generator=generator, dtype=torch.float64))
+    values = torch.logspace(0, torch.tensor(condition).log10().item(), n, dtype=torch.float64)
+    matrix = basis @ torch.diag(values) @ basis.T
+    target = torch.randn(n, generator=generator, dtype=torch.float64)
+
+    def objective(w):
+        gradient = matrix @ (w - target)
+        return float(0.5 * (w - target) @ gradient), gradient
+
+    return objective, target
+
+
+def rosenbrock(w):
+    w = w.detach().requires_grad_()
+    value = (100 * (w[1:] - w[:-1] ** 2) ** 2 + (1 - w[:-1]) ** 2).sum()
+    (gradient,) = torch.autograd.grad(value, w)
+    return value.item(), gradient
+
+
+# Rounding costs even exact conjugate gradients a step or two at n 20 and condition 100.
+@pytest.mark.parametrize(("n", "condition"), [(2, 100.0), (8, 100.0), (20, 10.0), (50, 100.0)])
+def test_a_quadratic_is_solved_in_as_many_steps_as_dimensions(n, condition):
+    objective, target = quadratic(n, condition=condition)
+    start = torch.zeros(n, dtype=torch.float64)
+    first, _ = objective(start)
+    config = ScgConfig(sigma=1e-4, lambda_start=1e-12)
+    found = minimise(objective, start, config=config, max_iterations=n)
+    assert found.iterations <= n
+    assert found.error < 1e-10 * first
+    assert torch.allclose(found.parameters, target, atol=1e-4)
+
+
+@pytest.mark.parametrize("n", [2, 10])
+def test_rosenbrock(n):
+    start = torch.full((n,), -1.2, dtype=torch.float64)
+    start[1::2] = 1.0
+    config = ScgConfig(gradient_tolerance=1e-8)
+    found = minimise(rosenbrock, start, config=config, max_iterations=2000)
+    assert found.converged
+    assert found.error < 1e-12
+    assert torch.allclose(found.parameters, torch.ones(n, dtype=torch.float64), atol=1e-5)
+
+
+def test_the_error_never_rises_and_falls_at_every_success():
+    optimiser = ScaledConjugateGradient(rosenbrock, torch.tensor([-1.2, 1.0], dtype=torch.float64))
+    accepted = 0
+    for _ in range(60):
+        before, point = optimiser.error, optimiser.parameters.clone()
+        if optimiser.step():
+            accepted += 1
+            assert optimiser.error <= before
+        else:
+            assert optimiser.error == before
+            assert torch.equal(optimiser.parameters, point)
+        assert optimiser.error == rosenbrock(optimiser.parameters)[0]
+    assert accepted > 30
+
+
+def test_negative_curvature_is_left():
+    def saddle(w):  # a maximum along the first axis at the start, minima at (+-1, 0)
+        x, y = float(w[0]), float(w[1])
+        gradient = torch.tensor([4 * x * (x * x - 1), 2 * y], dtype=torch.float64)
+        return (x * x - 1) ** 2 + y * y, gradient
+
+    found = minimise(
+        saddle,
+        torch.tensor([0.05, 0.0], dtype=torch.float64),
+        config=ScgConfig(gradient_tolerance=1e-9),
+    )
+    assert abs(abs(float(found.parameters[0])) - 1.0) < 1e-6
+
+
+def test_an_infinite_candidate_is_refused_and_the_step_shortened():
+    def walled(w):  # minimum at 1, NaN beyond 3
+        value = torch.where(w > 3.0, torch.nan, (w - 1.0) ** 2 + 0.1 * (w - 1.0) ** 4)
+        return float(value.sum()), 2 * (w - 1.0) + 0.4 * (w - 1.0) ** 3
+
+    found = minimise(
+        walled,
+        torch.tensor([-4.0], dtype=torch.float64),
+        config=ScgConfig(gradient_tolerance=1e-9),
+    )
+    assert abs(float(found.parameters[0]) - 1.0) < 1e-6
+
+
+def test_a_resumed_run_takes_the_same_steps():
+    start = torch.tensor([-1.2, 1.0], dtype=torch.float64)
+    straight = ScaledConjugateGradient(rosenbrock, start)
+    broken = ScaledConjugateGradient(rosenbrock, start)
+    for _ in range(11):
+        straight.step()
+        broken.step()
+    resumed = ScaledConjugateGradient(rosenbrock, start)
+    resumed.load_state_dict(broken.state_dict())
+    for _ in range(20):
+        straight.step()
+        resumed.step()
+    assert torch.equal(straight.parameters, resumed.parameters)
+
+
+def test_the_stopping_hook_ends_the_search():
+    start = torch.tensor([-1.2, 1.0], dtype=torch.float64)
+    found = minimise(rosenbrock, start, stop=lambda optimiser: optimiser.iterations == 7)
+    assert found.iterations == 7
+
+
+def test_float32_gradients_are_enough():
+    found = minimise(rosenbrock, torch.tensor([-1.2, 1.0]), max_iterations=500)
+    assert found.error < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"sigma": 0.0}, "scg sigma must be positive, got 0.0"),
+        ({"lambda_start": -1.0}, "scg lambda_start must be positive"),
+        ({"gradient_tolerance": -1.0}, "must not be negative"),
+    ],
+)
+def test_wrong_constants_are_refused(changes, message):
+    with pytest.raises(InputError, match=message):
+        ScgConfig(**changes)

@@ -1,0 +1,400 @@
+"""The command-line machinery: exit codes, messages, --json, and what `--help` may import."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from factory.__main__ import PROGRAM as FACTORY
+from learn.__main__ import PROGRAM as LEARN
+from twin.__main__ import PROGRAM as TWIN
+from twin.cli.console import Console, JsonOption, to_json
+from twin.cli.options import option_names, parse_options
+from twin.cli.program import Command, Program
+from twin.cli.progress import Progress, format_duration
+from twin.cli.text_table import format_number, format_pairs, format_table
+from twin.errors import InputError, NoSteadyState
+
+HEAVY = ("numpy", "scipy", "mujoco", "torch", "matplotlib", "xarray", "zarr", "numba", "dm_control")
+"""Libraries too slow to import for a help text."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Water:
+    """Where the glide happens."""
+
+    density: float = 1025.0
+    """Density [kg/m3]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Glide(JsonOption):
+    """A command for these tests."""
+
+    net_mass: float
+    """Net buoyancy mass [kg]."""
+
+    model: Literal["mujoco", "fossen"] = "mujoco"
+    """Which model."""
+
+    water: Water = Water()
+    """The water."""
+
+    plot: Path | None = None
+    """Where to draw."""
+
+    fail: str = ""
+    """How to end."""
+
+    def __post_init__(self) -> None:
+        """Check what options can get wrong."""
+        if abs(self.net_mass) > 10.0:
+            raise InputError(f"net mass {self.net_mass} kg is too large: at most 10 kg")
+
+    def run(self, console: Console) -> int:
+        """Print the figures, then end as asked."""
+        console.say(f"net mass {self.net_mass} kg")
+        print("a library that prints")
+        console.answer(net_mass_kg=np.float64(self.net_mass), radius_m=float("inf"))
+        ends: dict[str, Callable[[], int]] = {
+            "": lambda: 0,
+            "failed": lambda: 1,
+            "steady": lambda: _raise(NoSteadyState("no steady glide\n  at all")),
+            "bug": lambda: _raise(ZeroDivisionError("division by zero")),
+            "interrupt": lambda: _raise(KeyboardInterrupt("go on with --resume")),
+            "missing": lambda: _raise(FileNotFoundError(2, "No such file or directory", "m.toml")),
+            "full": lambda: _raise(OSError(28, "No space left on device", "run.zarr")),
+        }
+        return ends[self.fail]()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mute(JsonOption):
+    """A command that forgets its answer."""
+
+    def run(self, console: Console) -> int:
+        """Say nothing."""
+        return 0
+
+
+def _raise(error: BaseException) -> int:
+    raise error
+
+
+@pytest.fixture
+def program(monkeypatch: pytest.MonkeyPatch) -> Program:
+    commands = {"glide": Glide, "mute": Mute}
+    monkeypatch.setattr(Command, "load", lambda self: commands[self.name])
+    return Program(
+        name="swim",
+        summary="A program for these tests.",
+        commands=(
+            Command(name="glide", summary="glides", loader="unused"),
+            Command(name="mute", summary="says nothing", loader="unused"),
+        ),
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["glide", "--net-mass", "0.3"], 0, ""),
+        (["glide", "--net-mass", "-0.3"], 0, ""),
+        (["glide", "--net-mass", "0.3", "--fail", "failed"], 1, ""),
+        ([], 2, "swim: error: no command given"),
+        (["glid"], 2, "unknown command 'glid': did you mean 'glide'?"),
+        (["--json"], 2, "unknown option '--json' before the command"),
+        (["glide"], 2, "missing --net-mass (see swim glide --help)"),
+        (["glide", "--net-mas", "0.3"], 2, "unknown option --net-mas: did you mean --net-mass?"),
+        (["glide", "--net-mass=1", "--qqq"], 2, "unknown option --qqq: allowed: --fail, --json"),
+        (["glide", "--net-mass", "1", "x"], 2, "unexpected argument 'x'"),
+        (["glide", "--net-mass"], 2, "--net-mass"),
+        (["glide", "--net-mass", "much"], 2, "--net-mass: "),
+        (["glide", "--net-mass", "1", "--model", "fosen"], 2, "did you mean 'fossen'?"),
+        (["glide", "--net-mass", "11"], 2, "error: net mass 11.0 kg is too large: at most 10 kg"),
+        (["glide", "--net-mass", "1", "--fail", "steady"], 1, "error: no steady glide at all"),
+        (["glide", "--net-mass", "1", "--fail", "bug"], 1, "ZeroDivisionError: division by zero"),
+        (
+            ["glide", "--net-mass", "1", "--fail", "interrupt"],
+            130,
+            "error: interrupted: go on with --resume",
+        ),
+        (["glide", "--net-mass", "1", "--fail", "missing"], 2, "m.toml: No such file"),
+        (["glide", "--net-mass", "1", "--fail", "full"], 1, "run.zarr: No space left"),
+    ],
+)
+def test_exit_code_and_one_line_message(
+    program: Program,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    code: int,
+    message: str,
+) -> None:
+    assert program.main(words) == code
+    error = capsys.readouterr().err
+    assert message in error
+    assert "Traceback" not in error
+    assert error.count("error:") == bool(message)
+    if words and message:
+        assert len(error.splitlines()) == 1
+
+
+def test_no_command_shows_the_help_too(
+    program: Program, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program.main([])
+    assert program.help() in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("fail", ["", "failed", "steady", "bug", "missing"])
+def test_json_is_one_object_alone_on_standard_output(
+    program: Program, capsys: pytest.CaptureFixture[str], fail: str
+) -> None:
+    code = program.main(["glide", "--net-mass", "0.3", "--json", "--fail", fail])
+    captured = capsys.readouterr()
+    answer = json.loads(captured.out)
+    assert captured.out.count("\n") == 1
+    assert answer["net_mass_kg"] == 0.3
+    assert answer["radius_m"] is None
+    assert ("error" in answer) == (fail not in ("", "failed"))
+    assert (code == 0) == (fail == "")
+    assert "a library that prints" in captured.err
+
+
+def test_json_for_bad_options_too(program: Program, capsys: pytest.CaptureFixture[str]) -> None:
+    assert program.main(["glide", "--json"]) == 2
+    assert json.loads(capsys.readouterr().out)["error"].startswith("missing --net-mass")
+
+
+def test_without_json_the_figures_are_text(
+    program: Program, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program.main(["glide", "--net-mass", "0.3"])
+    assert capsys.readouterr().out == "net mass 0.3 kg\na library that prints\n"
+
+
+def test_a_command_that_forgets_its_answer_is_a_bug(
+    program: Program, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert program.main(["mute"]) == 0
+    assert program.main(["mute", "--json"]) == 1
+    assert "ended without an answer" in capsys.readouterr().err
+
+
+def test_traceback_on_request(
+    program: Program, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TWIN_TRACEBACK", "1")
+    assert program.main(["glide", "--net-mass", "0.3", "--fail", "bug"]) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_options_become_the_dataclass() -> None:
+    words = ["--net-mass", "-0.3", "--water.density", "1000", "--plot", "glide.png", "--json"]
+    parsed = parse_options(Glide, prog="swim glide", words=words)
+    assert parsed == Glide(
+        net_mass=-0.3, water=Water(density=1000.0), plot=Path("glide.png"), json=True
+    )
+
+
+def test_help_of_an_option_that_may_be_absent_names_its_kind_only(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert parse_options(Glide, prog="swim glide", words=["--help"]) is None
+    help_text = capsys.readouterr().out
+    assert re.search(r"--plot PATH +Where to draw\. ", help_text)
+    assert "default: None" not in help_text
+
+
+def test_option_names_include_nested_ones() -> None:
+    assert list(option_names(Glide)) == [
+        "--json",
+        "--net-mass",
+        "--model",
+        "--water.density",
+        "--plot",
+        "--fail",
+    ]
+
+
+@pytest.mark.parametrize("program", [TWIN, FACTORY, LEARN], ids=lambda program: program.name)
+def test_help_of_the_program_imports_nothing_heavy(program: Program) -> None:
+    loaded, text = _modules_after(program.name, ["--help"])
+    assert not loaded & {*HEAVY, "tyro"}
+    assert text.startswith(f"usage: {program.name} COMMAND")
+    for command in program.commands:
+        assert f"  {command.name} " in text
+        assert command.summary in text
+
+
+@pytest.mark.parametrize(
+    ("program", "command"),
+    [(program, command) for program in (TWIN, FACTORY, LEARN) for command in program.commands],
+    ids=lambda thing: thing.name,
+)
+def test_help_of_a_command_imports_nothing_heavy(program: Program, command: Command) -> None:
+    loaded, text = _modules_after(program.name, [command.name, "--help"])
+    assert not loaded & set(HEAVY)
+    assert text.startswith(f"usage: {program.name} {command.name}")
+    assert (command.load().__doc__ or "").split(".")[0].split("\n")[0] in text
+
+
+@pytest.mark.parametrize("program", [TWIN, FACTORY, LEARN], ids=lambda program: program.name)
+def test_commands_have_unique_names_and_short_summaries(program: Program) -> None:
+    names = [command.name for command in program.commands]
+    assert len(set(names)) == len(names)
+    assert all(0 < len(command.summary) <= 80 for command in program.commands)
+
+
+def test_python_dash_m_is_the_same_program() -> None:
+    for name in ("twin", "factory", "learn"):
+        done = subprocess.run(
+            [sys.executable, "-m", name, "--version"], capture_output=True, text=True, check=True
+        )
+        assert done.stdout.startswith(f"{name} ")
+
+
+def test_a_reader_that_goes_away_is_no_error() -> None:
+    # Nobody holds the reading end when the program writes, as after `| head -0`.
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run(
+        [sys.executable, "-m", "twin", "--help"], stdout=writing, stderr=subprocess.PIPE, text=True
+    )
+    os.close(writing)
+    assert done.returncode == 0
+    assert done.stderr == ""
+
+
+def _modules_after(program: str, words: list[str]) -> tuple[set[str], str]:
+    """Top-level modules loaded by the end of a program in a process of its own, and its output."""
+    code = (
+        f"import sys\nfrom {program}.__main__ import main\ncode = main()\n"
+        "print(*sorted({name.partition('.')[0] for name in sys.modules}), file=sys.stderr)\n"
+        "sys.exit(code)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words], capture_output=True, text=True, check=True
+    )
+    return set(done.stderr.split()), done.stdout
+
+
+def test_json_has_no_negative_zero_and_no_rounding_noise() -> None:
+    text = json.dumps(to_json({"roll": -0.0, "sway": -5.4e-48, "track": np.array([-0.0, 1e-10])}))
+    assert text == '{"roll": 0.0, "sway": 0.0, "track": [0.0, 1e-10]}'
+
+
+def test_to_json_knows_numpy_paths_and_dataclasses() -> None:
+    value = {
+        "speed": np.float32(0.5),
+        "track": np.array([[1.0, np.nan], [2.0, -np.inf]]),
+        "out": Path("demo") / "run.zarr",
+        "water": Water(),
+        "steps": np.int64(3),
+        "ok": np.bool_(True),
+        "none": None,
+    }
+    expected = {
+        "speed": 0.5,
+        "track": [[1.0, None], [2.0, None]],
+        "out": "demo/run.zarr",
+        "water": {"density": 1025.0},
+        "steps": 3,
+        "ok": True,
+        "none": None,
+    }
+    assert json.loads(json.dumps(to_json(value), allow_nan=False)) == expected
+    with pytest.raises(TypeError, match="no JSON form for object"):
+        to_json(object())
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [
+        (0.49021, 4, "0.4902"),
+        (-35.5471, 4, "-35.55"),
+        (9.99996, 4, "10.00"),
+        (123456.7, 4, "123457"),
+        (5.3e-6, 2, "5.3e-06"),
+        (2.5e8, 3, "2.50e+08"),
+        (0.0, 4, "0"),
+        (-0.0, 4, "0"),
+        (2.4e-57, 4, "0"),
+        (-2.4e-10, 2, "-2.4e-10"),
+        (float("nan"), 4, "-"),
+        (float("inf"), 4, "inf"),
+        (None, 4, "-"),
+        (12, 4, "12"),
+        (np.float64(1.5), 3, "1.50"),
+        (True, 4, "yes"),
+        ("dive", 4, "dive"),
+    ],
+)
+def test_format_number(value: object, digits: int, text: str) -> None:
+    assert format_number(value, digits) == text
+
+
+def test_table_aligns_numbers_right_and_text_left() -> None:
+    rows = [
+        {"model": "mujoco", "speed m/s": 0.49021, "turn radius m": None},
+        {"model": "fossen", "speed m/s": 12.3456, "turn radius m": 78.8},
+    ]
+    assert format_table(rows) == (
+        "model   speed m/s  turn radius m\n"
+        "------  ---------  -------------\n"
+        "mujoco     0.4902              -\n"
+        "fossen      12.35          78.80"
+    )
+    assert format_pairs({"speed": (0.49021, "m/s"), "samples": 7}) == (
+        "speed    0.4902 m/s\nsamples  7"
+    )
+
+
+def test_progress_in_a_log_is_a_line_every_thirty_seconds() -> None:
+    now = [0.0]
+    log = io.StringIO()
+    progress = Progress(total=100.0, label="generate", unit="h", stream=log, clock=lambda: now[0])
+    with progress:
+        for _ in range(70):
+            now[0] += 1.0
+            progress.update(1.0, loss=0.01234)
+    lines = log.getvalue().splitlines()
+    assert lines == [
+        "generate: 30.0 of 100 h (30 %), 1.00 h/s, 1:10 left, loss 0.0123",
+        "generate: 60.0 of 100 h (60 %), 1.00 h/s, 0:40 left, loss 0.0123",
+        "generate: 70.0 of 100 h (70 %), 1.00 h/s, 0:30 left, loss 0.0123",
+    ]
+
+
+def test_progress_of_a_short_task_says_nothing_in_a_log() -> None:
+    log = io.StringIO()
+    with Progress(total=1.0, label="trim", unit="steps", stream=log) as progress:
+        progress.update()
+    assert log.getvalue() == ""
+
+
+def test_progress_on_a_terminal_is_a_bar() -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    terminal = Terminal()
+    with Progress(total=2.0, label="generate", unit="h", stream=terminal) as progress:
+        progress.update(2.0, missions=3)
+    assert "generate: 100%" in terminal.getvalue()
+    assert "missions=3" in terminal.getvalue()
+
+
+def test_durations() -> None:
+    assert [format_duration(s) for s in (7, 65, 3725)] == ["0:07", "1:05", "1:02:05"]

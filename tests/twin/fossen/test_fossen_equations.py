@@ -1,0 +1,302 @@
+"""Matrices and forces of the Fossen model: identities, signs and limits."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from twin.fossen import FossenModel
+from twin.fossen.equations import actuators_after, derivative, mass_distribution
+from twin.fossen.forces import (
+    STRIPS,
+    damping_wrench,
+    displaced_mass,
+    flow_functions,
+    restoring,
+    strip_immersion,
+)
+from twin.fossen.matrices import (
+    added_mass_coriolis,
+    quaternion_rate,
+    rigid_body_coriolis,
+    rigid_body_mass,
+    rotation_from_quaternion,
+    skew,
+    solve_positive_definite,
+)
+from twin.fossen.steady import down_axis
+from twin.frames import euler_to_quaternion, quaternion_to_matrix
+from twin.vehicle.vehicle import load_vehicle
+from twin.water.current.geostrophic import Geostrophic
+from twin.water.current.inertial import Inertial
+from twin.water.current.sampler import sample
+
+DEEP = 100.0
+
+
+@pytest.fixture(scope="module")
+def model() -> FossenModel:
+    return FossenModel(load_vehicle("glider"))
+
+
+def random_nu(rng: np.random.Generator) -> np.ndarray:
+    return rng.normal(size=6) * [0.5, 0.1, 0.1, 0.1, 0.1, 0.1]
+
+
+def test_solver_and_quaternion_rate():
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(6, 6))
+    matrix, right = root @ root.T + np.eye(6), rng.normal(size=6)
+    np.testing.assert_allclose(
+        solve_positive_definite(matrix, right), np.linalg.solve(matrix, right), rtol=1e-10
+    )
+    assert np.isnan(solve_positive_definite(-matrix, right)).any()
+
+    q, omega, h = euler_to_quaternion(0.3, -1.2, 2.0), rng.normal(size=3), 1e-5
+    rate = quaternion_rate(q, omega)
+    ahead, behind = (rotation_from_quaternion(q + s * h * rate) for s in (1, -1))
+    r = quaternion_to_matrix(q)
+    np.testing.assert_allclose((ahead - behind) / (2 * h), r @ skew(omega), atol=1e-8)
+
+
+def test_mass_matrix_is_that_of_two_blocks(model):
+    """Kinetic energy of the blocks, each with its own velocity, equals nu^T M_RB nu / 2."""
+    v, p = model.vehicle, model.parameters
+    rng = np.random.default_rng(2)
+    shift, rotation = 0.03, 0.9
+    cg, inertia = mass_distribution(p, shift, rotation)
+    m_rb = rigid_body_mass(p.mass, cg, inertia)
+    np.testing.assert_allclose(m_rb, m_rb.T, atol=1e-12)
+    assert np.linalg.eigvalsh(m_rb + v.added_mass)[0] > 0
+    turn = quaternion_to_matrix(euler_to_quaternion(rotation, 0.0, 0.0))
+    for _ in range(5):
+        nu = random_nu(rng)
+        linear, omega = nu[:3], nu[3:]
+        energy = 0.0
+        for mass, r, own in (
+            (v.static_mass, v.static_cg, v.static_inertia),
+            (
+                v.movable_mass,
+                v.movable_position(shift, rotation),
+                turn @ v.movable_inertia @ turn.T,
+            ),
+        ):
+            velocity = linear + np.cross(omega, r)
+            energy += 0.5 * mass * velocity @ velocity + 0.5 * omega @ own @ omega
+        assert 0.5 * nu @ m_rb @ nu == pytest.approx(energy, rel=1e-12)
+
+
+def test_coriolis_matrices_do_no_work_and_are_newtons(model):
+    rng = np.random.default_rng(3)
+    p = model.parameters
+    cg, inertia = mass_distribution(p, -0.02, -0.7)
+    m_rb = rigid_body_mass(p.mass, cg, inertia)
+    for _ in range(10):
+        nu = random_nu(rng)
+        c_rb = rigid_body_coriolis(p.mass, cg, inertia, nu[3:])
+        c_a = added_mass_coriolis(p.added_mass, nu)
+        assert nu @ c_rb @ nu == pytest.approx(0.0, abs=1e-12)
+        assert nu @ c_a @ nu == pytest.approx(0.0, abs=1e-12)
+        np.testing.assert_allclose(c_a, -c_a.T, atol=1e-15)
+        # Kirchhoff's equations with the momenta of either matrix.
+        for matrix, c in ((m_rb, c_rb), (p.added_mass, c_a)):
+            momentum = matrix @ nu
+            force = np.cross(nu[3:], momentum[:3])
+            moment = np.cross(nu[3:], momentum[3:]) + np.cross(nu[:3], momentum[:3])
+            np.testing.assert_allclose(c @ nu, np.concatenate((force, moment)), atol=1e-12)
+
+
+def test_integrated_equation_is_fossens_in_an_unsteady_sheared_current(model):
+    """M_RB dnu + C_RB(nu) nu + M_A dnu_r + C_A(nu_r) nu_r = tau - g, with nu_c spelt out."""
+    rng = np.random.default_rng(4)
+    p = model.parameters
+    current = Geostrophic(baroclinic=0.4, direction_deg=30.0, scale_depth=40.0) + Inertial(
+        speed=0.3, latitude_deg=45.0
+    )
+    program = current.compile(3600.0)
+    for _ in range(5):
+        q = euler_to_quaternion(*rng.uniform(-1, 1, 3))
+        nu_r = random_nu(rng)
+        position = np.array([10.0, -20.0, 30.0])
+        actuators = np.array([0.02, 0.6, -200.0])
+        y = np.concatenate((position, q, nu_r))
+        dy = derivative(p, program, 500.0, y, actuators)
+        r = quaternion_to_matrix(q)
+        flow = np.array(sample(program, 500.0, *position, *dy[:3]))
+        body_current, omega = r.T @ flow[:3], nu_r[3:]
+        nu = nu_r + np.concatenate((body_current, np.zeros(3)))
+        nu_c_dot = np.concatenate((-np.cross(omega, body_current) + r.T @ flow[3:], np.zeros(3)))
+        nu_dot = dy[7:] + nu_c_dot
+        cg, inertia = mass_distribution(p, *actuators[:2])
+        g, _ = restoring(
+            p, r[2].copy(), position[2], p.mass * cg, displaced_mass(p, position[2], actuators[2])
+        )
+        left = (
+            rigid_body_mass(p.mass, cg, inertia) @ nu_dot
+            + rigid_body_coriolis(p.mass, cg, inertia, omega) @ nu
+            + p.added_mass @ dy[7:]
+            + added_mass_coriolis(p.added_mass, nu_r) @ nu_r
+        )
+        np.testing.assert_allclose(left, damping_wrench(p, nu_r) - g, atol=1e-11)
+        np.testing.assert_allclose(dy[:3], r @ nu[:3], atol=1e-14)
+
+
+def test_flow_functions_are_exact_inside_and_bounded_outside(model):
+    p = model.parameters
+    for angle in (-0.17, 0.0, 0.1):
+        odd, square, one, weight = flow_functions(angle, p.linear_angle, p.blend_angle)
+        assert (odd, square, one, weight) == (angle, angle * angle, 1.0, 0.0)
+    for angle in (0.5, -2.0, math.pi):
+        odd, square, one, weight = flow_functions(angle, p.linear_angle, p.blend_angle)
+        assert odd == pytest.approx(math.sin(angle) * math.cos(angle))
+        assert square == pytest.approx(math.sin(angle) ** 2)
+        assert one == pytest.approx(math.cos(angle))
+        assert weight == 1.0
+    # The blend has no step at either end.
+    for edge in (p.linear_angle, p.blend_angle):
+        below, above = (
+            np.array(flow_functions(edge + d, p.linear_angle, p.blend_angle)) for d in (-1e-9, 1e-9)
+        )
+        np.testing.assert_allclose(below, above, atol=1e-7)
+
+
+def test_wrench_in_the_identified_range_by_hand(model):
+    """Zhang et al. (2013) spelt out with rotations about y and z instead of R_BC's entries."""
+    p = model.parameters
+    nu = np.array([0.4, -0.02, 0.03, 0.01, -0.02, 0.03])
+    speed = np.linalg.norm(nu[:3])
+    alpha, beta = math.atan2(nu[2], nu[0]), math.asin(nu[1] / speed)
+    force = np.array(
+        [
+            -(7.19 + 386.29 * alpha**2),
+            -115.65 * beta,
+            -(-0.36 + 440.99 * alpha),
+        ]
+    )
+    moment = np.array(
+        [
+            -58.27 * beta - 19.83 * nu[3],
+            0.28 - 65.84 * alpha - 205.64 * nu[4],
+            34.10 * beta - 389.30 * nu[5],
+        ]
+    )
+    about_y = quaternion_to_matrix(euler_to_quaternion(0.0, -alpha, 0.0))
+    about_z = quaternion_to_matrix(euler_to_quaternion(0.0, 0.0, beta))
+    to_body = about_y @ about_z
+    np.testing.assert_allclose(to_body @ [speed, 0.0, 0.0], nu[:3], atol=1e-15)
+    expected = speed**2 * np.concatenate((to_body @ force, to_body @ moment))
+    np.testing.assert_allclose(damping_wrench(p, nu), expected, rtol=1e-12)
+
+
+def test_hydrodynamic_power(model):
+    rng = np.random.default_rng(5)
+    p = model.parameters
+    for _ in range(3000):
+        speed = rng.uniform(0.1, 1.0)
+        alpha, beta = rng.uniform(-1, 1, 2) * math.radians(10)
+        direction = np.array(
+            [
+                math.cos(alpha) * math.cos(beta),
+                math.sin(beta),
+                math.sin(alpha) * math.cos(beta),
+            ]
+        )
+        nu = np.concatenate((speed * direction, rng.uniform(-0.05, 0.05, 3)))
+        assert damping_wrench(p, nu) @ nu <= 0.0
+    for _ in range(3000):  # drag power on the whole sphere of flow directions
+        nu = np.concatenate((rng.normal(size=3), rng.normal(size=3)))
+        assert damping_wrench(p, nu)[:3] @ nu[:3] <= 0.0
+        still = np.concatenate((nu[:3], np.zeros(3)))
+        rates_only = damping_wrench(p, nu) - damping_wrench(p, still)
+        assert rates_only[3:] @ nu[3:] <= 0.0
+
+
+def test_rate_damping_survives_at_rest_and_the_wrench_is_mirror_symmetric(model):
+    p = model.parameters
+    spin = np.array([0.0, 0.0, 0.0, 0.1, 0.1, 0.1])
+    assert np.all(damping_wrench(p, spin)[3:] < 0.0)
+    nu = np.array([0.3, 0.1, -0.2, 0.1, 0.2, -0.3])
+    mirror = np.array([1, -1, 1, -1, 1, -1])
+    np.testing.assert_allclose(
+        damping_wrench(p, mirror * nu), mirror * damping_wrench(p, nu), rtol=1e-12
+    )
+
+
+def test_immersion_runs_from_air_to_full_depth(model):
+    p = model.parameters
+    for depth, expected in ((-0.5 * p.hull_diameter, 0.0), (0.0, 0.5), (0.5 * p.hull_diameter, 1)):
+        _, immersion = restoring(p, down_axis(0.0, 0.0), depth, np.zeros(3), p.mass)
+        assert immersion == pytest.approx(expected, abs=1e-12)
+    xs = [strip_immersion(p, 0.0, 0.0, i)[0] for i in range(STRIPS)]
+    assert sum(xs) == pytest.approx(0.0, abs=1e-12)
+    assert max(xs) == pytest.approx(p.hull_length * 4 / 9)
+
+
+def test_waterplane_rights_the_hull_in_pitch(model):
+    """At the surface a nose-up hull sinks its stern: buoyancy pushes the nose down."""
+    p = model.parameters
+    for pitch in (-0.1, 0.05, 0.3):
+        g, _ = restoring(p, down_axis(0.0, pitch), 0.0, np.zeros(3), p.mass)
+        assert np.sign(-g[4]) == -np.sign(pitch)
+    # Fully immersed the strips have no moment about the CB.
+    g, immersion = restoring(p, down_axis(0.2, 0.4), DEEP, np.zeros(3), p.mass)
+    assert immersion == 1.0
+    np.testing.assert_allclose(g, 0.0, atol=1e-9)
+
+
+def test_restoring_signs(model):
+    p = model.parameters
+    level = down_axis(0.0, 0.0)
+    heavy, _ = restoring(p, level, DEEP, np.zeros(3), p.mass - 0.3)
+    assert -heavy[2] == pytest.approx(0.3 * p.gravity)
+    nose_heavy, _ = restoring(p, level, DEEP, np.array([1.0, 0.0, 0.0]), p.mass)
+    assert -nose_heavy[4] == pytest.approx(-p.gravity)
+    port_heavy, _ = restoring(p, level, DEEP, np.array([0.0, -1.0, 0.0]), p.mass)
+    assert -port_heavy[3] == pytest.approx(-p.gravity)
+
+
+def test_static_equilibrium(model):
+    """Neutral and at rest the hull hangs with its CG below the CB and stays there."""
+    p = model.parameters
+    cg, _ = mass_distribution(p, 0.001, 0.5)
+    pitch = math.atan2(-cg[0], math.hypot(cg[1], cg[2]))
+    q = euler_to_quaternion(math.atan2(cg[1], cg[2]), pitch, 1.0)
+    y = np.concatenate(([0.0, 0.0, DEEP], q, np.zeros(6)))
+    rate = derivative(p, np.zeros(0), 0.0, y, np.array([0.001, 0.5, 0.0]))
+    np.testing.assert_allclose(rate, 0.0, atol=1e-13)
+
+
+def test_pump_density_and_compressibility_change_the_displaced_mass():
+    vehicle = load_vehicle("glider")
+    plain = FossenModel(vehicle).parameters
+    assert displaced_mass(plain, DEEP, 0.0) == pytest.approx(vehicle.mass)
+    pump = vehicle.pump_for_net_mass(0.3)
+    assert vehicle.mass - displaced_mass(plain, DEEP, pump) == pytest.approx(0.3)
+
+    stiff_pressure = vehicle.reference_density * vehicle.gravity * 1000.0
+    squeezed = FossenModel(vehicle.replace(hull_compressibility=5e-10)).parameters
+    lost = vehicle.mass - displaced_mass(squeezed, 1000.0, 0.0)
+    assert lost == pytest.approx(vehicle.mass * 5e-10 * stiff_pressure)
+
+    table = FossenModel(vehicle, density=([0.0, 100.0], [1020.0, 1030.0]))
+    function = FossenModel(vehicle, density=lambda z: 1020.0 + 0.1 * np.minimum(z, 100.0))
+    for depth, density in ((-1.0, 1020.0), (25.0, 1022.5), (100.0, 1030.0), (500.0, 1030.0)):
+        for other in (table, function):
+            expected = density * vehicle.neutral_volume
+            assert displaced_mass(other.parameters, depth, 0.0) == pytest.approx(expected)
+
+
+def test_actuators_follow_their_law():
+    """The closed form against small explicit steps of clip((command - x) / lag, -rate, rate)."""
+    law = np.array([[-0.05, -1.5, -400.0], [0.05, 1.5, 400.0], [2.0, 2.0, 4.0], [0.02, 0.35, 50.0]])
+    command = np.array([0.04, -2.0, 30.0])
+    x = np.array([-0.05, 1.0, 0.0])
+    start, h = x.copy(), 1e-4
+    for step in range(1, 100_001):
+        x = x + h * np.clip((command - x) / law[2], -law[3], law[3])
+        if step % 10_000 == 0:
+            exact = actuators_after(start, command, law, step * h)
+            np.testing.assert_allclose(exact, np.clip(x, law[0], law[1]), rtol=1e-3, atol=1e-6)
+    assert exact[1] == -1.5

@@ -1,0 +1,289 @@
+"""Simulations of the Fossen model: order, conservation, symmetries, currents, errors."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from twin.errors import InputError, MissionError, SimulationUnstable
+from twin.fossen import FossenModel, FossenState
+from twin.fossen.equations import mass_distribution
+from twin.fossen.forces import damping_wrench
+from twin.fossen.matrices import rigid_body_mass
+from twin.frames import euler_to_quaternion, quaternion_to_matrix
+from twin.mission.schedule import Schedule
+from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.water.current.geostrophic import Geostrophic
+from twin.water.current.inertial import Inertial
+from twin.water.current.uniform import Uniform
+
+DIVE = Schedule(times=[0.0], commands=[[0.02, math.radians(30), -290.0]])
+CRUISE = FossenState(
+    position_ned=[0.0, 0.0, 50.0],
+    attitude=[0.05, -0.5, 0.3],
+    v_rel=[0.4, 0.01, 0.02],
+    actuators=[0.015, 0.4, -200.0],
+)
+
+
+@pytest.fixture(scope="module")
+def seawing() -> Vehicle:
+    return load_vehicle("glider")
+
+
+@pytest.fixture(scope="module")
+def model(seawing: Vehicle) -> FossenModel:
+    return FossenModel(seawing)
+
+
+def in_current(vehicle: Vehicle, current) -> FossenModel:
+    return FossenModel(vehicle, current_program=current.compile(3600.0))
+
+
+def sheared():
+    return Geostrophic(baroclinic=0.5, direction_deg=40.0, scale_depth=60.0) + Inertial(
+        speed=0.2, layer_depth=10.0, decay_depth=80.0, latitude_deg=60.0
+    )
+
+
+def test_spiral_is_reached_from_rest_at_the_surface(model):
+    start = FossenState(position_ned=[0.0, 0.0, 0.0])
+    schedule = Schedule(times=[0.0], commands=[[0.02, math.radians(45), -1e6 * 0.3 / 1025.0]])
+    track = model.simulate(start, schedule, 600.0)
+    steady = model.steady_motion(0.02, math.radians(45), 0.3)
+    np.testing.assert_allclose(track.v_rel[-1], steady.nu_r[:3], atol=1e-7)
+    np.testing.assert_allclose(track.rates[-1], steady.nu_r[3:], atol=1e-8)
+    np.testing.assert_allclose(track.actuators[-1], schedule.commands[0], rtol=1e-9)
+    # The circle over ground has the trim's radius.
+    heading_rate = np.unwrap(track.attitude[-100:, 2])
+    assert (heading_rate[-1] - heading_rate[0]) / 49.5 == pytest.approx(
+        steady.trim.turn_rate_rad_s, rel=1e-5
+    )
+
+
+def test_runge_kutta_is_of_fourth_order(model):
+    def final(**options):
+        track = model.simulate(CRUISE, DIVE, 16.0, sample_period=4.0, **options)
+        return np.concatenate((track.position_ned[-1], track.v_rel[-1], track.quaternion[-1]))
+
+    reference = final(method="dop853")
+    errors = [np.linalg.norm(final(dt=dt) - reference) for dt in (0.2, 0.1, 0.05)]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all((orders > 3.7) & (orders < 4.5)), (errors, orders)
+
+
+@pytest.mark.parametrize(
+    ("speed", "position_error"),
+    # A launch from rest crosses the floor of the rate damping, a kink that costs any method
+    # its order; a glider that already moves does not.
+    [(0.0, 5e-4), (0.3, 1e-6)],
+)
+def test_default_step_is_converged_in_a_violent_manoeuvre(seawing, speed, position_error):
+    model = in_current(seawing, sheared())
+    schedule = Schedule(
+        times=[0.0, 40.0, 80.25], commands=[[0.05, 1.5, -480], [-0.05, -1.5, 480], [0.01, 0, -100]]
+    )
+    start = FossenState(position_ned=[0.0, 0.0, 30.0], v_rel=[speed, 0.0, 0.01 * speed])
+    track = model.simulate(start, schedule, 120.0)
+    reference = model.simulate(start, schedule, 120.0, method="dop853")
+    assert np.max(np.abs(track.speed - reference.speed)) < 1e-6
+    assert np.max(np.abs(track.position_ned - reference.position_ned)) < position_error
+    np.testing.assert_allclose(track.actuators, reference.actuators, atol=1e-9)
+
+
+@pytest.mark.parametrize("gravity", [1e-12, 9.81])
+def test_energy_is_conserved_without_drag(seawing, gravity):
+    """Neutral and drag-free, kinetic energy of M_RB + M_A plus that of the hanging CG stays."""
+    frictionless = seawing.replace(
+        gravity=gravity,
+        drag=(0.0, 0.0),
+        lift=(0.0, 0.0),
+        side_force=(0.0,),
+        roll_moment=(0.0, 0.0),
+        pitch_moment=(0.0, 0.0, 0.0),
+        yaw_moment=(0.0, 0.0),
+    )
+    model = FossenModel(frictionless)
+    start = FossenState(
+        position_ned=[0.0, 0.0, 500.0],
+        attitude=[0.2, 1.5, 0.3],
+        v_rel=[0.3, 0.1, -0.2],
+        rates=[0.3, 0.8, -0.2],  # tumbles through the vertical
+        actuators=[0.03, 0.8, 0.0],
+    )
+    schedule = Schedule(times=[0.0], commands=[start.actuators])
+    track = model.simulate(start, schedule, 60.0, dt=0.02)
+    p = model.parameters
+    cg, inertia = mass_distribution(p, 0.03, 0.8)
+    mass = rigid_body_mass(p.mass, cg, inertia) + p.added_mass
+    nu = np.hstack((track.v_rel, track.rates))
+    kinetic = 0.5 * np.einsum("ti,ij,tj->t", nu, mass, nu)
+    down = quaternion_to_matrix(track.quaternion)[:, 2]
+    energy = kinetic - p.mass * gravity * down @ cg
+    assert np.ptp(kinetic) > 1e-3 * kinetic[0] or gravity < 1
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-7)
+    assert np.max(np.abs(track.attitude[:, 1])) > 1.4
+
+
+def test_heading_does_not_matter(model):
+    turn = 2.2
+    other = FossenState(
+        position_ned=CRUISE.position_ned,
+        attitude=CRUISE.attitude + np.array([0.0, 0.0, turn]),
+        v_rel=CRUISE.v_rel,
+        actuators=CRUISE.actuators,
+    )
+    one, two = (model.simulate(state, DIVE, 100.0) for state in (CRUISE, other))
+    np.testing.assert_allclose(two.v_rel, one.v_rel, atol=1e-11)
+    rotate = quaternion_to_matrix(euler_to_quaternion(0.0, 0.0, turn))
+    np.testing.assert_allclose(two.position_ned, one.position_ned @ rotate.T, atol=1e-9)
+
+
+def test_port_mirrors_starboard(model):
+    flip, turn = np.array([1.0, -1.0, 1.0]), np.array([-1.0, 1.0, -1.0])
+    mirrored = FossenState(
+        position_ned=CRUISE.position_ned,
+        attitude=turn * CRUISE.attitude,
+        v_rel=flip * CRUISE.v_rel,
+        actuators=flip * CRUISE.actuators,
+    )
+    schedule = Schedule(times=DIVE.times, commands=flip * DIVE.commands)
+    one, two = model.simulate(CRUISE, DIVE, 100.0), model.simulate(mirrored, schedule, 100.0)
+    np.testing.assert_allclose(two.v_rel, one.v_rel * flip, atol=1e-11)
+    np.testing.assert_allclose(two.rates, one.rates * turn, atol=1e-11)
+    np.testing.assert_allclose(two.position_ned, one.position_ned * flip, atol=1e-9)
+
+
+def test_uniform_current_only_carries_the_track(seawing, model):
+    current = np.array([0.6, -0.4, 0.05])
+    moving = in_current(seawing, Uniform(north=0.6, east=-0.4, down=0.05))
+    one, two = (m.simulate(CRUISE, DIVE, 200.0) for m in (model, moving))
+    np.testing.assert_allclose(two.v_rel, one.v_rel, atol=1e-9)
+    np.testing.assert_allclose(two.quaternion, one.quaternion, atol=1e-9)
+    carried = one.position_ned + current * one.time[:, None]
+    np.testing.assert_allclose(two.position_ned, carried, atol=1e-9)
+    np.testing.assert_allclose(two.velocity_ned, one.velocity_ned + current, atol=1e-9)
+
+
+def test_sheared_current_obeys_newton_in_the_inertial_frame(seawing):
+    """Momenta differentiated along the simulated track, in NED, without any of Fossen's terms.
+
+    Rigid body: d(m v_cg)/dt and dH_cg/dt. Water: minus the rate of the added momentum of the
+    relative velocity, whose point of application moves through the water (v_r x p).
+    """
+    model = in_current(seawing, sheared())
+    p, h = model.parameters, 0.01
+    held = Schedule(times=[0.0], commands=[CRUISE.actuators])
+    track = model.simulate(CRUISE, held, 8.0, dt=h, sample_period=h)
+    r = quaternion_to_matrix(track.quaternion)
+    actuators = np.asarray(CRUISE.actuators)
+    cg, inertia_cb = mass_distribution(p, *actuators[:2])
+    inertia = inertia_cb - p.mass * (cg @ cg * np.eye(3) - np.outer(cg, cg))
+
+    def to_ned(body):
+        return np.einsum("tij,tj->ti", r, body)
+
+    def rate(values):  # fourth-order central difference
+        ahead, behind = values[3:-1] - values[1:-3], values[4:] - values[:-4]
+        return (8.0 * ahead - behind) / (12.0 * h)
+
+    nu_r = np.hstack((track.v_rel, track.rates))
+    added = nu_r @ p.added_mass
+    wrench = np.array([damping_wrench(p, x) for x in nu_r])
+    over_ground = np.zeros_like(track.position_ned)
+    over_ground[2:-2] = rate(track.position_ned)
+    cg_ned = to_ned(np.broadcast_to(cg, nu_r[:, :3].shape))
+    inside = slice(2, -2)
+
+    v_cg = over_ground + to_ned(np.cross(track.rates, cg))
+    net = p.mass - p.reference_density * (p.neutral_volume + 1e-6 * actuators[2])
+    water = to_ned(wrench[:, :3])[inside] - rate(to_ned(added[:, :3]))
+    force = water + net * p.gravity * np.array([0.0, 0.0, 1.0])
+    # v_cg is itself a difference: four rows at either end hold no value.
+    np.testing.assert_allclose(
+        p.mass * rate(v_cg)[2:-2], force[2:-2], atol=2e-6, err_msg="translation"
+    )
+    water_moment = (
+        to_ned(wrench[:, 3:])[inside]
+        - rate(to_ned(added[:, 3:]))
+        - to_ned(np.cross(track.v_rel, added[:, :3]))[inside]
+    )
+    buoyancy = -(p.mass - net) * p.gravity * np.array([0.0, 0.0, 1.0])
+    moment_cg = water_moment - np.cross(cg_ned[inside], water + buoyancy)
+    spin = rate(to_ned(track.rates @ inertia))
+    np.testing.assert_allclose(spin[2:-2], moment_cg[2:-2], atol=2e-6, err_msg="rotation")
+    # The check has teeth: the current's rate along the path is far above the tolerance.
+    path_rate = p.mass * np.linalg.norm(rate(track.current_ned), axis=1)
+    assert np.min(path_rate) > 1e-2
+
+
+def test_stratification_stops_a_dive(seawing):
+    """A heavy glider sinks to the depth where its displaced mass equals its own and rests."""
+    model = FossenModel(seawing, density=([0.0, 100.0], [1020.0, 1030.0]))
+    start = FossenState(position_ned=[0.0, 0.0, 45.0])
+    schedule = Schedule(times=[0.0], commands=[[0.0, 0.0, 0.0]])
+    track = model.simulate(start, schedule, 3000.0, sample_period=5.0)
+    assert track.position_ned[-200:, 2].mean() == pytest.approx(50.0, abs=0.1)
+    assert track.speed[-1] < 0.02
+
+
+def test_light_glider_floats(model):
+    track = model.simulate(
+        FossenState(position_ned=[0.0, 0.0, 0.5]),
+        Schedule(times=[0.0], commands=[[0.02, 0.0, 480.0]]),
+        400.0,
+    )
+    assert abs(track.position_ned[-1, 2]) < 0.2
+    assert abs(track.velocity_ned[-1, 2]) < 1e-5
+    assert track.speed[-1] < 0.02  # the hull coasts on, slower with the square of its speed
+
+
+def test_tail_first_launch_stays_finite(model):
+    """A climb with the block forward reverses the flow: the rates must still be damped there."""
+    held = [0.02, math.radians(30), 290.0]
+    start = FossenState(
+        position_ned=[0, 0, 500], attitude=[0, 0.3, 0], v_rel=[0.2, 0, 0], actuators=held
+    )
+    track = model.simulate(start, Schedule(times=[0.0], commands=[held]), 400.0)
+    assert track.v_rel[-1, 0] < -0.3
+    assert np.max(np.abs(track.rates[-1])) < 0.01
+
+
+def test_commands_between_samples_are_honoured(model):
+    """A step inside a sample interval acts at its own time, not at the next sample."""
+    schedule = Schedule(times=[0.0, 1.3], commands=[[0, 0, 0], [0.01, 0, 0]])
+    track = model.simulate(CRUISE, Schedule(times=[0.0], commands=[[0, 0, 0]]), 4.0)
+    stepped = model.simulate(CRUISE, schedule, 4.0, sample_period=0.5)
+    np.testing.assert_array_equal(stepped.time, track.time)
+    before = stepped.time <= 1.3
+    np.testing.assert_allclose(stepped.actuators[before], track.actuators[before], rtol=1e-12)
+    assert np.all(stepped.actuators[~before, 0] > track.actuators[~before, 0])
+
+
+def test_bad_input_is_refused(model, seawing):
+    with pytest.raises(MissionError, match="begins at 5 s, after the start at 0 s"):
+        model.simulate(CRUISE, Schedule(times=[5.0], commands=[[0, 0, 0]]), 10.0)
+    with pytest.raises(MissionError, match="must increase"):
+        Schedule(times=[0.0, 0.0], commands=[[0, 0, 0], [0, 0, 0]])
+    with pytest.raises(MissionError, match="times and commands must be finite"):
+        Schedule(times=[0.0], commands=[[0, math.nan, 0]])
+    with pytest.raises(InputError, match="dt must be above 0 s"):
+        model.simulate(CRUISE, DIVE, 10.0, dt=0.0)
+    with pytest.raises(InputError, match="did you mean 'rk4'"):
+        model.simulate(CRUISE, DIVE, 10.0, method="rk45")
+    with pytest.raises(InputError, match="v_rel must be finite"):
+        FossenState(v_rel=[0.0, 1.0])
+    with pytest.raises(InputError, match="must be finite and increase"):
+        FossenModel(seawing, density=([0.0, -1.0], [1020.0, 1030.0]))
+
+
+def test_instability_names_the_time_and_keeps_what_it_had(model):
+    start = FossenState(position_ned=[0.0, 0.0, 50.0], rates=[0.0, 0.0, 40.0], v_rel=[3.0, 0, 0])
+    with pytest.raises(SimulationUnstable, match="use a smaller dt") as caught:
+        model.simulate(start, DIVE, 60.0, dt=0.5)
+    partial = caught.value.partial
+    assert 0 < partial.time.size < 121
+    assert partial.time[-1] < caught.value.time_s
+    assert np.all(np.isfinite(partial.v_rel))

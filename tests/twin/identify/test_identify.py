@@ -1,0 +1,305 @@
+"""Identification: the flight equations, the vehicle file, logs that cannot be used, the command."""
+
+import dataclasses
+import importlib.util
+import json
+import shutil
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from twin.__main__ import PROGRAM
+from twin.errors import InputError, StoreError, VehicleError
+from twin.identify import (
+    estimate_speed,
+    fly,
+    identify,
+    load_calibration,
+    load_logs,
+    motion_of,
+    store_hash,
+)
+from twin.identify.balance import balance
+from twin.identify.figure import residual_figure
+from twin.identify.pitch import PITCHING
+from twin.identify.unknowns import PARAMETERS, choose, with_known
+from twin.identify.vehicle_file import vehicle_xml, write_vehicle
+from twin.mission.schedule import Schedule
+from twin.physics.scenario import Scenario
+from twin.physics.simulation import simulate
+from twin.records.store import write_store
+from twin.vehicle.vehicle import load_vehicle, parse_vehicle
+
+_SPEC = importlib.util.spec_from_file_location(
+    "identify_logs", Path(__file__).with_name("identify_logs.py")
+)
+simulated = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(simulated)
+
+VEHICLE = load_vehicle("glider")
+
+
+@pytest.fixture(scope="module")
+def run():
+    """One dive of a vehicle with a drag that its file does not have."""
+    return simulated.flown(simulated.changed(VEHICLE, drag=1.3), 7)
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory, run):
+    return simulated.stored(tmp_path_factory.mktemp("identify") / "log.zarr", [run])
+
+
+def level(value, samples=400):
+    return np.full(samples, float(value))
+
+
+def test_a_heavy_start_and_a_light_stiff_vehicle_do_not_stop_the_search(store):
+    """Ballast far off and a drag at which steps of a second are unstable: both are found."""
+    logs = load_logs(store)
+    shifted = [dataclasses.replace(log, pump=log.pump - 400.0) for log in logs]
+    found = identify(shifted, load_calibration("glider"), parameters=["neutral_density", "drag"])
+    plain = identify(logs, load_calibration("glider"), parameters=["neutral_density", "drag"])
+    assert found["drag"].value == pytest.approx(plain["drag"].value, rel=0.02)
+    stiff = simulated.changed(VEHICLE, drag=40.0)
+    motion = motion_of(logs[0], load_calibration("glider").replace(vehicle=stiff))
+    assert np.isfinite(motion.speed).all()
+    assert motion.speed.max() < 1.0
+
+
+def test_side_force_grows_with_drag():
+    nominal = load_calibration("slocum")
+    (drag,) = choose(["drag"])
+    scaled = drag.set(nominal, 3.0 * nominal.vehicle.drag[0])
+    assert scaled.vehicle.side_force[0] == pytest.approx(3.0 * nominal.vehicle.side_force[0])
+
+
+def test_without_ctd_the_sea_is_compressed_like_sea_water():
+    import gsw
+
+    calibration = load_calibration("slocum").replace(
+        water_density=float(gsw.rho(35.165, 10.0, 0.0))
+    )
+    depth = np.array([0.0, 300.0, 1000.0])
+    known = gsw.rho(35.165, 10.0, gsw.p_from_z(-depth, 30.0))
+    np.testing.assert_allclose(calibration.sea_density(depth), known, atol=0.05)
+
+
+def test_a_vehicle_without_ctd_in_a_store_of_others_is_identified(tmp_path, run):
+    import xarray as xr
+
+    path = simulated.stored(tmp_path / "two.zarr", [run, run])
+    dataset = xr.open_zarr(path).load()
+    dataset["measured_density"][0] = np.nan
+    write_store(dataset, tmp_path / "mixed.zarr")
+    without = load_logs(tmp_path / "mixed.zarr", [0])
+    assert len(without) == 1
+    assert without[0].density is None
+    assert "density" in identify(without, load_calibration("glider"))["mass"].note
+    both = load_logs(tmp_path / "mixed.zarr")
+    assert [log.index for log in both] == [1]  # its buoyancy is known, the other's is not
+
+
+@pytest.mark.parametrize(("net", "pitch"), [(0.3, -0.6), (-0.3, 0.5), (0.15, -0.3)])
+def test_flight_settles_into_the_balance_of_forces(net, pitch):
+    rates = np.zeros((3, 400))
+    motion = fly(
+        VEHICLE,
+        period=0.5,
+        net_mass=level(net),
+        immersion=level(1),
+        roll=level(0.05),
+        pitch=level(pitch),
+        rates=rates,
+    )
+    speed, alpha, beta, gliding = balance(VEHICLE, level(net), level(0.05), level(pitch), rates)
+    assert gliding.all()
+    # the balance is a fixed point iteration that ends with this error at 17 degrees of pitch
+    assert motion.speed[-1] == pytest.approx(speed[-1], abs=3e-5)
+    assert motion.angle_of_attack[-1] == pytest.approx(alpha[-1], abs=1e-4)
+    assert np.arcsin(motion.sway[-1] / motion.speed[-1]) == pytest.approx(beta[-1], abs=1e-4)
+
+
+def test_flight_gives_the_velocities_of_the_twin(run):
+    """The same vehicle with the true attitude, density and pump: moments apart, the same."""
+    vehicle = simulated.changed(VEHICLE, drag=1.3)
+    signals = {name: run[f"true_{name}"] for name in ("roll", "pitch", "depth", "net_mass")}
+    rates = np.stack([run[f"true_{n}_rate"] for n in ("roll", "pitch", "yaw")])
+    motion = fly(
+        vehicle,
+        period=simulated.PERIOD,
+        net_mass=np.where(signals["depth"] < 0.5, 0.0, signals["net_mass"]),
+        immersion=np.clip(run["true_immersion"], 0.3, 1.0),
+        roll=np.deg2rad(signals["roll"]),
+        pitch=np.deg2rad(signals["pitch"]),
+        rates=rates,
+    )
+    deep = signals["depth"] > 10.0
+    for name, most in (("surge", 0.004), ("sway", 0.002), ("heave", 0.004)):
+        error = (getattr(motion, name) - run[f"true_{name}"])[deep]
+        assert np.sqrt(np.mean(error**2)) < most
+
+
+def test_speed_after_calibration_is_better_than_with_the_nominal_vehicle(store, run):
+    found = identify(load_logs(store), load_calibration("glider"))
+    true = np.sqrt(sum(run[f"true_{n}"] ** 2 for n in ("surge", "sway", "heave")))
+
+    def error(vehicle):
+        one = estimate_speed(store, 0, vehicle)
+        return np.sqrt(np.mean((one.speed - true[: len(one.speed)])[one.use] ** 2))
+
+    assert error(found.calibration) < 0.012 < 0.02 < error("glider")
+
+
+def test_lift_is_kept_at_nominal_without_fixes_unless_asked_for(store):
+    found = identify(load_logs(store), load_calibration("glider"))
+    kept = found["lift_ratio"]
+    assert not kept.determined
+    assert kept.value == kept.nominal == VEHICLE.lift[1] / VEHICLE.drag[0]
+    assert "fixes" in kept.note
+    assert not found["thermal_lag"].determined
+    assert "temperature" in found["thermal_lag"].note
+
+
+@pytest.mark.parametrize("name", [p.name for p in PARAMETERS])
+def test_parameters_read_back_what_was_set(name):
+    (parameter,) = choose([name])
+    nominal = load_calibration("glider")
+    value = parameter.value(parameter.get(nominal) or 1.0, 0.3)
+    assert parameter.get(parameter.set(nominal, value)) == pytest.approx(value, rel=1e-12)
+
+
+def test_known_values_are_not_estimated(store):
+    nominal = with_known(load_calibration("glider"), {"mass": 70.0})
+    found = identify(load_logs(store), nominal, known=["mass"])
+    assert found.calibration.vehicle.mass == pytest.approx(70.0)
+    assert found["mass"].note == "given as known"
+
+
+def test_unknown_parameter_names_the_nearest(store):
+    with pytest.raises(InputError, match="did you mean 'drag'"):
+        identify(load_logs(store), load_calibration("glider"), parameters=["drga"])
+
+
+@pytest.mark.parametrize("name", ["slocum", "glider", "rogue"])
+def test_written_vehicle_loads_flies_and_says_where_it_comes_from(tmp_path, name):
+    calibration = load_calibration(name, pitch_scale=0.9, pitch_offset=0.01)
+    for parameter in (*PARAMETERS, *PITCHING):
+        nominal = parameter.get(calibration)
+        calibration = parameter.at(calibration, nominal, 0.2)
+    path = write_vehicle(calibration, tmp_path / "mine.xml", {"store": 'a "log" & <more>'})
+    again = load_calibration(path)
+    for parameter in (*PARAMETERS, *PITCHING):
+        assert parameter.get(again) == pytest.approx(parameter.get(calibration), rel=1e-8)
+    np.testing.assert_allclose(again.vehicle.added_mass, calibration.vehicle.added_mass, rtol=1e-8)
+    np.testing.assert_allclose(
+        again.vehicle.static_inertia, calibration.vehicle.static_inertia, rtol=1e-8
+    )
+    model = mujoco.MjModel.from_xml_path(str(path))
+    assert mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, 0) == "identification"
+    heavy = Schedule(times=[0.0], commands=[[0.01, 0.0, -150.0]])
+    dive = simulate(Scenario(vehicle=again.vehicle, plan=heavy, duration=60.0))
+    assert dive["true_depth"][-1] > 2.0
+    second = vehicle_xml(again, {"store": "another"})
+    assert second.count('name="identification"') == second.count('name="sensor_errors"') == 1
+    assert parse_vehicle(second, path).drag == again.vehicle.drag
+    with pytest.raises(InputError, match="exists already"):
+        write_vehicle(calibration, path, {})
+
+
+def test_damaged_sensor_errors_are_named(tmp_path):
+    path = write_vehicle(load_calibration("slocum"), tmp_path / "a.xml", {})
+    text = path.read_text()
+    head = text.index('name="sensor_errors" data="') + len('name="sensor_errors" data="')
+    path.write_text(text[:head] + "x " + text[head:])
+    with pytest.raises(VehicleError, match="sensor_errors"):
+        load_calibration(path)
+
+
+def test_store_hash_follows_the_content(store, tmp_path, run):
+    assert store_hash(store) == store_hash(store)
+    other = simulated.flown(VEHICLE, 8, max_depth=40.0, yos=1)
+    assert store_hash(simulated.stored(tmp_path / "b.zarr", [other])) != store_hash(store)
+
+
+def test_a_damaged_store_is_told(tmp_path, store):
+    broken = tmp_path / "broken.zarr"
+    shutil.copytree(store, broken)
+    chunk = next(
+        p for p in (broken / "measured_pitch").rglob("*") if p.is_file() and "c" in p.parts
+    )
+    chunk.write_bytes(chunk.read_bytes()[:20])
+    with pytest.raises(StoreError, match="its array measured_pitch cannot be read"):
+        load_logs(broken)
+    shutil.rmtree(broken / "measured_pitch")
+    with pytest.raises(StoreError, match="measured_pitch"):
+        load_logs(broken)
+
+
+def test_nothing_left_to_estimate_is_told(store):
+    with pytest.raises(InputError, match=r"nothing is left to estimate .*mass: given as known"):
+        identify(load_logs(store), load_calibration("glider"), parameters=["mass"], known=["mass"])
+
+
+def test_logs_that_cannot_be_used_are_named(tmp_path, store, run):
+    import xarray as xr
+
+    dataset = xr.open_zarr(store).load()
+    for drop in ("measured_pump", "measured_pitch"):
+        path = tmp_path / f"no_{drop}.zarr"
+        write_store(dataset.drop_vars(drop), path)
+        with pytest.raises(StoreError, match=drop):
+            load_logs(path)
+    shallow = dataset.copy()
+    shallow["measured_depth"] = shallow["measured_depth"] * 0.01
+    write_store(shallow, tmp_path / "shallow.zarr")
+    with pytest.raises(StoreError, match="no dive"):
+        load_logs(tmp_path / "shallow.zarr")
+    with pytest.raises(StoreError, match="no mission 5; it holds 0 to 0"):
+        load_logs(store, [5])
+    short = dataset.isel(time=slice(0, 80))
+    short["n_samples"] = short["n_samples"] * 0 + 80
+    write_store(short, tmp_path / "short.zarr")
+    with pytest.raises(InputError, match="at least 100"):
+        identify(load_logs(tmp_path / "short.zarr"), load_calibration("glider"))
+
+
+def test_figure_draws(store):
+    logs = load_logs(store)
+    found = identify(logs, load_calibration("glider"), parameters=["neutral_density", "drag"])
+    figure = residual_figure(found, logs)
+    assert len(figure.axes) == 4
+    assert "RMSE" in figure.axes[2].get_title(loc="left")
+
+
+def test_command_writes_vehicle_and_one_json_object(tmp_path, store, capsys):
+    out = tmp_path / "mine.xml"
+    arguments = ["identify", str(store), "--vehicle", "glider", "--out", str(out), "--json"]
+    assert PROGRAM.main(arguments) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["parameters"]["drag"]["determined"] is True
+    assert load_vehicle(out).drag[0] == pytest.approx(answer["parameters"]["drag"]["value"])
+    assert motion_of(load_logs(store)[0], load_calibration(out)).speed.max() < 1.0
+    assert PROGRAM.main(arguments) == 2
+    assert "use --overwrite" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (["--out", "a.txt"], "must end in .xml"),
+        (["--missions", "1-x"], "numbers such as 0-11,14"),
+        (["--pitch-scale", "7"], "between 0.5 and 2"),
+        (["--parameters", "lift"], "unknown parameter 'lift'"),
+        (["--vehicle", "slocm"], "did you mean 'slocum'"),
+        (["--known", "mass"], "such as mass=70"),
+        (["--known", "mass=-3"], "must be above 0"),
+    ],
+)
+def test_command_refuses_bad_input_in_one_line(store, more, message, capsys):
+    assert PROGRAM.main(["identify", str(store), *more]) == 2
+    error = capsys.readouterr().err.strip()
+    assert message in error
+    assert "\n" not in error

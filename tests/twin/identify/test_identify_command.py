@@ -1,0 +1,51 @@
+"""`twin identify` as a user meets it: its help, its progress, and its picture."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+
+from twin.__main__ import PROGRAM
+from twin.cli.progress import Progress
+
+
+def test_the_help_says_what_no_fixes_does(capsys: pytest.CaptureFixture[str]) -> None:
+    assert PROGRAM.main(["identify", "--help"]) == 0
+    said = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "--no-fixes fit the depth rate only" in said
+    assert "ten hours of log" in said
+
+
+def test_a_share_is_shown_as_percent_and_time_left() -> None:
+    clock = iter(np.arange(0.0, 1000.0, 15.0)).__next__
+    stream = io.StringIO()
+    with Progress(
+        total=1.0, label="identify", unit="", stream=stream, interval_s=30.0, clock=clock
+    ) as progress:
+        for _ in range(8):
+            progress.update(0.1)
+    lines = stream.getvalue().splitlines()
+    assert len(lines) >= 2
+    for line in lines:
+        assert line.startswith("identify: ")
+        assert "%" in line
+        assert line.endswith("left")
+        assert "/s" not in line
+        assert " of " not in line
+
+
+def test_an_interrupted_task_has_no_last_line() -> None:
+    clock = iter(np.arange(0.0, 1000.0, 40.0)).__next__
+    stream = io.StringIO()
+    progress = Progress(
+        total=1.0, label="fit", unit="", stream=stream, interval_s=30.0, clock=clock
+    )
+    with progress:
+        progress.update(0.5)
+        before = stream.getvalue()
+        stop = KeyboardInterrupt()
+        progress.__exit__(type(stop), stop, None)
+        assert before
+        assert stream.getvalue() == before

@@ -1,0 +1,273 @@
+"""The guidance step on its own: a scripted vehicle, no water."""
+
+import math
+
+import numpy as np
+import pytest
+
+from twin.errors import InputError
+from twin.mission import Hold, Mission, SawTooth, Spiral, Surface
+from twin.mission import guidance as g
+from twin.mission.controller import Command, MissionController, Observation
+from twin.vehicle.vehicle import load_vehicle
+
+VEHICLE = load_vehicle("glider").replace(
+    pitch_pid=(0.1, 0.01, 0.5), heading_pid=(2.0, 0.01, 30.0), control_period=0.5
+)
+
+
+class Scripted:
+    """Feeds guidance a vehicle whose state the test sets by hand."""
+
+    def __init__(self, *segments, **mission):
+        plan = Mission(segments=segments, **mission)
+        self.table, self.gains = plan.compile(VEHICLE)
+        self.state = g.new_state()
+        self.command = np.zeros(3)
+        self.time = 0.0
+
+    def tick(self, depth=50.0, roll=0.0, pitch=0.0, heading=0.0, rates=(0.0, 0.0, 0.0)):
+        """One tick; returns shift, rotation, pump."""
+        g.guidance_step(
+            self.table, self.gains, self.state, self.time, depth, roll, pitch, heading, *rates,
+            0.0, 0.0, 0.0, self.command,
+        )  # fmt: skip
+        self.time += 0.5
+        return self.command.copy()
+
+    def glide(self, *depths):
+        """Ticks at each depth; returns the phases."""
+        phases = []
+        for depth in depths:
+            self.tick(depth)
+            phases.append(self.state[g.PHASE])
+        return phases
+
+    def __getitem__(self, slot):
+        return self.state[slot]
+
+
+def test_saw_tooth_turns_at_its_depths_and_counts_yos():
+    run = Scripted(
+        SawTooth(max_depth_m=100, min_depth_m=10, yos=2), Hold(duration_s=100), at_end="hold"
+    )
+    assert run.glide(0, 5, 99.9, 100) == [g.DIVE, g.DIVE, g.DIVE, g.CLIMB]
+    assert run[g.YO_COUNT] == 0.5
+    assert run.glide(101, 60, 10.1, 10) == [g.CLIMB, g.CLIMB, g.CLIMB, g.DIVE]
+    assert run[g.YO_COUNT] == 1.0
+    assert run.glide(8, 100) == [g.DIVE, g.CLIMB]
+    assert run[g.SEGMENT] == 0
+    assert run.glide(10) == [g.HOLDING]
+    assert run[g.SEGMENT] == 1
+
+
+def test_pump_and_setpoint_follow_the_phase():
+    run = Scripted(
+        SawTooth(max_depth_m=100, pitch_deg=25, climb_pitch_deg=40, climb_net_mass_kg=0.41, yos=1)
+    )
+    assert run.tick(20)[2] == pytest.approx(-0.3 / 1025e-6)
+    assert run[g.PITCH_SETPOINT] == pytest.approx(math.radians(-25))
+    assert run.tick(100)[2] == pytest.approx(400)
+    assert run[g.PITCH_SETPOINT] == pytest.approx(math.radians(40))
+
+
+def test_next_segment_goes_on_in_the_same_direction():
+    run = Scripted(
+        SawTooth(max_depth_m=100, min_depth_m=5, duration_s=2.0),
+        Spiral(max_depth_m=80, min_depth_m=20, rotation_deg=30, yos=1),
+        at_end="hold",
+    )
+    assert run.glide(50, 100, 90) == [g.DIVE, g.CLIMB, g.CLIMB]
+    assert run.glide(79, 70) == [g.CLIMB, g.CLIMB]
+    assert run[g.SEGMENT] == 1
+    assert run[g.YO_COUNT] == -0.5
+    assert run.glide(20) == [g.DIVE]
+    assert run[g.YO_COUNT] == 0.0
+    run.glide(80, 20)
+    assert run[g.YO_COUNT] == 1.0
+    assert run[g.DONE] == 1.0
+
+
+def test_a_segment_entered_below_its_depth_climbs_first():
+    run = Scripted(Hold(duration_s=0.5), SawTooth(max_depth_m=80, yos=1))
+    assert run.glide(120, 120) == [g.HOLDING, g.CLIMB]
+
+
+@pytest.mark.parametrize(
+    ("before", "inside", "past"), [(20.0, 59.9, 60.0), (90.0, 60.1, 60.0)], ids=["down", "up"]
+)
+def test_until_depth_is_a_limit_from_either_side(before, inside, past):
+    run = Scripted(Hold(until_depth_m=60), Hold(duration_s=9), duration_s=100)
+    run.glide(before, inside)
+    assert run[g.SEGMENT] == 0
+    run.glide(past)
+    assert run[g.SEGMENT] == 1
+
+
+def test_time_limit_counts_from_the_segments_own_start():
+    run = Scripted(Hold(duration_s=2), Hold(duration_s=3, shift_m=0.01))
+    segments = [run.tick()[0] for _ in range(10)]
+    assert segments == [0.0] * 4 + [0.01] * 6
+
+
+def test_hold_commands_exactly_its_positions():
+    run = Scripted(Hold(shift_m=-0.02, rotation_deg=30, net_mass_kg=0.205, duration_s=10))
+    for pitch in (0.0, 0.5, -0.9):
+        command = run.tick(pitch=pitch, rates=(0.1, 0.2, 0.3))
+        np.testing.assert_allclose(command, [-0.02, math.pi / 6, -200])
+    assert math.isnan(run[g.PITCH_SETPOINT])
+    assert math.isnan(run[g.HEADING_SETPOINT])
+
+
+def test_surface_interval_counts_from_the_arrival():
+    run = Scripted(Surface(duration_s=2), SawTooth(max_depth_m=50, yos=1))
+    assert run.glide(30, 20, 10, 1.6) == [g.SURFACING] * 4
+    assert run.command[2] == pytest.approx(VEHICLE.actuator_max[2])
+    assert run.glide(1.4, 0.3, 0.3, 1.8) == [g.AT_SURFACE] * 4  # washed over: still counting
+    assert run.command[0] == VEHICLE.actuator_max[0]
+    assert run.command[1] == 0.0
+    assert run.glide(0.3) == [g.DIVE]
+
+
+def test_end_at_the_surface_is_done_on_arrival():
+    run = Scripted(Hold(duration_s=1))
+    assert run.glide(40, 40, 40) == [g.HOLDING, g.HOLDING, g.SURFACING]
+    assert run[g.SEGMENT] == 1
+    assert run[g.DONE] == 0.0
+    assert run.glide(5, 1) == [g.SURFACING, g.AT_SURFACE]
+    assert run[g.DONE] == 1.0
+    run.time += 1e6
+    assert run.glide(0.5) == [g.AT_SURFACE]
+
+
+def test_end_holding_flies_the_last_segment_on():
+    run = Scripted(SawTooth(max_depth_m=50, yos=0.5), at_end="hold")
+    assert run.glide(30, 50) == [g.DIVE, g.CLIMB]
+    assert run[g.DONE] == 1.0
+    assert run.glide(5, 50, 5) == [g.DIVE, g.CLIMB, g.DIVE]
+    assert run[g.SEGMENT] == 0
+
+
+@pytest.mark.parametrize("at_end", ["surface", "hold"])
+def test_too_deep_aborts_to_the_surface_for_good(at_end):
+    run = Scripted(
+        Hold(net_mass_kg=0.5, duration_s=1e4), SawTooth(max_depth_m=50, yos=1),
+        max_depth_m=60, at_end=at_end,
+    )  # fmt: skip
+    assert run.glide(59, 60) == [g.HOLDING, g.HOLDING]
+    assert run.glide(60.1, 61, 40, 20) == [g.SURFACING] * 4
+    assert run.command[2] == pytest.approx(VEHICLE.actuator_max[2])
+    assert run[g.ABORTED] == 1.0
+    assert run[g.SEGMENT] == 2
+    assert run.glide(1) == [g.AT_SURFACE]
+    assert run[g.DONE] == 1.0
+
+
+def test_pitch_loop_is_feedforward_plus_pid():
+    run = Scripted(SawTooth(max_depth_m=100, pitch_deg=35, yos=1))
+    trim = run.table[0, g.DIVE_SHIFT]
+    setpoint = math.radians(-35)
+    assert run.tick(pitch=setpoint)[0] == pytest.approx(trim)
+    # nose 0.02 rad too high: mass forward; nose falling: mass held back
+    assert run.tick(pitch=setpoint + 0.02)[0] == pytest.approx(trim + 0.1 * 0.02)
+    integral = 0.01 * 0.02 * 0.5
+    pitching = run.tick(pitch=setpoint, rates=(0.0, -0.004, 0.0))[0]
+    assert pitching == pytest.approx(trim + integral - 0.5 * 0.004)
+
+
+def test_pitch_rate_is_that_of_the_euler_angle():
+    run = Scripted(SawTooth(max_depth_m=100, pitch_deg=35, yos=1))
+    roll, pitch = math.radians(-40), math.radians(-35)
+    level = run.tick(pitch=pitch)[0]
+    # a turn about the vertical has body rates q and r, and no pitch rate
+    q, r = (0.004 * math.cos(pitch) * f for f in (math.sin(roll), math.cos(roll)))
+    assert run.tick(pitch=pitch, roll=roll, rates=(0.0, q, r))[0] == pytest.approx(level, abs=1e-12)
+
+
+def test_integral_waits_while_the_battery_is_at_its_end():
+    run = Scripted(SawTooth(max_depth_m=100, pitch_deg=35, yos=1))
+    for _ in range(400):
+        assert run.tick(pitch=math.radians(60))[0] == VEHICLE.actuator_max[0]
+    assert run[g.DIVE_INTEGRAL] == 0.0
+    assert run.tick(pitch=math.radians(-35))[0] == pytest.approx(run.table[0, g.DIVE_SHIFT])
+
+
+def test_dive_and_climb_keep_their_own_integrals():
+    run = Scripted(SawTooth(max_depth_m=100, pitch_deg=35, yos=9))
+    for _ in range(20):
+        run.tick(pitch=math.radians(-34))
+    dive = run[g.DIVE_INTEGRAL]
+    assert dive == pytest.approx(-20 * 0.5 * math.radians(1))
+    for _ in range(20):
+        run.tick(100.0 if run[g.PHASE] == g.DIVE else 60.0, pitch=math.radians(36))
+    assert run[g.DIVE_INTEGRAL] == dive
+    assert run[g.CLIMB_INTEGRAL] == pytest.approx(-20 * 0.5 * math.radians(1))
+
+
+@pytest.mark.parametrize("phase_depth", [20.0, 100.0], ids=["dive", "climb"])
+@pytest.mark.parametrize(
+    ("heading", "setpoint", "error"),
+    [(10, 20, 10), (350, 5, 15), (5, 350, -15), (200, 30, -170), (0, 179, 179), (90, 90, 0)],
+)
+def test_heading_error_takes_the_short_way_in_dive_and_climb(phase_depth, heading, setpoint, error):
+    run = Scripted(SawTooth(max_depth_m=100, heading_deg=setpoint, max_rotation_deg=80, yos=1))
+    rotation = run.tick(phase_depth, heading=math.radians(heading))[1]
+    wanted = min(max(2.0 * math.radians(error), -math.radians(80)), math.radians(80))
+    assert rotation == pytest.approx(wanted, abs=1e-12)
+
+
+def test_heading_is_held_when_none_is_given():
+    run = Scripted(SawTooth(max_depth_m=100, yos=1))
+    assert run.tick(heading=1.2)[1] == 0.0
+    assert run.tick(heading=1.1)[1] == pytest.approx(0.2)
+    assert run[g.HEADING_SETPOINT] == 1.2
+
+
+def test_turning_towards_the_setpoint_brakes():
+    run = Scripted(SawTooth(max_depth_m=100, heading_deg=30, yos=1))
+    still = run.tick(heading=math.radians(20))[1]
+    turning = run.tick(heading=math.radians(20), rates=(0.0, 0.0, 0.003))[1]
+    assert turning < still
+
+
+def test_spiral_rotation_by_phase_and_no_heading_setpoint():
+    run = Scripted(Spiral(max_depth_m=100, rotation_deg=40, climb_rotation_deg=-20, yos=1))
+    assert run.tick(50, heading=1.0)[1] == pytest.approx(math.radians(40))
+    assert math.isnan(run[g.HEADING_SETPOINT])
+    assert run.tick(100, heading=2.0)[1] == pytest.approx(math.radians(-20))
+
+
+def test_same_inputs_give_the_same_bits():
+    rng = np.random.default_rng(3)
+    script = rng.uniform(-0.3, 0.3, (200, 6)) + np.array([0, 0, 3, 0, 0, 0])
+    commands = []
+    for _ in range(2):
+        run = Scripted(SawTooth(max_depth_m=100, heading_deg=150, yos=3))
+        depths = 50 + 55 * np.sin(np.linspace(0, 20, len(script)))
+        commands.append(
+            [run.tick(d, *row[:3], rates=row[3:]) for d, row in zip(depths, script, strict=True)]
+        )
+    np.testing.assert_array_equal(commands[0], commands[1])
+
+
+def observation(**values):
+    fields = dict.fromkeys(Observation.__slots__, 0.0)
+    return Observation(**{**fields, **values})
+
+
+def test_mission_controller_is_the_same_guidance():
+    mission = Mission(segments=[SawTooth(max_depth_m=100, heading_deg=40, yos=0.5)])
+    controller = MissionController(mission, VEHICLE)
+    run = Scripted(SawTooth(max_depth_m=100, heading_deg=40, yos=0.5))
+    for tick, depth in enumerate([10.0, 50.0, 100.0, 60.0, 1.0, 1.0]):
+        command = controller(observation(time=0.5 * tick, depth=depth, pitch=-0.5, heading=0.3))
+        np.testing.assert_array_equal(command.as_array(), run.tick(depth, 0.0, -0.5, 0.3))
+    assert controller.done
+    assert not controller.aborted
+    assert controller.segment == 1
+
+
+def test_command_refuses_what_is_not_a_number():
+    with pytest.raises(InputError, match="command: rotation = nan must be a finite number"):
+        Command(rotation=math.nan)
+    assert Command(shift=0.01, pump=-3).as_array().tolist() == [0.01, 0.0, -3.0]

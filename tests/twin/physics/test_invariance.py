@@ -1,0 +1,186 @@
+"""Invariances of the physics: heading, mirror image, uniform current; and its power."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from physics import glider, hydrodynamic_wrench, set_motion
+
+from twin.mission.schedule import Schedule
+from twin.physics.mujoco_model import parameter_block
+from twin.physics.native import block as b
+from twin.physics.scenario import Scenario, Start
+from twin.physics.simulation import simulate
+from twin.vehicle.vehicle import load_vehicle
+from twin.water.current.profile import Profile
+from twin.water.current.uniform import Uniform
+
+VEHICLE = load_vehicle("glider")
+COMMANDS = [
+    (0.02, 0.6, VEHICLE.pump_for_net_mass(0.3)),
+    (-0.02, -0.8, VEHICLE.pump_for_net_mass(-0.35)),
+    (0.015, 0.3, VEHICLE.pump_for_net_mass(0.25)),
+]
+SCHEDULE = Schedule(times=[0.0, 70.0, 150.0], commands=COMMANDS)
+START = Start(depth=800.0, pitch=-0.4, v_rel=(0.35, 0.01, 0.02), actuators=COMMANDS[0])
+
+
+def fly(*, schedule=SCHEDULE, start=START, current=None, duration=220.0):
+    return simulate(
+        Scenario(vehicle=VEHICLE, plan=schedule, start=start, current=current, duration=duration)
+    )
+
+
+def test_heading_only_turns_the_track():
+    base = fly()
+    turn = 1.234
+    turned = fly(start=Start(**{**vars(START), "heading": turn}))
+    c, s = math.cos(turn), math.sin(turn)
+    rotated = base.position[:, :2] @ np.array([[c, s], [-s, c]])
+    np.testing.assert_allclose(turned.position[:, :2], rotated, atol=1e-6)
+    np.testing.assert_allclose(turned.v_rel, base.v_rel, atol=1e-6)
+    np.testing.assert_allclose(turned["true_roll"], base["true_roll"], atol=1e-6)
+
+
+def test_mirror_image_flies_the_mirrored_track():
+    base = fly()
+    signs = np.array([1.0, -1.0, 1.0])
+    mirrored_schedule = Schedule(times=SCHEDULE.times, commands=np.array(COMMANDS) * signs)
+    start = Start(
+        depth=800.0, pitch=-0.4, v_rel=(0.35, -0.01, 0.02), actuators=tuple(COMMANDS[0] * signs)
+    )
+    mirrored = fly(schedule=mirrored_schedule, start=start)
+    np.testing.assert_allclose(mirrored.position, base.position * signs, atol=1e-6)
+    np.testing.assert_allclose(mirrored.v_rel, base.v_rel * signs, atol=1e-6)
+
+
+def test_uniform_current_only_carries_the_glider():
+    """Galilean invariance: the motion through the water does not change."""
+    base = fly()
+    current = Uniform(north=0.31, east=-0.22)
+    carried = fly(current=current)
+    drift = base.time[:, None] * np.array([0.31, -0.22, 0.0])
+    np.testing.assert_allclose(carried.v_rel, base.v_rel, atol=1e-6)
+    np.testing.assert_allclose(carried.position - drift, base.position, atol=1e-6)
+    np.testing.assert_allclose(carried["true_current_north"], 0.31)
+
+
+def test_shear_pushes_through_the_added_mass():
+    """dV_c/dt along the path acts as M_A R^T dV_c/dt: compared with still water at an instant."""
+    model, data = glider()
+    down = 0.25
+    gradient = 0.002  # 0.2 m/s per 100 m
+    set_motion(data, pitch=-0.5, heading=0.7, velocity=(0.3, 0.1, down))
+    still = hydrodynamic_wrench(model, data)
+    depth = 1000.0
+    current = Profile(
+        depth=(0.0, 2 * depth), north=(-gradient * depth, gradient * depth), east=(0.0, 0.0)
+    )
+    program = current.compile(100.0)  # zero at the glider's depth, so only its rate acts
+    block = parameter_block(model)
+    block[b.P_CURRENT], block[b.P_CURRENT_SIZE] = float(program.ctypes.data), len(program)
+    sheared = hydrodynamic_wrench(model, data)
+    from twin.frames import euler_to_matrix
+
+    rate = euler_to_matrix(0.0, -0.5, 0.7).T @ np.array([gradient * down, 0.0, 0.0])
+    expected = VEHICLE.added_mass[:, :3] @ rate
+    np.testing.assert_allclose(sheared - still, expected, rtol=1e-9, atol=1e-12)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    speed=st.floats(0.1, 1.0),
+    alpha=st.floats(-10, 10),
+    beta=st.floats(-10, 10),
+    rates=st.tuples(*[st.floats(-0.05, 0.05)] * 3),
+)
+def test_the_water_takes_power_inside_the_identified_range(speed, alpha, beta, rates):
+    drag, total = power(speed, math.radians(alpha), math.radians(beta), rates)
+    assert drag <= 0.0
+    assert total <= 0.0
+
+
+@settings(max_examples=200, deadline=None)
+@given(alpha=st.floats(-180, 180), beta=st.floats(-89, 89), speed=st.floats(0.0, 2.0))
+def test_drag_power_is_never_positive(alpha, beta, speed):
+    drag, _ = power(speed, math.radians(alpha), math.radians(beta), (0.0, 0.0, 0.0))
+    assert drag <= 1e-12
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    alpha=st.floats(20, 160),
+    beta=st.floats(-89, 89),
+    rates=st.tuples(*[st.floats(-1, 1)] * 3),
+)
+def test_rate_damping_outside_the_range_always_damps(alpha, beta, rates):
+    from twin.physics.native.water import coefficient_wrench
+
+    block = quiet_block()
+    v = flow(0.5, math.radians(alpha), math.radians(beta))
+    moving = np.array(coefficient_wrench(block, *v, *rates))
+    still = np.array(coefficient_wrench(block, *v, 0.0, 0.0, 0.0))
+    assert (moving - still)[3:] @ np.array(rates) <= 1e-12
+
+
+def quiet_block():
+    model, _ = glider()
+    return parameter_block(model).copy()
+
+
+BLOCK = quiet_block()
+
+
+def flow(speed, alpha, beta):
+    return (
+        speed * math.cos(alpha) * math.cos(beta),
+        speed * math.sin(beta),
+        speed * math.sin(alpha) * math.cos(beta),
+    )
+
+
+def power(speed, alpha, beta, rates):
+    """Power [W] of the force alone and of force and moment, identified law."""
+    from twin.physics.native.water import coefficient_wrench
+
+    v = flow(speed, alpha, beta)
+    wrench = np.array(coefficient_wrench(BLOCK, *v, *rates))
+    linear = float(wrench[:3] @ np.array(v))
+    return linear, linear + float(wrench[3:] @ np.array(rates))
+
+
+@pytest.mark.parametrize("angle", [10.0, -10.0, 20.0, -20.0])
+def test_the_law_is_continuous_where_it_changes(angle):
+    from twin.physics.native.water import coefficient_wrench
+
+    for axis in (0, 1):
+        step = 1e-7
+        sides = []
+        for a in (math.radians(angle) - step, math.radians(angle) + step):
+            v = flow(0.5, a, 0.0) if axis == 0 else flow(0.5, 0.0, a)
+            sides.append(np.array(coefficient_wrench(BLOCK, *v, 0.01, 0.02, 0.03)))
+        np.testing.assert_allclose(*sides, atol=1e-4)
+
+
+def test_identified_law_holds_as_printed_up_to_ten_degrees():
+    """Zhang et al. (2013): forces in the flow frame are (-D, SF, -L)."""
+    from twin.physics.native.water import coefficient_wrench
+
+    alpha, beta, speed = math.radians(9.9), math.radians(-9.9), 0.5
+    wrench = np.array(coefficient_wrench(BLOCK, *flow(speed, alpha, beta), 0.0, 0.0, 0.0))
+    ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
+    to_body = np.array([[ca * cb, -ca * sb, -sa], [sb, cb, 0.0], [sa * cb, -sa * sb, ca]])
+    in_flow = to_body.T @ wrench[:3] / speed**2
+    np.testing.assert_allclose(
+        in_flow,
+        [-(7.19 + 386.29 * alpha**2), -115.65 * beta, -(-0.36 + 440.99 * alpha)],
+        rtol=1e-12,
+    )
+    moments = to_body.T @ wrench[3:] / speed**2
+    np.testing.assert_allclose(
+        moments, [-58.27 * beta, 0.28 - 65.84 * alpha, 34.10 * beta], rtol=1e-12
+    )

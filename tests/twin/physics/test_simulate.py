@@ -1,0 +1,285 @@
+"""Simulations: determinism, batches, actuators, buoyancy, surface, instability, replay."""
+
+from __future__ import annotations
+
+import json
+
+import mujoco
+import numpy as np
+import pytest
+from physics import glider, set_motion
+
+from twin.errors import InputError, SimulationUnstable
+from twin.mission import Mission, SawTooth, load_mission
+from twin.mission.controller import Command, MissionController
+from twin.mission.schedule import Schedule
+from twin.physics.fleet import make_batch
+from twin.physics.native import block as b
+from twin.physics.scenario import Scenario, Start, scenario_from_dict
+from twin.physics.simulation import Simulation, simulate, simulate_many
+from twin.records.store import mission_dataset, open_store, read_trajectory, write_store
+from twin.records.trajectory import sample_times
+from twin.vehicle.vehicle import load_vehicle
+from twin.water.current.uniform import Uniform
+from twin.water.density import DensityProfile
+
+VEHICLE = load_vehicle("glider")
+WILD = VEHICLE.replace(drag=(-200.0, 0.0))  # the water drives it
+YO = Mission(segments=(SawTooth(max_depth_m=40, pitch_deg=30, heading_deg=40, yos=1),))
+
+
+def dive(**changes) -> Scenario:
+    heavy = (0.02, 0.3, VEHICLE.pump_for_net_mass(0.3))
+    fields = {
+        "vehicle": VEHICLE,
+        "plan": Schedule(times=[0.0], commands=[heavy]),
+        "duration": 60.0,
+        "start": Start(depth=300.0),
+    }
+    return Scenario(**{**fields, **changes})
+
+
+def same(first, second):
+    np.testing.assert_array_equal(first.states, second.states)
+    for name, values in first.signals.items():
+        np.testing.assert_array_equal(values, second.signals[name], err_msg=name)
+
+
+def test_a_batch_on_any_threads_equals_one_by_one():
+    scenarios = [
+        Scenario(plan=YO, duration=120.0, current=Uniform(north=0.1 * i, east=-0.05), vehicle=v)
+        for i, v in enumerate([VEHICLE, VEHICLE.replace(drag=(8.0, 350.0)), VEHICLE])
+    ]
+    alone = [simulate(s) for s in scenarios]
+    for threads in (1, 2):
+        for one, batched in zip(alone, make_batch(scenarios, threads=threads).run(), strict=True):
+            same(one, batched)
+        for one, pooled in zip(alone, simulate_many(scenarios, threads=threads), strict=True):
+            same(one, pooled)
+    assert not np.array_equal(alone[0].states, alone[1].states)
+
+
+def test_stepping_in_pieces_changes_nothing():
+    whole = simulate(dive())
+    pieces = Simulation(dive())
+    for _ in range(pieces.steps):
+        mujoco.mj_step(pieces.model, pieces.data)
+    same(whole, pieces.trajectory())
+
+
+def test_lean_and_full_models_fly_alike():
+    full = Simulation(dive(), lean=False).run()
+    np.testing.assert_allclose(full.states, simulate(dive()).states, rtol=0, atol=1e-12)
+
+
+def test_python_controller_flies_like_the_native_guidance():
+    scenario = Scenario(vehicle=VEHICLE, plan=YO, duration=300.0)
+    native = simulate(scenario)
+    free = Scenario(vehicle=VEHICLE, duration=300.0, start=Simulation(scenario).start())
+    python = Simulation(free).run(MissionController(YO, VEHICLE))
+    np.testing.assert_allclose(python.position, native.position, atol=1e-6)
+
+
+def test_a_controller_must_return_a_command():
+    free = Scenario(vehicle=VEHICLE, duration=10.0, start=Start(depth=100.0))
+    with pytest.raises(InputError, match="must return a Command"):
+        simulate(free, lambda observation: (0.0, 0.0, 0.0))
+    flown = simulate(free, lambda observation: Command(pump=-200.0))
+    assert flown["true_depth"][-1] > 100.0
+
+
+def test_actuators_lag_and_are_rate_limited():
+    """Pump 100 cm3/s and 4 s, shift 20 mm/s and 2 s, as the vehicle file says."""
+    target = (0.05, 1.2, -400.0)
+    schedule = Schedule(times=[0.0], commands=[target])
+    t = simulate(dive(plan=schedule, duration=30.0))
+    for index, name in enumerate(("shift", "rotation", "pump")):
+        rate, lag = VEHICLE.actuator_rate[index], VEHICLE.actuator_lag[index]
+        position = t.states[:, 17 + index]
+        assert np.abs(np.diff(position)).max() <= rate * 0.5 * (1 + 1e-9), name
+        reached = max(0.0, abs(target[index]) - rate * lag)
+        begins = reached / rate  # the exponential takes over here
+        late = t.time > begins + 0.2
+        exact = np.abs(target[index]) - rate * lag * np.exp(-(t.time[late] - begins) / lag)
+        np.testing.assert_allclose(np.abs(position[late]), exact, rtol=2e-3)
+
+
+def test_commands_beyond_the_travel_stop_at_the_ends():
+    schedule = Schedule(times=[0.0], commands=[(1.0, 9.0, -9e3)])
+    end = simulate(dive(plan=schedule, duration=60.0)).states[-1, 17:20]
+    np.testing.assert_allclose(end[:2], VEHICLE.actuator_max[:2], rtol=1e-6)
+    assert end[2] == pytest.approx(VEHICLE.actuator_min[2])
+
+
+def test_net_mass_follows_density_and_compressibility():
+    soft = VEHICLE.replace(hull_compressibility=5e-10)
+    profile = DensityProfile.thermocline()
+    t = simulate(dive(vehicle=soft, density=profile))
+    depth, pump = t["true_depth"], t["true_pump"]
+    volume = (soft.mass / 1025 + 1e-6 * pump) * (1 - 5e-10 * 1025 * 9.81 * depth)
+    np.testing.assert_allclose(
+        t["true_net_mass"], soft.mass - profile.density(depth) * volume, atol=2e-4
+    )
+    np.testing.assert_allclose(t["true_density"], profile.density(depth), atol=2e-4)
+
+
+def test_a_light_glider_floats_and_a_heavy_one_sinks():
+    light = Schedule(times=[0.0], commands=[(0.0, 0.0, 400.0)])
+    t = simulate(dive(plan=light, duration=600.0, start=Start(depth=20.0)))
+    assert abs(t["true_depth"][-1]) < 0.5
+    assert 0.5 < t["true_immersion"][-1] < 1.0
+    assert np.abs(t["true_velocity_down"][-20:]).max() < 1e-3
+    # floating: the immersed volume carries the weight
+    volume = VEHICLE.neutral_volume + 400e-6
+    assert t["true_immersion"][-1] * volume * 1025 == pytest.approx(VEHICLE.mass, rel=2e-3)
+
+
+def test_accelerometer_feels_gravity_at_rest():
+    still = Schedule(times=[0.0], commands=[(0.0, 0.0, 0.0)])
+    vehicle = VEHICLE.replace(static_cg=np.array([-0.0813889, 0.0, 0.0032]))
+    t = simulate(dive(vehicle=vehicle, plan=still, duration=2.0))
+    force = np.stack([t[f"true_specific_force_{a}"] for a in "xyz"], -1)
+    np.testing.assert_allclose(force[0], [0.0, 0.0, -9.81], atol=0.02)
+
+
+def test_specific_force_is_the_second_derivative_less_gravity():
+    """Against a central difference of the logged velocity, at the CB."""
+    vehicle = VEHICLE.replace(imu_position=np.zeros(3))
+    t = simulate(dive(vehicle=vehicle, sample_period=0.1, duration=20.0))
+    velocity = np.stack([t[f"true_velocity_{n}"] for n in ("north", "east", "down")], -1)
+    acceleration = (velocity[2:] - velocity[:-2]) / 0.2
+    from twin.frames import euler_to_matrix
+
+    angles = [np.deg2rad(t[f"true_{n}"][1:-1]) for n in ("roll", "pitch", "heading")]
+    felt = np.einsum("tji,tj->ti", euler_to_matrix(*angles), acceleration - [0, 0, 9.81])
+    logged = np.stack([t[f"true_specific_force_{a}"] for a in "xyz"], -1)[1:-1]
+    np.testing.assert_allclose(logged[5:], felt[5:], atol=2e-3)
+
+
+def test_depth_rate_and_heave_belong_together():
+    t = simulate(dive(current=Uniform(north=0.2, east=0.1)))
+    theta, phi = np.deg2rad(t["true_pitch"]), np.deg2rad(t["true_roll"])
+    u, v, w = t.v_rel.T
+    rate = -u * np.sin(theta) + np.cos(theta) * (v * np.sin(phi) + w * np.cos(phi))
+    np.testing.assert_allclose(t["true_velocity_down"], rate, atol=1e-9)
+
+
+def test_an_unstable_run_names_itself_and_keeps_what_it_had():
+    with pytest.raises(
+        SimulationUnstable, match=r"the run went unstable at .* s .*timestep 0.1 s"
+    ) as error:
+        simulate(dive(vehicle=WILD, duration=600.0))
+    partial = error.value.partial
+    assert error.value.time_s > 0
+    assert len(partial.time) > 0
+    assert np.isfinite(partial.states).all()
+    assert not partial.complete
+
+
+def test_an_unstable_mission_is_called_by_its_name():
+    tumbling = VEHICLE.replace(pitch_moment=(*VEHICLE.pitch_moment[:2], 5e4))  # fed, not damped
+    wild = Scenario(plan=load_mission("default"), vehicle=tumbling, duration=600.0)
+    with pytest.raises(SimulationUnstable, match=r"mission 'default' went unstable"):
+        simulate(wild)
+    results = simulate_many([dive(), wild])
+    assert str(results[1]).startswith("mission 1 ('default') went unstable")
+
+
+def test_samples_are_at_exact_multiples_of_their_period(tmp_path):
+    """MuJoCo's clock drifts by nanoseconds; `sel(time=...)` finds whole seconds all the same."""
+    for period in (0.5, 0.1):
+        run = simulate(dive(duration=120.0, sample_period=period))
+        store = write_store(mission_dataset([run]), tmp_path / f"{period}.zarr")
+        with open_store(store) as data:
+            exact = data.sel(time=np.arange(121))
+            step = round(1 / period)
+            np.testing.assert_array_equal(exact["true_depth"][0], data["true_depth"][0, ::step])
+
+
+@pytest.mark.parametrize("period", [0.5, 0.1, 0.3, 1 / 3, 0.02, 10.0, 0.0123, 2**0.5])
+def test_sample_times_are_rounded_once(period):
+    count = 50_000
+    times = sample_times(count, period)
+    np.testing.assert_allclose(times, np.arange(count) * period, rtol=1e-15)
+    per_second = round(1 / period)
+    if abs(per_second * period - 1) < 1e-12:
+        np.testing.assert_array_equal(times[::per_second], np.arange(len(times[::per_second])))
+
+
+def test_an_unstable_run_does_not_stop_the_others():
+    results = simulate_many([dive(), dive(vehicle=WILD, duration=600.0), dive()])
+    assert isinstance(results[1], SimulationUnstable)
+    assert results[1].mission == 1
+    assert str(results[1]).startswith("mission 1 went unstable")
+    same(results[0], results[2])
+
+
+def test_open_ended_mission_stops_when_it_is_flown():
+    t = simulate(Scenario(vehicle=VEHICLE, plan=YO))
+    assert t["true_depth"].max() == pytest.approx(42, abs=3)
+    assert t["true_depth"][-1] < 2.0
+    assert t.time[-1] < YO.time_limit_s(VEHICLE)
+
+
+def test_missing_and_impossible_durations_are_refused():
+    with pytest.raises(InputError, match="give a duration"):
+        simulate(dive(duration=None))
+    with pytest.raises(InputError, match="must be positive"):
+        simulate(dive(duration=-5.0))
+    with pytest.raises(
+        InputError, match=r"unknown hydrodynamics 'elipsoid'.*did you mean 'ellipsoid'"
+    ):
+        simulate(dive(hydrodynamics="elipsoid"))
+    with pytest.raises(InputError, match=r"unknown integrator 'rk5'.*did you mean 'rk4'"):
+        simulate(dive(integrator="rk5"))
+
+
+def test_a_described_scenario_replays_bit_for_bit():
+    scenario = Scenario(
+        vehicle=VEHICLE.replace(drag=(7.5, 380.0), static_cg=np.array([-0.081, 0.0, 0.003])),
+        plan=load_mission("default"),
+        duration=200.0,
+        current=Uniform(north=0.1, east=0.2),
+        density=DensityProfile.thermocline(),
+    )
+    rebuilt = scenario_from_dict(json.loads(json.dumps(scenario.describe())))
+    same(simulate(scenario), simulate(rebuilt))
+
+
+def test_store_round_trip(tmp_path):
+    flown = [simulate(dive()), simulate(dive(duration=30.0))]
+    path = write_store(mission_dataset(flown), tmp_path / "run.zarr")
+    for index, trajectory in enumerate(flown):
+        back = read_trajectory(path, index)
+        np.testing.assert_array_equal(back.states, trajectory.states)
+        np.testing.assert_allclose(back["true_depth"], trajectory["true_depth"], rtol=1e-6)
+    dataset = open_store(path)
+    assert dataset["true_pitch"].attrs["units"] == "degree"
+    assert dataset["true_pitch"].attrs["signal_group"] == "truth"
+    assert dataset["n_samples"].values.tolist() == [121, 61]
+
+
+def test_repeated_forward_does_not_advance_guidance_or_log():
+    simulation = Simulation(Scenario(vehicle=VEHICLE, plan=YO, duration=60.0))
+    mujoco.mj_step(simulation.model, simulation.data, nstep=11)
+    ticks, logged = (simulation.data.userdata[i] for i in (b.U_TICKS, b.U_LOGGED))
+    for _ in range(5):
+        mujoco.mj_forward(simulation.model, simulation.data)
+    # a forward at a new time may begin what is due there, once
+    assert simulation.data.userdata[b.U_TICKS] <= ticks + 1
+    assert simulation.data.userdata[b.U_LOGGED] <= logged + 1
+
+
+def test_forward_dynamics_depend_on_the_state_alone():
+    """Outside a Simulation nothing is remembered: two ways to a state give one acceleration."""
+    model, data = glider()
+    set_motion(data, pitch=-0.3, velocity=(0.4, 0, 0.1))
+    mujoco.mj_forward(model, data)
+    first = data.qacc.copy()
+    mujoco.mj_step(model, data, nstep=20)
+    fresh = mujoco.MjData(model)
+    fresh.qpos[:], fresh.qvel[:], fresh.act[:] = data.qpos, data.qvel, data.act
+    mujoco.mj_forward(model, data)
+    mujoco.mj_forward(model, fresh)
+    np.testing.assert_allclose(data.qacc, fresh.qacc, rtol=1e-12, atol=1e-14)
+    assert np.isfinite(first).all()

@@ -1,0 +1,82 @@
+"""The README's pictures come from the commands beside them; the examples of docs/render.md run."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+from pictures import needs_gl
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[3]
+README = ROOT / "README.md"
+PICTURES = re.compile(r"!\[[^\]]+\]\((docs/gallery/[^)]+)\)")
+LARGEST, LARGEST_SUM = 300_000, 1_500_000
+"""[byte] of a picture and of all"""
+
+pytestmark = pytest.mark.skipif(
+    not (ROOT / "docs").is_dir(), reason="a source distribution has no docs"
+)
+
+
+def gallery():
+    spec = importlib.util.spec_from_file_location("gallery", ROOT / "scripts" / "gallery.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_picture_is_made_by_a_command_beside_it():
+    page = README.read_text()
+    made = re.findall(r"docs/gallery/[\w.]+", "\n".join(gallery().commands(page)))
+    assert set(PICTURES.findall(page)) == set(made)
+    assert {path.name for path in (ROOT / "docs/gallery").iterdir()} == {
+        Path(name).name for name in made
+    }
+
+
+def test_the_page_opens_with_one():
+    assert PICTURES.match(README.read_text().splitlines()[2])
+
+
+def test_pictures_are_small_and_open():
+    sizes = []
+    for name in PICTURES.findall(README.read_text()):
+        sizes.append((ROOT / name).stat().st_size)
+        with Image.open(ROOT / name) as picture:
+            assert picture.width >= 600
+            assert len(picture.convert("RGB").getcolors(1 << 24)) > 100
+    assert max(sizes) < LARGEST
+    assert sum(sizes) < LARGEST_SUM
+
+
+def test_a_page_without_commands_is_an_error(tmp_path, monkeypatch, capsys):
+    module = gallery()
+    monkeypatch.setattr(module, "ROOT", tmp_path)
+    (tmp_path / "page.md").write_text("```sh\nfalse\n```\n")
+    assert module.main(["page.md"]) == 1
+    assert "sh gallery" in capsys.readouterr().err
+
+
+def test_the_first_failure_ends_it(tmp_path, monkeypatch):
+    module = gallery()
+    monkeypatch.setattr(module, "ROOT", tmp_path)
+    (tmp_path / "page.md").write_text(
+        "```sh gallery\ntouch a\n```\n\n```sh gallery\nexit 3\ntouch b\n```\n"
+    )
+    assert module.main(["page.md"]) == 3
+    assert (tmp_path / "a").exists()
+    assert not (tmp_path / "b").exists()
+
+
+@needs_gl
+def test_the_examples_of_the_page_run():
+    page = (ROOT / "docs" / "render.md").read_text()
+    blocks = re.findall(r"```python[^\n]*\n(.*?)```", page, re.DOTALL)
+    assert len(blocks) == 2
+    names: dict[str, object] = {}
+    for block in blocks:
+        exec(compile(block, "docs/render.md", "exec"), names)
+    assert names["pixels"].shape == (180, 320, 3)

@@ -1,0 +1,161 @@
+"""The suite's contract: names, ideal equality, seeds, independence, replay, errors, cost."""
+
+import dataclasses
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from twin.errors import InputError
+from twin.sensors import (
+    DRAWN_UNITS,
+    MEASURED_SIGNALS,
+    TRUTH_SIGNALS,
+    Compass,
+    Dvl,
+    Gps,
+    Imu,
+    Onboard,
+    Pressure,
+    SensorSuite,
+)
+from twin.water.density import DensityProfile
+
+DT = 0.5
+N = 3000
+SEED = np.random.SeedSequence(7, spawn_key=(3,))
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """A dive from the surface with slow wiggles in every signal."""
+    t = np.arange(N) * DT
+    wiggle = np.random.default_rng(1).uniform(0.5, 1.5, len(TRUTH_SIGNALS))
+    values = {
+        name: 0.05 * w * np.sin(2e-2 * w * t) for name, w in zip(TRUTH_SIGNALS, wiggle, strict=True)
+    }
+    values["true_depth"] = 0.1 + np.maximum(t - 60.0, 0.0) * 0.1
+    values["true_pitch"] -= 22.0
+    values["true_heading"] = np.mod(350.0 + 0.05 * t, 360.0)
+    values["true_immersion"] = np.where(t < 60.0, 0.99, 1.0)
+    for array in values.values():
+        array.flags.writeable = False  # the suite must not change the truth
+    return values
+
+
+def measure(suite, truth, seed=SEED, **extra):
+    return suite.measure(truth, dt=DT, rng_seed=seed, bottom_depth=160.0, **extra)
+
+
+def same(a, b):
+    return np.array_equal(a, b, equal_nan=True)
+
+
+def test_every_measured_signal_comes_in_order_and_shape(truth):
+    out = measure(SensorSuite.preset("field"), truth)
+    assert tuple(out) == MEASURED_SIGNALS
+    assert all(array.shape == (N,) for array in out.values())
+    never_nan = [n for n in MEASURED_SIGNALS if "gps" not in n and "dvl" not in n]
+    assert all(np.isfinite(out[name]).all() for name in never_nan)
+
+
+def test_ideal_measures_the_truth_exactly(truth):
+    out = measure(SensorSuite.preset("ideal"), truth)
+    exact = [name for name in MEASURED_SIGNALS if name.replace("measured", "true", 1) in truth]
+    assert len(exact) == 13
+    for name in exact:
+        assert np.array_equal(out[name], truth[name.replace("measured", "true", 1)]), name
+    dry = truth["true_immersion"] < 1.0
+    assert np.array_equal(out["measured_gps_north"][dry], truth["true_north"][dry])
+    assert np.isnan(out["measured_gps_north"][~dry]).all()
+    weight = DensityProfile.constant().pressure(truth["true_depth"], latitude=36.8)
+    assert np.array_equal(out["measured_pressure"], weight)
+
+
+def test_the_same_seed_gives_the_same_bits_and_is_left_alone(truth):
+    suite = SensorSuite.preset("field")
+    first, second = measure(suite, truth), measure(suite, truth)
+    assert all(same(first[name], second[name]) for name in MEASURED_SIGNALS)
+    assert SEED.n_children_spawned == 0
+    other = measure(suite, truth, np.random.SeedSequence(7, spawn_key=(4,)))
+    noisy = [name for name in MEASURED_SIGNALS if not same(first[name], other[name])]
+    # Encoders only round and the mode may agree; everything else has noise.
+    quiet = {"measured_shift", "measured_rotation", "measured_pump", "measured_dvl_mode"}
+    assert set(noisy) | quiet == set(MEASURED_SIGNALS)
+
+
+def test_recorded_constants_replay_exactly(truth):
+    suite = SensorSuite.preset("field")
+    drawn = suite.draw(SEED)
+    assert list(drawn) == list(DRAWN_UNITS)
+    assert all(isinstance(value, float) for value in drawn.values())
+    free, replay = measure(suite, truth), measure(suite, truth, drawn=drawn)
+    assert all(same(free[name], replay[name]) for name in MEASURED_SIGNALS)
+    changed = measure(suite, truth, drawn=drawn | {"pressure_offset_dbar": 5.0})
+    differs = {name for name in MEASURED_SIGNALS if not same(free[name], changed[name])}
+    assert "measured_pressure" in differs
+    assert not {n for n in differs if not any(k in n for k in ("pressure", "depth", "onboard"))}
+
+
+@pytest.mark.parametrize(
+    ("device", "config", "own"),
+    [
+        ("imu", Imu.ideal(), ("rate", "specific_force", "dvl_")),
+        ("compass", Compass.ideal(), ("heading", "onboard")),
+        ("pressure", Pressure.ideal(), ("depth", "pressure", "onboard")),
+        ("gps", Gps.ideal(), ("gps", "onboard")),
+        ("dvl", Dvl(fitted=False), ("dvl",)),
+        ("onboard", Onboard(window=5.0), ("onboard",)),
+    ],
+)
+def test_switching_one_device_leaves_the_others_bits(truth, device, config, own):
+    """The DVL reads the gyro and the track reads depth, heading and GPS; nothing else mixes."""
+    field = SensorSuite.preset("field")
+    other = dataclasses.replace(field, **{device: config})
+    before, after = measure(field, truth), measure(other, truth)
+    changed = {name for name in MEASURED_SIGNALS if not same(before[name], after[name])}
+    assert changed
+    assert all(any(part in name for part in own) for name in changed)
+    drawn, kept = field.draw(SEED), other.draw(SEED)
+    assert [n for n in drawn if drawn[n] != kept[n] and not n.startswith(_prefixes(device))] == []
+
+
+def _prefixes(device):
+    return ("gyro", "accel") if device == "imu" else (device,)
+
+
+def test_strided_and_float32_truth_gives_the_same_result(truth):
+    table = np.stack([truth[name] for name in TRUTH_SIGNALS], axis=1)
+    columns = {name: table[:, i] for i, name in enumerate(TRUTH_SIGNALS)}
+    field = SensorSuite.preset("field")
+    whole, strided = measure(field, truth), measure(field, columns)
+    assert all(same(whole[name], strided[name]) for name in MEASURED_SIGNALS)
+    single = measure(field, {name: array.astype(np.float32) for name, array in columns.items()})
+    assert single["measured_depth"] == pytest.approx(whole["measured_depth"], rel=1e-5)
+
+
+def test_wrong_input_is_explained(truth):
+    suite = SensorSuite()
+    with pytest.raises(InputError, match="did you mean 'field'"):
+        SensorSuite.preset("feild")
+    with pytest.raises(InputError, match="truth lacks true_pump"):
+        measure(suite, {k: v for k, v in truth.items() if k != "true_pump"})
+    with pytest.raises(InputError, match="one mission at a time"):
+        measure(suite, truth | {"true_roll": np.zeros((2, N))})
+    with pytest.raises(InputError, match="dt is 0 s"):
+        suite.measure(truth, dt=0.0, rng_seed=SEED)
+    with pytest.raises(InputError, match="bottom_depth is nan"):
+        suite.measure(truth, dt=DT, rng_seed=SEED, bottom_depth=np.nan)
+    with pytest.raises(InputError, match="bottom_depth has shape"):
+        suite.measure(truth, dt=DT, rng_seed=SEED, bottom_depth=np.ones(3))
+    with pytest.raises(InputError, match="latitude 95 deg"):
+        measure(suite, truth, latitude=95.0)
+
+
+def test_configurations_load_without_numba_or_gsw():
+    code = (
+        "import sys, twin.sensors; twin.sensors.SensorSuite.preset('field'); "
+        "sys.exit(bool({'numba', 'gsw', 'scipy'} & set(sys.modules)))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,172 @@
+"""Vehicle files: read by name, agree with MuJoCo, and say what is wrong with them."""
+
+from __future__ import annotations
+
+import re
+
+import mujoco
+import numpy as np
+import pytest
+
+from twin.errors import VehicleError
+from twin.frames import flip_vector
+from twin.physics.mujoco_model import compile_model
+from twin.vehicle.vehicle import load_vehicle, parse_vehicle, vehicle_names
+
+GLIDER = load_vehicle("glider")
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_parsed_and_compiled_vehicles_agree(name):
+    vehicle = load_vehicle(name)
+    model = mujoco.MjModel.from_xml_path(str(vehicle.path))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert model.body("hull").mass[0] == vehicle.static_mass
+    np.testing.assert_allclose(flip_vector(model.body("hull").ipos), vehicle.static_cg)
+    np.testing.assert_allclose(
+        flip_vector(data.body("battery").xipos - data.body("hull").xpos),
+        vehicle.movable_position(0.0, 0.0),
+        atol=1e-12,
+    )
+    np.testing.assert_array_equal(model.actuator_actrange[:, 1], vehicle.actuator_max)
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_moved_battery_is_where_the_formula_says(name):
+    vehicle = load_vehicle(name)
+    model = mujoco.MjModel.from_xml_path(str(vehicle.path))
+    data = mujoco.MjData(model)
+    data.qpos[7:9] = 0.013, 0.7
+    mujoco.mj_forward(model, data)
+    found = flip_vector(data.body("battery").xipos - data.body("hull").xpos)
+    np.testing.assert_allclose(found, vehicle.movable_position(0.013, 0.7), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_everything_is_named_and_there_are_cameras(name):
+    model = mujoco.MjModel.from_xml_path(str(load_vehicle(name).path))
+    for kind in (
+        "body",
+        "joint",
+        "geom",
+        "site",
+        "camera",
+        "actuator",
+        "sensor",
+        "numeric",
+        "light",
+    ):
+        count = getattr(
+            model, {"joint": "njnt", "camera": "ncam", "actuator": "nu"}.get(kind, f"n{kind}")
+        )
+        for index in range(count):
+            assert getattr(model, kind)(index).name, (kind, index)
+    assert {"chase", "side", "map"} <= {model.camera(i).name for i in range(model.ncam)}
+    # what is only seen must neither weigh nor collide
+    assert not model.geom_contype.any()
+
+
+def test_glider_has_keyframes_that_pose_it():
+    model = mujoco.MjModel.from_xml_path(str(GLIDER.path))
+    names = {model.keyframe(i).name for i in range(model.nkey)}
+    assert {"surface", "dive", "climb"} <= names
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.keyframe("dive").id)
+    mujoco.mj_forward(model, data)
+    nose = data.body("hull").xmat.reshape(3, 3)[:, 0]
+    assert nose[2] < -0.4  # nose down, z is up
+    assert data.body("hull").xmat.reshape(3, 3)[2, 2] > 0.7  # and upright
+
+
+def test_dive_keyframe_is_a_steady_glide():
+    model = compile_model("glider")
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.keyframe("dive").id)
+    before = data.qvel[:3].copy()
+    mujoco.mj_step(model, data, nstep=300)
+    np.testing.assert_allclose(data.qvel[:3], before, atol=2e-4)
+
+
+def broken(old: str, new: str):
+    assert old in GLIDER.xml
+    return parse_vehicle(GLIDER.xml.replace(old, new, 1), GLIDER.path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('<numeric name="drag"', '<numeric name="dragg"', "<numeric name='drag'> is missing"),
+        ('data="7.19 386.29"', 'data="7.19"', "drag.*must be 2 finite numbers"),
+        ('data="7.19 386.29"', 'data="7.19 many"', "drag.*must be 2 numbers"),
+        ('data="7.19 386.29"', 'data="7.19 nan"', "drag.*must be 2 finite numbers"),
+        ('mass="54.28"', 'mass="-1"', "static_mass must be positive"),
+        ('<site name="imu"', '<site name="ins"', "<site name='imu'> is missing"),
+        ('<general name="pump"', '<general name="vbd"', "<general name='pump'> is missing .found"),
+        (
+            "0      0      3.61   0     7.88  0",
+            "0      0      9.99   0     7.88  0",
+            "added_mass must be a symmetric",
+        ),
+        ("</worldbody>", "</worldbod>", "not well-formed XML"),
+        ('dynprm="2 0.02"', 'dynprm="0 0.02"', "lag .dynprm. must be positive"),
+    ],
+)
+def test_a_broken_file_is_named(old, new, message):
+    with pytest.raises(VehicleError, match=message):
+        broken(old, new)
+
+
+def test_wrong_structure_is_refused_when_compiled():
+    swapped = GLIDER.xml.replace('name="shift" type="slide"', 'name="rail" type="slide"').replace(
+        'joint="shift"', 'joint="rail"'
+    )
+    with pytest.raises(VehicleError, match="joints must be"):
+        compile_model(parse_vehicle(swapped, GLIDER.path))
+    double = GLIDER.xml.replace('density="0" viscosity="0"', 'density="1025" viscosity="0"')
+    with pytest.raises(VehicleError, match="density and viscosity must be 0"):
+        compile_model(parse_vehicle(double, GLIDER.path))
+
+
+@pytest.mark.parametrize(
+    ("line", "missing"),
+    [
+        ('<freejoint name="hull"/>', r"the free joint 'hull' \(<freejoint name=\"hull\"/>\) is"),
+        ('type="slide"', r"the slide joint 'shift' \(type=\"slide\"\) is missing"),
+    ],
+)
+def test_a_missing_joint_is_named_not_the_keyframe_that_it_breaks(line, missing):
+    assert line in GLIDER.xml
+    xml = GLIDER.xml.replace(line, "", 1)
+    with pytest.raises(VehicleError, match=missing):
+        compile_model(parse_vehicle(xml, GLIDER.path))
+
+
+def test_messages_name_the_file_as_it_was_given(tmp_path):
+    path = tmp_path / "fleet" / "mine.xml"
+    path.parent.mkdir()
+    path.write_text(GLIDER.xml.replace('data="7.19 386.29"', 'data="7.19"', 1))
+    with pytest.raises(VehicleError, match=re.escape(str(path))):
+        load_vehicle(path)
+    path.write_text(GLIDER.xml.replace('mass="54.28"', 'mass="-1"', 1))
+    with pytest.raises(VehicleError, match=re.escape(str(path))):
+        load_vehicle(path)
+    path.write_text(GLIDER.xml.replace('density="0" viscosity="0"', 'density="1"', 1))
+    with pytest.raises(VehicleError, match=re.escape(str(path))):
+        compile_model(load_vehicle(path))
+
+
+def test_unknown_vehicle_offers_the_nearest():
+    with pytest.raises(VehicleError, match="unknown vehicle 'slocun': did you mean 'slocum'"):
+        load_vehicle("slocun")
+    with pytest.raises(VehicleError, match="no vehicle file at"):
+        load_vehicle("nowhere/x.xml")
+
+
+def test_changes_round_trip():
+    changed = GLIDER.replace(drag=(7.0, 390.0), static_cg=np.array([-0.08, 0.001, 0.003]))
+    changes = changed.changes()
+    assert set(changes) == {"drag", "static_cg"}
+    again = GLIDER.with_changes(changes)
+    assert again.drag == (7.0, 390.0)
+    np.testing.assert_array_equal(again.static_cg, changed.static_cg)

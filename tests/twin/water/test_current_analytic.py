@@ -1,0 +1,247 @@
+"""Analytic currents against their formulas, invariants and statistics."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from twin.errors import CurrentError
+from twin.water.current import (
+    CurrentSum,
+    Ekman,
+    GaussMarkov,
+    Geostrophic,
+    Inertial,
+    LogLayer,
+    Origin,
+    Profile,
+    TidalEllipse,
+    Tide,
+    Uniform,
+    still_water,
+)
+from twin.water.current.origin import coriolis
+
+MONTEREY = Origin(latitude_deg=36.8)
+
+
+def test_still_water_is_zero_and_an_empty_program_too():
+    from twin.water.current.sampler import sample
+
+    assert sample(still_water().compile(10.0), 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0) == (0.0,) * 6
+    assert sample(np.zeros(0), 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0) == (0.0,) * 6
+
+
+def test_uniform_is_positive_toward_north_east_down():
+    u = Uniform(north=0.1, east=-0.2, down=0.03).velocity(5.0, 1e4, -1e4, [0.0, 900.0])
+    np.testing.assert_array_equal(u, [[0.1, -0.2, 0.03]] * 2)
+    np.testing.assert_allclose(
+        Uniform.toward(0.3, 90.0).velocity(0, 0, 0, 0), [0, 0.3, 0], atol=1e-16
+    )
+
+
+def test_profile_is_linear_between_rows_and_held_beyond_them():
+    profile = Profile(depth=(10.0, 20.0, 60.0), north=(0.1, 0.3, -0.1), east=(0, 1, 2))
+    depth = [-1.0, 0.0, 10.0, 15.0, 20.0, 50.0, 60.0, 1000.0]
+    u = profile.velocity(0, 0, 0, depth)
+    np.testing.assert_allclose(u[:, 0], np.interp(depth, profile.depth, profile.north), atol=1e-15)
+    np.testing.assert_allclose(u[:, 1], np.interp(depth, profile.depth, profile.east), atol=1e-15)
+
+
+def test_a_profile_of_one_row_is_uniform():
+    u = Profile(depth=(50.0,), north=(0.2,), east=(0.1,)).velocity(0, 0, 0, [0.0, 50.0, 99.0])
+    np.testing.assert_array_equal(u, [[0.2, 0.1, 0.0]] * 3)
+
+
+def test_ekman_surface_speed_and_angle():
+    """V0 0.074 m/s and 45 degrees to the right of the wind at 36.8 N."""
+    u = Ekman(stress=0.1, direction_deg=90.0).velocity(0, 0, 0, 0, MONTEREY)
+    assert math.hypot(*u[:2]) == pytest.approx(0.074, abs=5e-4)
+    assert math.degrees(math.atan2(u[1], u[0])) == pytest.approx(135.0)
+
+
+@pytest.mark.parametrize("viscosity", [0.005, 0.02, 0.08])
+@pytest.mark.parametrize("latitude", [36.8, -36.8])
+def test_ekman_transport_is_stress_over_density_and_f(viscosity, latitude):
+    """1.12 m2/s at right angles to the wind, whatever the viscosity."""
+    depth = np.linspace(0.0, 1500.0, 60_001)
+    u = Ekman(stress=0.1, direction_deg=0.0, viscosity=viscosity, latitude_deg=latitude)
+    north, east, _ = np.trapezoid(u.velocity(0, 0, 0, depth), depth, axis=0)
+    assert abs(east) == pytest.approx(1.12, abs=0.005)
+    assert east == pytest.approx(0.1 / 1025.0 / coriolis(latitude), rel=1e-5)
+    assert north == pytest.approx(0.0, abs=1e-4)
+
+
+def test_ekman_equals_the_complex_spiral():
+    """u + i v = V0 exp(z/d) exp(i(wind - pi/4 + z/d)), east and north, angle from east."""
+    f, az, wind = coriolis(36.8), 0.02, math.radians(30.0)
+    depth = np.array([0.0, 5.0, 21.0, 60.0])
+    d, v0 = math.sqrt(2 * az / f), 0.1 / (1025.0 * math.sqrt(az * f))
+    z = -depth / d
+    spiral = v0 * np.exp(z) * np.exp(1j * (wind - math.pi / 4 + z))
+    u = Ekman(stress=0.1, direction_deg=60.0).velocity(0, 0, 0, depth, MONTEREY)
+    np.testing.assert_allclose(u[:, 1] + 1j * u[:, 0], spiral, atol=1e-15)
+
+
+def test_ekman_refuses_the_equator():
+    with pytest.raises(CurrentError, match=r"latitude_deg 1 is within 2 degree"):
+        Ekman(stress=0.1, direction_deg=0.0, latitude_deg=1.0).compile(10.0)
+
+
+def test_geostrophic_shear():
+    current = Geostrophic(
+        baroclinic=0.2, direction_deg=0.0, scale_depth=500.0, barotropic=0.05,
+        barotropic_direction_deg=90.0,
+    )  # fmt: skip
+    depth = np.array([0.0, 250.0, 1000.0])
+    u = current.velocity(0, 0, 0, depth)
+    np.testing.assert_allclose(u[:, 0], 0.2 * np.exp(-depth / 500.0), rtol=1e-14)
+    np.testing.assert_allclose(u[:, 1], 0.05, rtol=1e-14)
+
+
+def test_tidal_ellipse_axes_sense_and_phase():
+    ellipse = TidalEllipse(
+        constituent="m2", semi_major=0.3, semi_minor=0.1, direction_deg=30.0, phase_deg=90.0
+    )
+    period = 12.4206 * 3600.0
+    t = period * (0.25 + np.arange(4) / 4)
+    u = Tide(ellipses=(ellipse,)).velocity(t, 0, 0, 0)
+    along, left = np.radians(30.0), np.radians(30.0 - 90.0)
+    major = np.array([math.cos(along), math.sin(along), 0.0])
+    minor = np.array([math.cos(left), math.sin(left), 0.0])
+    expected = [0.3 * major, 0.1 * minor, -0.3 * major, -0.1 * minor]
+    np.testing.assert_allclose(u, expected, atol=1e-5)
+
+
+def test_tidal_periods_by_name():
+    for name, hours in {"M2": 12.4206, "S2": 12.0, "K1": 23.9345, "O1": 25.8193}.items():
+        rate = TidalEllipse(constituent=name, semi_major=0.1).angular_rate
+        assert 2 * math.pi / rate / 3600.0 == pytest.approx(hours, abs=5e-5)
+
+
+def test_tide_errors():
+    with pytest.raises(CurrentError, match=r"unknown tidal constituent 'M3'.*M2"):
+        TidalEllipse(constituent="M3", semi_major=0.1)
+    with pytest.raises(CurrentError, match=r"M2 needs semi_major >= \|semi_minor\|"):
+        TidalEllipse(constituent="M2", semi_major=0.1, semi_minor=-0.2)
+    m2 = TidalEllipse(constituent="M2", semi_major=0.1)
+    with pytest.raises(CurrentError, match="M2 is given twice"):
+        Tide(ellipses=(m2, m2))
+
+
+@pytest.mark.parametrize(("latitude", "quarter"), [(36.8, 90.0), (-36.8, -90.0)])
+def test_inertial_oscillation_turns_clockwise_in_the_north(latitude, quarter):
+    current = Inertial(speed=0.1, layer_depth=40.0, decay_depth=10.0, latitude_deg=latitude)
+    period = 12.0 * 3600.0 / math.sin(math.radians(36.8))
+    u = current.velocity([0.0, period / 4], 0, 0, 10.0)
+    assert math.degrees(math.atan2(u[1, 1], u[1, 0])) == pytest.approx(quarter, abs=0.3)
+    np.testing.assert_allclose(np.hypot(u[:, 0], u[:, 1]), 0.1)
+    assert period == pytest.approx(20.0 * 3600.0, rel=2e-3)
+    assert np.linalg.norm(current.velocity(0, 0, 0, 50.0)) == pytest.approx(0.1 / math.e)
+
+
+def test_log_layer():
+    current = LogLayer(
+        friction_velocity=0.01,
+        direction_deg=90.0,
+        water_depth=100.0,
+        roughness=1e-3,
+        thickness=20.0,
+    )
+    east = current.velocity(0, 0, 0, [100.0, 99.9995, 99.0, 80.0, 50.0])[:, 1]
+    top = 0.01 / 0.41 * math.log(20.0 / 1e-3)
+    np.testing.assert_allclose(east, [0, 0, 0.01 / 0.41 * math.log(1e3), top, top], atol=1e-15)
+
+
+def test_gauss_markov_statistics_are_those_of_the_exact_discretisation():
+    current = GaussMarkov(
+        speed=1.0, direction_deg=10.0, speed_std=0.1, direction_std_deg=20.0,
+        correlation_time=600.0, interval=60.0, seed=3, max_speed=2.0,
+    )  # fmt: skip
+    time, speed, direction = current.draw(60.0 * 200_000)
+    degrees = np.degrees(direction)
+    assert np.diff(time).max() == 60.0
+    for x, mean, std in ((speed, 1.0, 0.1), (degrees, 10.0, 20.0)):
+        # About 10 000 independent values: four standard errors.
+        assert x.mean() == pytest.approx(mean, abs=0.04 * std)
+        assert x.std() == pytest.approx(std, rel=0.03)
+        for lag in (1, 10):
+            correlation = np.corrcoef(x[:-lag], x[lag:])[0, 1]
+            assert correlation == pytest.approx(math.exp(-lag / 10.0), abs=0.03)
+
+
+def test_gauss_markov_starts_stationary():
+    first = [
+        GaussMarkov(speed=1.0, direction_deg=0.0, speed_std=0.1, seed=s).draw(60.0)[1][0]
+        for s in range(400)
+    ]
+    assert np.std(first) == pytest.approx(0.1, rel=0.15)
+
+
+def test_gauss_markov_statistics_do_not_depend_on_the_interval():
+    """Exact: a coarse draw has the fine draw's variance even at intervals beyond T."""
+    coarse = GaussMarkov(
+        speed=1.0, direction_deg=0.0, speed_std=0.1, correlation_time=60.0, interval=120.0, seed=1
+    )
+    assert coarse.draw(120.0 * 20_000)[1].std() == pytest.approx(0.1, rel=0.03)
+
+
+def test_gauss_markov_is_clipped_seeded_and_a_longer_mission_extends_it():
+    current = GaussMarkov(
+        speed=0.1, direction_deg=0.0, speed_std=0.1, min_speed=0.05, max_speed=0.15, seed=7
+    )
+    _, speed, _ = current.draw(36_000.0)
+    assert speed.min() == 0.05
+    assert speed.max() == 0.15
+    t = np.linspace(0.0, 3000.0, 50)
+    short, long = current.compile(3600.0), current.compile(36_000.0)
+    assert short.tobytes() == current.compile(3600.0).tobytes()
+    from twin.water.current.sampler import sample_track
+
+    zero = np.zeros_like(t)
+    rest = (zero,) * 6
+    np.testing.assert_array_equal(sample_track(short, t, *rest), sample_track(long, t, *rest))
+    other = GaussMarkov(speed=0.1, direction_deg=0.0, speed_std=0.1, seed=8)
+    assert not np.array_equal(other.draw(3600.0)[1], current.draw(3600.0)[1])
+
+
+def test_sums_add_velocities_and_flatten():
+    a, b = Uniform(north=0.1), Ekman(stress=0.1, direction_deg=0.0)
+    c = Tide(ellipses=(TidalEllipse(constituent="S2", semi_major=0.2),))
+    total = a + b + c
+    assert isinstance(total, CurrentSum)
+    assert total.parts == (a, b, c)
+    point = (1234.0, 10.0, 20.0, 30.0)
+    parts = sum(x.velocity(*point) for x in (a, b, c))
+    np.testing.assert_allclose(total.velocity(*point), parts, rtol=1e-14)
+    assert (still_water() + a).parts == (a,)
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: Uniform(north=math.nan), "uniform: north must be a finite number in m/s"),
+        (lambda: Uniform(east=25.0), "east is 25.0 m/s, beyond 10 m/s"),
+        (lambda: Ekman(stress=-1.0, direction_deg=0.0), "stress must be at least 0 Pa, not -1"),
+        (lambda: Geostrophic(baroclinic=0.1, direction_deg=0.0, scale_depth=0.0), "scale_depth"),
+        (lambda: Profile(depth=(0.0, 5.0), north=(0.0, math.nan), east=(0.0, 0.0)),
+         r"profile row 2 \(depth 5 m\): north is nan"),
+        (lambda: Profile(depth=(-1.0, 5.0), north=(0.0, 0.0), east=(0.0, 0.0)),
+         "row 1: depth -1 m is negative; depth is positive down"),
+        (lambda: Profile(depth=(0.0, 5.0, 5.0), north=(0.0,) * 3, east=(0.0,) * 3),
+         r"row 3: depth 5 m does not increase \(row before: 5 m\)"),
+        (lambda: Profile(depth=(), north=(), east=()), "at least one depth"),
+        (lambda: Profile(depth=(1.0,), north=(0.0, 1.0), east=(0.0,)), "2 north values for 1"),
+        (lambda: LogLayer(friction_velocity=0.01, direction_deg=0, water_depth=-5), "water_depth"),
+        (lambda: GaussMarkov(speed=0.1, direction_deg=0, speed_std=0.1, min_speed=3), "exceeds"),
+        (lambda: GaussMarkov(speed=0.1, direction_deg=0, speed_std=0.1, seed=-1), "seed"),
+        (lambda: Origin(latitude_deg=91.0), "latitude_deg must be within -88..88"),
+        (lambda: Uniform().compile(0.0), "duration_s must be greater than 0 s"),
+    ],
+)  # fmt: skip
+def test_bad_settings_are_named(build, message):
+    with pytest.raises(CurrentError, match=message) as caught:
+        build()
+    assert "\n" not in str(caught.value)

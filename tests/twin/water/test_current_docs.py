@@ -1,0 +1,164 @@
+"""What docs/currents.md says is true: names, units and defaults are the code's, examples run."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import inspect
+import re
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from twin.water.current import (
+    CURRENT_HELP,
+    Grid,
+    Origin,
+    TidalEllipse,
+    Uniform,
+    axes,
+    parse_current,
+)
+from twin.water.current import velocity_file as files
+from twin.water.current.profile import COLUMNS
+from twin.water.current.spec import GRID_SETTINGS, NUMBER_KINDS, NUMBER_SETTINGS, TIDE_SETTINGS
+from twin.water.current.tide import PERIOD_HOURS
+
+PAGE = (Path(__file__).parents[3] / "docs" / "currents.md").read_text(encoding="utf-8")
+REQUIRED = "required"
+WORDS_FOR_NONE = {
+    ("ekman", "lat"): "origin",
+    ("inertial", "lat"): "origin",
+    ("geostrophic", "barotropic_direction"): "as `direction`",
+    ("grid", "lat"): "origin",
+    ("grid", "lon"): "origin",
+    ("grid", "time"): "the file's first time",
+    ("grid", "u"): "found",
+    ("grid", "v"): "found",
+    ("grid", "w"): "found",
+    ("grid", "units"): "the file's",
+    ("grid", "reach"): "computed",
+    ("grid", "span"): "the duration",
+    ("grid", "sha256"): "not checked",
+}
+"""How the page words a default that the code takes from elsewhere"""
+
+
+def rows(heading: str) -> dict[tuple[str, ...], list[str]]:
+    """Cells of the first table of a section, by the names in backticks of the first cell."""
+    section = re.split(rf"^##+ `?{re.escape(heading)}`?$", PAGE, flags=re.MULTILINE)[1]
+    section = re.split(r"^## ", section, flags=re.MULTILINE)[0]
+    lines = [line for line in section.splitlines() if line.startswith("| `")]
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    return {tuple(re.findall(r"`([^`]+)`", first)): rest for first, *rest in cells}
+
+
+def units(cls: type) -> dict[str, str]:
+    """The unit in brackets that begins the docstring of each field."""
+    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+    assert isinstance(tree, ast.ClassDef)
+    found = {}
+    for field, text in zip(tree.body, tree.body[1:], strict=False):
+        if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
+            match = re.match(r"\[(.+?)\]", ast.literal_eval(text.value))
+            found[ast.unparse(field.target)] = match[1] if match else ""
+    return found
+
+
+def check_rows(kind: str, cls: type, settings: dict[str, str]) -> None:
+    """One row for each field: all its names, its unit, its default."""
+    table = rows(kind)
+    assert sorted(name for names in table for name in names) == sorted(settings)
+    for names, (unit, default, _) in table.items():
+        (field,) = {settings[name] for name in names}
+        assert unit == units(cls)[field], field
+        entry = cls.__dataclass_fields__[field]
+        if entry.default is entry.default_factory:  # both missing
+            assert default == REQUIRED, field
+        elif entry.default is None:
+            assert default == WORDS_FOR_NONE[kind, names[0]], field
+        elif isinstance(entry.default, str):
+            assert default == entry.default, field
+        else:
+            assert float(default) == entry.default, field
+
+
+@pytest.mark.parametrize("kind", NUMBER_KINDS)
+def test_settings_that_are_numbers(kind: str) -> None:
+    check_rows(kind, NUMBER_KINDS[kind], NUMBER_SETTINGS[kind])
+
+
+def test_grid_settings() -> None:
+    check_rows("grid", Grid, GRID_SETTINGS)
+
+
+def test_tide_settings() -> None:
+    table = rows("tide")
+    constituents = next(iter(table))
+    del table[constituents]
+    assert {name.upper() for name in constituents} <= set(PERIOD_HOURS)
+    assert {names: row[:2] for names, row in table.items()} == {
+        (name,): [units(TidalEllipse)[field], "0"] for name, field in TIDE_SETTINGS.items()
+    }
+    section = PAGE.split("## `tide`")[1].split("\n| ")[0]
+    named = set(re.findall(r"`(\w\d)`", section))
+    assert {name.upper() for name in named} == set(PERIOD_HOURS)
+
+
+def test_uniform_settings() -> None:
+    names = [name for row in rows("uniform") for name in row]
+    assert names == ["speed", "direction", *(field.name for field in dataclasses.fields(Uniform))]
+    assert parse_current("uniform:speed=0.3,direction=90") == Uniform.toward(0.3, 90.0)
+
+
+def test_profile_columns() -> None:
+    assert sorted(name for names in rows("profile") for name in names) == sorted(COLUMNS)
+    for names in rows("profile"):
+        assert len({COLUMNS[name] for name in names}) == 1
+
+
+def test_every_kind_has_a_section_and_a_line_of_help() -> None:
+    sections = re.findall(r"^## `([\w-]+)`$", PAGE, re.MULTILINE)
+    helped = {re.split(r"[: ]", line)[0] for line in CURRENT_HELP.splitlines()[:-1]}
+    assert len(set(sections)) == len(sections)
+    assert set(sections) == helped
+    assert set(NUMBER_KINDS) < set(sections)
+
+
+def names_of(title: str, column: int) -> dict[str, set[str]]:
+    """Names in backticks in a column of the table whose first header cell is `title`."""
+    lines = PAGE.split(f"| {title} |")[1].splitlines()[2:]
+    found = {}
+    for line in lines:
+        if not line.startswith("|"):
+            break
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        found[cells[0]] = set(re.findall(r"`([^`]+)`", cells[column]))
+    return found
+
+
+def test_names_that_grids_understand() -> None:
+    standard = {part: set(names) for part, names in files.STANDARD_NAMES.items()}
+    aliases = {part: set(files.ALIASES.get(part, ())) for part in files.STANDARD_NAMES}
+    assert names_of("component", 1) == standard
+    assert names_of("component", 2) == aliases
+    assert names_of("axis", 1) == axes.AXIS_NAMES
+    assert {"m/s", "cm/s", "mm/s"} <= set(files.SPEED_UNITS)
+    assert set(axes.DEPTH_UNITS.values()) == {1.0, 1000.0, 0.01}  # m, km, cm
+
+
+def test_origin_is_the_documented_one() -> None:
+    text = " ".join(PAGE.split())
+    origin = Origin()
+    assert f"latitude {origin.latitude_deg:g}, longitude {origin.longitude_deg:g}" in text
+    assert origin.time is None
+
+
+def test_examples_run() -> None:
+    commands = re.findall(r"--current (\S+)", PAGE)
+    assert len(commands) >= 3
+    for text in commands:
+        parse_current(text)
+    for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
+        exec(compile(block, "docs/currents.md", "exec"), {})

@@ -1,0 +1,194 @@
+"""Check: the MuJoCo twin against the Fossen model and against the published figures."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.checks.published import PublishedGlide, published_glides
+from twin.fossen import FossenModel, FossenState, FossenTrajectory
+from twin.frames import euler_to_quaternion, quaternion_to_matrix
+from twin.mission.schedule import Schedule
+from twin.physics.scenario import Scenario, Start
+from twin.physics.settle import trim as settle
+from twin.physics.simulation import simulate
+from twin.physics.steady_motion import Trim
+from twin.records.trajectory import Trajectory
+from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.water.current.base import Current
+from twin.water.current.profile import Profile
+from twin.water.current.uniform import Uniform
+
+Array = NDArray[np.float64]
+
+MANOEUVRES = 20
+DURATION = 600.0
+"""[s] of each manoeuvre"""
+SPEED_LIMIT, ATTITUDE_LIMIT, POSITION_LIMIT = 1e-3, 0.1, 0.3
+"""Agreement asked for: RMS speed [m/s], RMS attitude [deg], position [% of distance]"""
+START_DEPTH = 1000.0
+"""[m] far from the surface"""
+NET_MASS = (0.15, 0.45)
+"""[kg] magnitude of the net buoyancy drawn for a leg"""
+SHIFT = (0.008, 0.03)
+"""[m] magnitude of the battery shift drawn for a leg, forward when heavy"""
+ROTATION = 60.0
+"""[deg] largest battery rotation drawn"""
+LEG = (60.0, 150.0)
+"""[s] time between actuator steps"""
+SHEAR = 0.2
+"""[m/s] per 100 m, RMS of each drawn component"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Manoeuvre:
+    """A random open-loop manoeuvre: actuator steps in a sheared current."""
+
+    seed: int
+    schedule: Schedule
+    current: Current
+    start: Start
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Difference:
+    """MuJoCo against Fossen over one manoeuvre."""
+
+    seed: int
+    speed_m_s: float
+    """RMS difference of the speed through the water [m/s]"""
+    attitude_deg: float
+    """RMS angle of the rotation between the two attitudes [deg]"""
+    position_percent: float
+    """Largest position difference over the distance travelled [%]"""
+    distance_m: float
+    """Path length over ground [m]"""
+
+    @property
+    def ok(self) -> bool:
+        """Whether all three are within the limits."""
+        return (
+            self.speed_m_s <= SPEED_LIMIT
+            and self.attitude_deg <= ATTITUDE_LIMIT
+            and self.position_percent <= POSITION_LIMIT
+        )
+
+
+def draw_manoeuvre(vehicle: Vehicle, seed: int, duration: float = DURATION) -> Manoeuvre:
+    """Actuator steps every 60 to 150 s, dives, climbs and spirals mixed, sheared current."""
+    rng = np.random.default_rng([seed, 2013])
+    reach = min(1.0, vehicle.actuator_max[2] / abs(vehicle.pump_for_net_mass(NET_MASS[1])))
+    time, times, commands = 0.0, [], []
+    heavy = 1.0
+    while time < duration:
+        net_mass = heavy * rng.uniform(*NET_MASS) * reach
+        shift = heavy * rng.uniform(*SHIFT) * (vehicle.actuator_max[0] / 0.05)
+        rotation = math.radians(rng.uniform(-ROTATION, ROTATION)) * rng.integers(0, 2)
+        times.append(time)
+        commands.append((shift, rotation, vehicle.pump_for_net_mass(net_mass)))
+        # commands are issued on the vehicle's control ticks, as its guidance does
+        time += vehicle.control_period * round(rng.uniform(*LEG) / vehicle.control_period)
+        heavy = heavy if rng.random() < 0.5 else -heavy
+    depths = np.linspace(START_DEPTH - 400.0, START_DEPTH + 400.0, 9)
+    profile = rng.normal(0.0, SHEAR, (2, depths.size))
+    current = Uniform(north=float(rng.normal(0, 0.1)), east=float(rng.normal(0, 0.1))) + Profile(
+        depth=tuple(depths), north=tuple(profile[0]), east=tuple(profile[1])
+    )
+    start = Start(
+        depth=START_DEPTH,
+        heading=rng.uniform(0, 2 * math.pi),
+        pitch=-0.4,
+        v_rel=(0.35, 0.0, 0.01),
+        actuators=commands[0],
+    )
+    schedule = Schedule(times=times, commands=commands)
+    return Manoeuvre(seed=seed, schedule=schedule, current=current, start=start)
+
+
+def fly_both(
+    vehicle: Vehicle,
+    manoeuvre: Manoeuvre,
+    duration: float = DURATION,
+    timestep: float | None = None,
+) -> tuple[Trajectory, FossenTrajectory]:
+    """The same manoeuvre in both models, sampled alike.
+
+    timestep: MuJoCo's [s], None for the vehicle file's; the Fossen model keeps its own.
+    """
+    scenario = Scenario(
+        vehicle=vehicle,
+        plan=manoeuvre.schedule,
+        duration=duration,
+        start=manoeuvre.start,
+        current=manoeuvre.current,
+        timestep=timestep,
+    )
+    start = manoeuvre.start
+    fossen = FossenModel(vehicle, current_program=manoeuvre.current.compile(duration))
+    state = FossenState(
+        position_ned=(start.north, start.east, start.depth),
+        attitude=(start.roll, start.pitch, start.heading),
+        v_rel=start.v_rel,
+        rates=start.rates,
+        actuators=start.actuators,
+    )
+    return simulate(scenario), fossen.simulate(state, manoeuvre.schedule, duration)
+
+
+def compare(ours: Trajectory, theirs: FossenTrajectory, seed: int) -> Difference:
+    """The three figures of agreement of two runs sampled at the same times."""
+    speed = np.linalg.norm(ours.v_rel, axis=1) - theirs.speed
+    angles = [np.deg2rad(ours[f"true_{n}"]) for n in ("roll", "pitch", "heading")]
+    relative = np.einsum(
+        "tji,tjk->tik",
+        quaternion_to_matrix(euler_to_quaternion(*angles)),
+        quaternion_to_matrix(theirs.quaternion),
+    )
+    # sin of half the angle is accurate where the cosine of a small angle is not
+    sine = np.linalg.norm(relative - np.eye(3), axis=(1, 2)) / math.sqrt(8.0)
+    attitude = np.rad2deg(2 * np.arcsin(np.clip(sine, 0.0, 1.0)))
+    position = np.linalg.norm(ours.position - theirs.position_ned, axis=1)
+    steps = np.linalg.norm(np.diff(theirs.position_ned, axis=0), axis=1)
+    distance = float(steps.sum())
+    return Difference(
+        seed=seed,
+        speed_m_s=float(np.sqrt(np.mean(speed**2))),
+        attitude_deg=float(np.sqrt(np.mean(attitude**2))),
+        position_percent=float(100.0 * position.max() / distance),
+        distance_m=distance,
+    )
+
+
+def check_manoeuvres(
+    vehicle: Vehicle,
+    *,
+    count: int = MANOEUVRES,
+    seed: int = 0,
+    duration: float = DURATION,
+    timestep: float | None = None,
+) -> list[Difference]:
+    """Differences of `count` random manoeuvres; see `fly_both` for the rest."""
+    differences = []
+    for index in range(seed, seed + count):
+        manoeuvre = draw_manoeuvre(vehicle, index, duration)
+        differences.append(compare(*fly_both(vehicle, manoeuvre, duration, timestep), index))
+    return differences
+
+
+def check_published(vehicle: str | None = None) -> list[tuple[PublishedGlide, str, Trim]]:
+    """Every published glide computed by both models: (glide, model name, trim)."""
+    results = []
+    for glide in published_glides(vehicle):
+        loaded = load_vehicle(glide.vehicle)
+        models: dict[str, Callable[[float, float, float], Trim]] = {
+            "mujoco": lambda *request, loaded=loaded: settle(loaded, *request),
+            "fossen": FossenModel(loaded).trim,
+        }
+        for name, solve in models.items():
+            trim = solve(glide.shift, glide.rotation_rad, glide.net_mass)
+            results.append((glide, name, trim))
+    return results

@@ -1,0 +1,142 @@
+"""Options of a subcommand: command-line words into its dataclass, with errors of one line."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import sys
+import types
+import typing
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, NoReturn, TypeVar
+
+import tyro
+
+# The structured parse errors are not yet in tyro's public face, and pyproject.toml bounds its
+# version for that reason; tests/twin/test_console.py pins the messages made from them.
+from tyro import _errors as parse_errors
+
+from twin.errors import InputError, TwinError
+
+if TYPE_CHECKING:
+    from twin.cli.runnable import Runnable
+
+MARKERS = (tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone)
+"""One flag per switch (no `--no-json`), and no literal None: an option is left out instead."""
+
+Options = TypeVar("Options", bound="Runnable")
+
+
+def parse_options(command: type[Options], *, prog: str, words: Sequence[str]) -> Options | None:
+    """An instance of `command` from the words after its name; None when help was printed.
+
+    Raises:
+        TwinError: from the dataclass's own checks.
+        InputError: an option is unknown, missing or has an unusable value.
+    """
+
+    def reject(event: parse_errors.ParseErrorEvent) -> NoReturn:
+        cause = _own_error(sys.exc_info()[1])
+        if cause is not None:
+            raise cause
+        raise InputError(f"{_explain(event, command)} (see {prog} --help)")
+
+    _spell_unions_out(command)
+    _hide_missing_defaults(command)
+    try:
+        with parse_errors.on_parse_error(reject):
+            return tyro.cli(command, prog=prog, args=list(words), config=MARKERS)
+    except SystemExit as leaving:
+        if leaving.code not in (0, None):
+            raise InputError(f"these options cannot be used (see {prog} --help)") from None
+        return None
+
+
+def option_names(command: type) -> Iterator[str]:
+    """The option names of a dataclass, those of nested dataclasses with their prefix."""
+    hints = typing.get_type_hints(command)
+    for field in dataclasses.fields(command):
+        kind = hints[field.name]
+        flag = "--" + field.name.replace("_", "-")
+        if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+            yield from (f"{flag}.{inner[2:]}" for inner in option_names(kind))
+        else:
+            yield flag
+
+
+def _spell_unions_out(command: type) -> None:
+    """Write `X | None` in the dataclass's annotations as `typing.Union[X, None]`.
+
+    tyro checks the defaults of the second form by itself, but loads typeguard (and with it asyncio)
+    for the first, which costs 80 ms: a third of what a help text may take.
+    """
+    hints = typing.get_type_hints(command, include_extras=True)
+    for owner in command.__mro__:
+        own = vars(owner).get("__annotations__", {})
+        for name in own.keys() & hints.keys():
+            own[name] = _spelled_out(hints.pop(name))  # popped: a base's own version stays
+
+
+NO_DEFAULT = tyro.conf.arg(help_behavior_hint="")
+
+
+def _hide_missing_defaults(command: type) -> None:
+    """Leave "(default: None)" out of the help: an option's text says what happens without it."""
+    for field in dataclasses.fields(command):
+        if field.default is None or field.default == ():
+            owner = next(c for c in command.__mro__ if field.name in vars(c)["__annotations__"])
+            own = vars(owner)["__annotations__"]
+            if NO_DEFAULT not in getattr(own[field.name], "__metadata__", ()):
+                own[field.name] = typing.Annotated[own[field.name], NO_DEFAULT]
+
+
+def _spelled_out(kind: typing.Any) -> typing.Any:
+    if isinstance(kind, types.UnionType):
+        return typing.Union[kind.__args__]  # noqa: UP007
+    if typing.get_origin(kind) is typing.Annotated:
+        inner, *notes = typing.get_args(kind)
+        return typing.Annotated[(_spelled_out(inner), *notes)]
+    return kind
+
+
+def _own_error(error: BaseException | None) -> TwinError | None:
+    """The project's error behind tyro's, if there is one: it knows best what to say."""
+    while error is not None:
+        if isinstance(error, TwinError):
+            return error
+        error = error.__cause__ or error.__context__
+    return None
+
+
+def _explain(event: parse_errors.ParseErrorEvent, command: type) -> str:
+    if isinstance(event, parse_errors.UnrecognizedArgs):
+        return _unknown_option(event.tokens, command)
+    if isinstance(event, parse_errors.MissingArgs):
+        if any(token.startswith("-") for token in event.unrecognized_tokens):
+            return _unknown_option(event.unrecognized_tokens, command)
+        names = ", ".join(missing.arg.display_name() for missing in event.missing_arguments)
+        return f"missing {names}"
+    if isinstance(event, parse_errors.InvalidChoice):
+        allowed = [choice for choice in event.choices if choice != "None"]  # an option left out
+        near = difflib.get_close_matches(event.value, allowed, n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        return (
+            f"{event.argument.display_name()} cannot be {event.value!r}: "
+            f"{hint}(allowed: {', '.join(allowed)})"
+        )
+    if isinstance(event, parse_errors.BadValue):
+        return f"{event.argument.display_name()} needs a value"
+    if isinstance(event, parse_errors.InstantiationFailure):
+        place = f"{event.argument.display_name()}: " if event.argument is not None else ""
+        return f"{place}{event.message}"
+    return f"these options cannot be used together ({type(event).__name__})"
+
+
+def _unknown_option(tokens: Sequence[str], command: type) -> str:
+    offender = next((token for token in tokens if token.startswith("-")), tokens[0])
+    if not offender.startswith("-"):
+        return f"unexpected argument {offender!r}"
+    known = sorted(option_names(command))
+    near = difflib.get_close_matches(offender.partition("=")[0], known, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]}?" if near else f"allowed: {', '.join(known)}"
+    return f"unknown option {offender}: {hint}"

@@ -1,0 +1,195 @@
+"""The machinery behind `twin`, `factory` and `learn`: subcommands, exit codes, errors.
+
+A subcommand is a frozen dataclass in a light module of its own, whose fields are the options and
+whose `run(console)` imports what it needs and returns the exit code:
+
+    @dataclass(frozen=True, kw_only=True)
+    class Trim(JsonOption):
+        \"\"\"Steady glide of given actuator positions.\"\"\"
+
+        net_mass: float
+        \"\"\"Net buoyancy mass [kg], + = heavy.\"\"\"
+
+        def run(self, console: Console) -> int: ...
+
+It is registered by name, summary and the place to import it from, so that `--help` of the program
+imports no subcommand, and `--help` of a subcommand only its own module.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from twin.cli.console import Console, one_line
+from twin.cli.runnable import Runnable
+from twin.errors import InputError, TwinError, unknown_name
+from twin.version import __version__
+
+EXIT_OK = 0
+EXIT_FAILED = 1
+EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130
+"""128 + SIGINT, as shells report it."""
+
+TRACEBACK_VARIABLE = "TWIN_TRACEBACK"
+"""Environment variable that, when set to 1, adds the traceback to every error."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """A subcommand, known by name until it is called."""
+
+    name: str
+    """What the user types."""
+
+    summary: str
+    """One line for the program's help."""
+
+    loader: str
+    """Where its dataclass is: `package.module:Class`."""
+
+    def load(self) -> type[Runnable]:
+        """Import the subcommand's dataclass."""
+        from importlib import import_module
+
+        module, _, attribute = self.loader.partition(":")
+        command: type[Runnable] = getattr(import_module(module), attribute)
+        return command
+
+
+@dataclass(frozen=True, kw_only=True)
+class Program:
+    """One of the three programs."""
+
+    name: str
+    """What the user types."""
+
+    summary: str
+    """What it is for, one line."""
+
+    commands: tuple[Command, ...]
+    """Its subcommands, in the order of the help."""
+
+    def help(self) -> str:
+        """The text of `--help`."""
+        width = max((len(command.name) for command in self.commands), default=0)
+        listing = "\n".join(
+            f"  {command.name:<{width}}  {command.summary}" for command in self.commands
+        )
+        return (
+            f"usage: {self.name} COMMAND [OPTIONS]\n\n{self.summary}\n\ncommands:\n{listing}\n\n"
+            f"options:\n"
+            f"  -h, --help  this text; `{self.name} COMMAND --help` explains one command\n"
+            f"  --version   the version\n\n"
+            f"Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted. "
+            f"{TRACEBACK_VARIABLE}=1 adds tracebacks to errors.\n"
+        )
+
+    def main(self, arguments: Sequence[str] | None = None) -> int:
+        """Run the command line (default: the process's own) and return the exit code."""
+        words = list(sys.argv[1:] if arguments is None else arguments)
+        _open_missing_streams()
+        # Bad options are reported before they are parsed, so --json is looked for in the raw words.
+        console = Console(self.name, json="--json" in words)
+        try:
+            code = self._dispatch(words, console)
+            if code is None:
+                return EXIT_OK
+            console.finish()
+            return code
+        except KeyboardInterrupt as interrupt:
+            text = f"interrupted: {interrupt}" if str(interrupt) else "interrupted"
+            return _fail(console, interrupt, text, EXIT_INTERRUPTED)
+        except TwinError as error:
+            return _fail(console, error, str(error), error.exit_code)
+        except SystemError as error:
+            # compiled code that Ctrl-C interrupts reports it as the cause of a SystemError
+            if isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
+                return _fail(console, error, "interrupted", EXIT_INTERRUPTED)
+            return _fail(console, error, f"SystemError: {error}", EXIT_FAILED)
+        except OSError as error:
+            return _fail(console, error, _describe_os_error(error), _os_error_code(error))
+        except Exception as error:  # the last resort: a user gets one line, never a traceback
+            hint = f"this is a bug; set {TRACEBACK_VARIABLE}=1 for the traceback and report it"
+            text = f"{type(error).__name__}: {error} ({hint})"
+            return _fail(console, error, text, EXIT_FAILED)
+
+    def _dispatch(self, words: list[str], console: Console) -> int | None:
+        """Exit code of the subcommand, or None when a text was printed instead of running one."""
+        if not words:
+            sys.stderr.write(self.help())
+            raise InputError("no command given")
+        first, *rest = words
+        if first in ("-h", "--help"):
+            _print(self.help())
+            return None
+        if first == "--version":
+            _print(f"{self.name} {__version__}")
+            return None
+        if first.startswith("-"):
+            raise InputError(
+                f"unknown option {first!r} before the command: options of a command come after "
+                f"its name, as in {self.name} COMMAND {first}"
+            )
+        by_name = {command.name: command for command in self.commands}
+        if first not in by_name:
+            raise InputError(unknown_name("command", first, by_name))
+        from twin.cli.options import parse_options
+
+        chosen = by_name[first].load()
+        options = parse_options(chosen, prog=f"{self.name} {first}", words=rest)
+        if options is None:
+            return None
+        console.json = bool(getattr(options, "json", False))
+        # With --json the answer owns standard output: a library that prints must not spoil it.
+        aside = contextlib.redirect_stdout(sys.stderr) if console.json else contextlib.nullcontext()
+        with aside:
+            return options.run(console)
+
+
+def _print(text: str) -> None:
+    # Through a console, because `twin --help | head` must end quietly too.
+    console = Console("")
+    console.say(text.rstrip("\n"))
+    console.finish()
+
+
+def _fail(console: Console, error: BaseException, text: str, code: int) -> int:
+    if os.environ.get(TRACEBACK_VARIABLE) == "1":
+        import traceback
+
+        traceback.print_exception(error)
+    console.error(text)
+    failure: Mapping[str, object] = {"error": one_line(text), "error_kind": type(error).__name__}
+    console.finish(failure)
+    return code
+
+
+def _describe_os_error(error: OSError) -> str:
+    reason = error.strerror or str(error)
+    return f"{error.filename}: {reason}" if error.filename is not None else reason
+
+
+def _os_error_code(error: OSError) -> int:
+    """A path that the user named wrongly is bad input; a full disk, say, is a failure."""
+    named_wrongly = (
+        FileNotFoundError,
+        FileExistsError,
+        NotADirectoryError,
+        IsADirectoryError,
+        PermissionError,
+    )
+    return EXIT_BAD_INPUT if isinstance(error, named_wrongly) else EXIT_FAILED
+
+
+def _open_missing_streams() -> None:
+    """A closed standard stream (`twin ... >&-`) swallows what is written to it."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            stream = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - lives as long as we
+            setattr(sys, name, stream)

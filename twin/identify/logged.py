@@ -1,0 +1,278 @@
+"""Log: what identification reads of each mission of a store, checked and filtered."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter, savgol_filter
+
+from twin.errors import StoreError
+from twin.identify.calibration import REFERENCE_TEMPERATURE
+from twin.records.schema import MISSION, TIME
+from twin.records.store import open_store, read_array
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+NEEDED = ("measured_depth", "measured_pitch", "measured_roll", "measured_heading", "measured_pump")
+OPTIONAL = (
+    *("measured_density", "measured_temperature", "measured_gap"),
+    *("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate"),
+    *("measured_shift", "measured_rotation", "true_speed"),
+)
+WINDOW = 20.0
+"""[s] of the depth rate's filter: a quarter of an inflection, ten times the log's noise."""
+LEAST_WINDOW = 5
+"""samples of that filter"""
+ATTITUDE_WINDOW = 8.0
+"""[s] of the filter whose slope gives the rates of a log without gyroscopes."""
+SHALLOWEST = 3.0
+"""[m] above this a hull of two metres is in the waves or partly out of the water."""
+DIVE_DEPTH = 8.0
+"""[m] a mission that stays above this holds no dive."""
+FOLLOWS_WITHIN = 3600.0
+"""[s] between the end of a mission and the start of the next for their currents to be compared."""
+MAX_PITCH = 80.0
+"""[degree] beyond which no glide is."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Log:
+    """One mission; arrays are (time,)."""
+
+    index: int
+    """Row in the store."""
+    period: float
+    """[s]"""
+    depth: Array
+    """[m]"""
+    depth_rate: Array
+    """[m/s], positive down, filtered over `window`."""
+    window: int
+    """samples of the depth rate's filter"""
+    density: Array | None
+    """[kg/m3] in situ"""
+    temperature: Array | None
+    """[degree_Celsius] of the water"""
+    pump: Array
+    """[cm3]"""
+    roll: Array
+    """[rad]"""
+    pitch: Array
+    """[rad], the sensor's"""
+    heading: Array
+    """[rad] from true north, the compass', unwrapped"""
+    rates: Array
+    """roll, pitch, yaw rate [rad/s], body FRD, (3, time)"""
+    shift: Array | None
+    """[m]"""
+    rotation: Array | None
+    """[rad]"""
+    use: Mask
+    """Under water and measured: what is compared with the model."""
+    displacement: tuple[float, float] | None
+    """North, east [m] over ground between the fixes."""
+    follows: bool
+    """The mission before it in the list ended shortly before: their currents are alike."""
+    true_speed: Array | None = None
+    """[m/s] through the water; never used to fit."""
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+        return self.period * (len(self.depth) - 1)
+
+    def filtered(self, values: Array) -> Array:
+        """Values (time,) through the same filter as the depth rate, without the derivative."""
+        return savgol_filter(values, self.window, 2)
+
+    def hull_warming(self, lag: float) -> Array:
+        """Temperature of the hull above the reference [K], `lag` [s] behind the water's."""
+        if self.temperature is None:
+            return np.zeros_like(self.depth)
+        share = 1.0 - np.exp(-self.period / lag)
+        start = [self.temperature[0] * (1.0 - share)]
+        hull, _ = lfilter([share], [1.0, share - 1.0], self.temperature, zi=start)
+        return hull - REFERENCE_TEMPERATURE
+
+
+def load_logs(store: str | Path, rows: Sequence[int] | None = None) -> list[Log]:
+    """Missions of a store of logs, real or simulated.
+
+    Left out are missions without a dive, and those without density where others have it: their
+    buoyancy is not known.
+
+    Args:
+      store: path of a zarr store of the schema.
+      rows: which missions, all by default.
+
+    Raises:
+      StoreError: no such store, a missing channel, an unknown row, or no dive in any of them.
+    """
+    dataset = open_store(store)
+    missing = [name for name in NEEDED if name not in dataset]
+    if missing:
+        raise StoreError(
+            f"store {store} has no channel {missing[0]}"
+            + (f" (nor {', '.join(missing[1:])})" if missing[1:] else "")
+            + "; identification needs depth, attitude, heading and pumped volume"
+        )
+    count = dataset.sizes[MISSION]
+    chosen = list(range(count)) if rows is None else list(rows)
+    for row in chosen:
+        if not 0 <= row < count:
+            raise StoreError(f"store {store} has no mission {row}; it holds 0 to {count - 1}")
+    names = [n for n in (*NEEDED, *OPTIONAL) if n in dataset]
+    some = dataset[names].isel({MISSION: chosen}).transpose(MISSION, TIME)
+    period = _period(dataset, store)
+    arrays = {name: read_array(some, name, store) for name in names}
+    if "measured_density" in arrays and not np.isfinite(arrays["measured_density"]).any():
+        del arrays["measured_density"]  # other vehicles of the store have a CTD, these have none
+    lengths = (
+        dataset["n_samples"].values.astype(int)
+        if "n_samples" in dataset
+        else np.full(count, dataset.sizes[TIME])
+    )
+    logs: list[Log] = []
+    before: int | None = None
+    for k, row in enumerate(chosen):
+        signals = {n: a[k, : lengths[row]].astype(float) for n, a in arrays.items()}
+        follows = before is not None and row == before + 1 and _follows(dataset, row)
+        log = _log(row, signals, period, _displacement(dataset, row), follows)
+        if log is not None:
+            logs.append(log)
+            before = row
+    if not logs:
+        raise StoreError(
+            f"store {store} has no dive: no mission reaches {DIVE_DEPTH:g} m with attitude and "
+            "pumped volume"
+        )
+    return logs
+
+
+def store_hash(store: str | Path) -> str:
+    """SHA-256 over the names and bytes of a store's files: what a calibration was made from."""
+    root, digest = Path(store), hashlib.sha256()
+    for path in sorted(p for p in root.rglob("*") if p.is_file()):
+        digest.update(str(path.relative_to(root)).encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _period(dataset: Any, store: str | Path) -> float:
+    time = dataset[TIME].values.astype(float)
+    steps = np.diff(time)
+    if len(time) < 2 or not (steps > 0).all() or np.ptp(steps) > 1e-3 * steps.mean():
+        raise StoreError(f"store {store}: `time` must rise in equal steps")
+    return float(steps.mean())
+
+
+def _follows(dataset: Any, row: int) -> bool:
+    """Whether a mission starts shortly after the one before it in the store ends."""
+    if "start_time" not in dataset or "dive_duration" not in dataset:
+        return False
+    if "deployment" in dataset and str(dataset["deployment"].values[row]) != str(
+        dataset["deployment"].values[row - 1]
+    ):
+        return False
+    start = dataset["start_time"].values[row - 1 : row + 1].astype("datetime64[ns]").astype("i8")
+    gap = (start[1] - start[0]) * 1e-9 - float(dataset["dive_duration"].values[row - 1])
+    return bool(0.0 <= gap < FOLLOWS_WITHIN)
+
+
+def _displacement(dataset: Any, row: int) -> tuple[float, float] | None:
+    if "displacement_north" not in dataset:
+        return None
+    north, east = (float(dataset[f"displacement_{n}"].values[row]) for n in ("north", "east"))
+    return (north, east) if np.isfinite([north, east]).all() else None
+
+
+def _filled(values: Array) -> Array | None:
+    """Values with gaps interpolated in time; None where fewer than two are finite."""
+    finite = np.isfinite(values)
+    if finite.sum() < 2:
+        return None
+    index = np.arange(len(values))
+    return np.interp(index, index[finite], values[finite])
+
+
+def _log(
+    row: int,
+    signals: dict[str, Array],
+    period: float,
+    displacement: tuple[float, float] | None,
+    follows: bool,
+) -> Log | None:
+    """None for a mission without a dive or without one of the needed channels."""
+    depth = _filled(signals["measured_depth"])
+    finite = np.isfinite(np.stack([signals[name] for name in NEEDED])).all(axis=0)
+    window = max(round(WINDOW / period), LEAST_WINDOW) | 1
+    if depth is None or len(depth) < 3 * window or np.nanmax(depth) < DIVE_DEPTH:
+        return None
+    pitch, roll, pump = (_filled(signals[f"measured_{n}"]) for n in ("pitch", "roll", "pump"))
+    heading = _filled(np.rad2deg(_unwrapped(signals["measured_heading"])))
+    if pitch is None or roll is None or pump is None or heading is None:
+        return None
+    optional = {name: _filled(signals[name]) for name in OPTIONAL if name in signals}
+    density = optional.get("measured_density")
+    if "measured_density" in signals and density is None:
+        return None
+    use = finite & (depth > SHALLOWEST) & (np.abs(pitch) < MAX_PITCH)
+    if "measured_gap" in signals:
+        use &= ~(np.nan_to_num(signals["measured_gap"], nan=1.0) > 0)
+    roll, pitch, heading = np.deg2rad(roll), np.deg2rad(pitch), np.deg2rad(heading)
+    rotation = optional.get("measured_rotation")
+    return Log(
+        index=row,
+        period=period,
+        depth=depth,
+        depth_rate=savgol_filter(depth, window, 2, deriv=1, delta=period),
+        window=window,
+        density=density,
+        temperature=optional.get("measured_temperature"),
+        pump=pump,
+        roll=roll,
+        pitch=pitch,
+        heading=heading,
+        rates=_rates(optional, roll, pitch, heading, period),
+        shift=optional.get("measured_shift"),
+        rotation=None if rotation is None else np.deg2rad(rotation),
+        use=use,
+        displacement=displacement,
+        follows=follows,
+        true_speed=signals.get("true_speed"),
+    )
+
+
+def _unwrapped(degrees: Array) -> Array:
+    """Heading [rad] without jumps at north; NaN stays NaN."""
+    out = np.full(len(degrees), np.nan)
+    finite = np.isfinite(degrees)
+    out[finite] = np.unwrap(np.deg2rad(degrees[finite]))
+    return out
+
+
+def _rates(
+    optional: dict[str, Array | None], roll: Array, pitch: Array, heading: Array, period: float
+) -> Array:
+    """Body rates (3, time): the gyroscopes', or the slopes of the attitude (Fossen 2011, 2.26)."""
+    gyro = [optional.get(f"measured_{name}_rate") for name in ("roll", "pitch", "yaw")]
+    if all(rate is not None for rate in gyro):
+        return np.stack([np.asarray(rate) for rate in gyro])
+    window = max(round(ATTITUDE_WINDOW / period), LEAST_WINDOW) | 1
+    d_roll, d_pitch, d_heading = (
+        savgol_filter(angle, window, 2, deriv=1, delta=period) for angle in (roll, pitch, heading)
+    )
+    return np.stack(
+        [
+            d_roll - np.sin(pitch) * d_heading,
+            np.cos(roll) * d_pitch + np.sin(roll) * np.cos(pitch) * d_heading,
+            -np.sin(roll) * d_pitch + np.cos(roll) * np.cos(pitch) * d_heading,
+        ]
+    )

@@ -1,1 +1,0 @@
-"""Compiled code that runs inside MuJoCo's step; see `twin.native.plant`."""

@@ -1,0 +1,1 @@
+"""Physics: scenarios flown in MuJoCo, one or many."""

@@ -1,0 +1,99 @@
+"""Log signals: the rows that native code logs, as the named signals of a trajectory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.frames import flip_quaternion, flip_vector, quaternion_to_euler, quaternion_to_matrix
+from twin.physics.native import block as b
+from twin.records.trajectory import Trajectory, sample_times
+from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+
+def from_log(
+    rows: Array,
+    vehicle: Vehicle,
+    *,
+    half_step: float = 0.0,
+    sample_period: float | None = None,
+    **fields: Any,
+) -> Trajectory:
+    """Turn native log rows (time, ROW) into a `Trajectory`.
+
+    `half_step` [s] is how long before its sample a stored velocity holds: half a step in
+    time-centred runs, where velocities live between positions. With a `sample_period` [s] the
+    rows are a run from its start, and times are its multiples: MuJoCo's clock adds up steps and
+    drifts by nanoseconds.
+    """
+    qpos, qvel = rows[:, b.R_QPOS : b.R_QPOS + 9], rows[:, b.R_QVEL : b.R_QVEL + 8]
+    act, ctrl = rows[:, b.R_ACT : b.R_ACT + 3], rows[:, b.R_CTRL : b.R_CTRL + 3]
+    quaternion = flip_quaternion(qpos[:, 3:7])
+    roll, pitch, heading = quaternion_to_euler(quaternion)
+    to_ned = quaternion_to_matrix(quaternion)
+    rate = rows[:, b.R_ACCELERATION : b.ROW]
+    twist = qvel[:, :6] + half_step * rate
+    position, velocity = flip_vector(qpos[:, :3]), flip_vector(twist[:, :3])
+    current = rows[:, b.R_CURRENT : b.R_CURRENT + 3]
+    v_rel = np.einsum("tji,tj->ti", to_ned, velocity - current)
+    rates = flip_vector(twist[:, 3:])
+    acceleration, spin = flip_vector(rate[:, :3]), flip_vector(rate[:, 3:])
+    force = specific_force(to_ned, acceleration, rates, spin, vehicle)
+    degrees = np.rad2deg
+    signals: dict[str, Array] = {}
+
+    def put(prefix: str, names: str, values: Array) -> None:
+        for name, column in zip(names.split(), values.T, strict=True):
+            signals[prefix + name] = column
+
+    put("true_", "north east depth", position)
+    put("true_", "roll pitch heading", degrees(np.stack([roll, pitch, heading], -1)))
+    put("true_", "surge sway heave", v_rel)
+    put("true_velocity_", "north east down", velocity)
+    put("true_", "roll_rate pitch_rate yaw_rate", rates)
+    put("true_specific_force_", "x y z", force)
+    put("true_", "shift rotation pump", act * _ACTUATOR_SCALE)
+    put("true_current_", "north east down", current)
+    for name, column in (
+        ("true_net_mass", b.R_NET_MASS),
+        ("true_density", b.R_DENSITY),
+        ("true_immersion", b.R_IMMERSION),
+        ("commanded_segment", b.R_SEGMENT),
+    ):
+        signals[name] = rows[:, column]
+    put("commanded_", "shift rotation pump", ctrl * _ACTUATOR_SCALE)
+    signals["commanded_pitch"] = degrees(rows[:, b.R_PITCH_SETPOINT])
+    signals["commanded_heading"] = np.mod(degrees(rows[:, b.R_HEADING_SETPOINT]), 360.0)
+    states = np.concatenate([qpos, qvel, act, ctrl], axis=1)
+    time = rows[:, b.R_TIME].copy()
+    if sample_period is not None:
+        time = sample_times(len(rows), sample_period)
+    return Trajectory(time=time, signals=signals, states=states, **fields)
+
+
+_ACTUATOR_SCALE = np.array([1.0, 180.0 / np.pi, 1.0])
+"""Stores give the rotation in degrees."""
+
+
+def specific_force(
+    to_ned: Array, acceleration: Array, rates: Array, spin: Array, vehicle: Vehicle
+) -> Array:
+    """What an accelerometer at the IMU site feels [m/s2], body FRD, shape (time, 3).
+
+    a_CB - g in body axes plus the lever arm: spin x r + omega x (omega x r). At rest and level it
+    is (0, 0, -g).
+
+    Args:
+      to_ned: body to NED, (time, 3, 3).
+      acceleration: of the CB, NED [m/s2], (time, 3).
+      rates: body FRD [rad/s], (time, 3).
+      spin: d(rates)/dt [rad/s2], (time, 3).
+    """
+    gravity = np.array([0.0, 0.0, vehicle.gravity])
+    felt = np.einsum("tji,tj->ti", to_ned, acceleration - gravity)
+    arm = vehicle.imu_position
+    return felt + np.cross(spin, arm) + np.cross(rates, np.cross(rates, arm))

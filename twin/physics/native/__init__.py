@@ -1,0 +1,1 @@
+"""Compiled code that runs inside MuJoCo's step; see `twin.physics.native.plant`."""

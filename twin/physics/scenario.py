@@ -1,0 +1,170 @@
+"""Scenario: everything that one simulated mission depends on, and its JSON description."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from types import NoneType
+from typing import Any
+
+from twin.errors import InputError
+from twin.mission import Mission
+from twin.mission.schedule import Schedule
+from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+from twin.water.current.base import Current, current_from_dict
+from twin.water.current.origin import Origin
+from twin.water.density import DensityProfile
+
+SAMPLE_PERIOD = 0.5
+"""[s], the paper's 2 Hz"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Start:
+    """Where and how a simulation begins."""
+
+    north: float = 0.0
+    """[m]"""
+    east: float = 0.0
+    """[m]"""
+    depth: float = 0.0
+    """[m], of the CB"""
+    roll: float = 0.0
+    """[rad]"""
+    pitch: float = 0.0
+    """[rad]"""
+    heading: float = 0.0
+    """[rad]"""
+    v_rel: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Surge, sway, heave through the water [m/s]; zero drifts with the water."""
+    rates: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Roll, pitch, yaw rate [rad/s], body FRD"""
+    actuators: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """shift [m], rotation [rad], pump [cm3]"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """Everything that one simulated mission depends on."""
+
+    vehicle: Vehicle = dataclasses.field(default_factory=load_vehicle)
+    plan: Mission | Schedule | None = None
+    """Closed-loop mission, open-loop schedule, or None (commands come from a controller)."""
+    duration: float | None = None
+    """[s]; None takes the mission's own."""
+    start: Start | None = None
+    """None takes the mission's start depth and heading, at rest in the water."""
+    current: Current | None = None
+    density: DensityProfile | None = None
+    origin: Origin = dataclasses.field(default_factory=Origin)
+    """Geographic position and time of the start, for gridded currents and tides."""
+    hydrodynamics: str = "coefficients"
+    timestep: float | None = None
+    """[s]; None takes the vehicle file's"""
+    integrator: str | None = None
+    centred: bool = True
+    """Water at the time-centred velocity: second order in the step (docs/physics.md)."""
+    sample_period: float = SAMPLE_PERIOD
+    """[s], a whole number of physics steps"""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.vehicle, str):
+            object.__setattr__(self, "vehicle", load_vehicle(self.vehicle))
+        for name, kinds in (
+            ("vehicle", Vehicle),
+            ("plan", (Mission, Schedule, NoneType)),
+            ("start", (Start, NoneType)),
+            ("current", (Current, NoneType)),
+            ("density", (DensityProfile, NoneType)),
+            ("origin", Origin),
+        ):
+            value = getattr(self, name)
+            if not isinstance(value, kinds):
+                raise InputError(
+                    f"scenario: {name} is {value!r}; give a {name.capitalize()} object"
+                )
+        if not (math.isfinite(self.sample_period) and self.sample_period > 0):
+            raise InputError(f"sample period {self.sample_period} s must be positive and finite")
+
+    @property
+    def open_ended(self) -> bool:
+        """True when the run ends as soon as its mission is flown."""
+        return (
+            self.duration is None
+            and isinstance(self.plan, Mission)
+            and self.plan.duration_s is None
+        )
+
+    def run_time(self) -> float:
+        """Longest duration [s]; raises InputError when neither scenario nor mission gives one."""
+        duration = self.duration
+        if duration is None and isinstance(self.plan, Mission):
+            duration = self.plan.time_limit_s(self.vehicle)
+        if duration is None:
+            raise InputError("give a duration: neither the scenario nor its plan has one")
+        if not (math.isfinite(duration) and duration > 0):
+            raise InputError(f"duration {duration} s must be positive and finite")
+        return float(duration)
+
+    def describe(self) -> dict[str, Any]:
+        """A JSON-able dict from which `scenario_from_dict` rebuilds an equal scenario.
+
+        The vehicle is its MJCF text plus the fields that differ from it; gridded currents are
+        pinned to the content of their file.
+        """
+        duration = self.run_time()
+        current = None
+        if self.current is not None:
+            current = self.current.pinned(duration, self.origin).describe()
+        plan: dict[str, Any] | None = None
+        if self.plan is not None:
+            kind = "mission" if isinstance(self.plan, Mission) else "schedule"
+            plan = {"kind": kind, **self.plan.to_dict()}
+        return {
+            "vehicle": {
+                "name": self.vehicle.name,
+                "mjcf_sha256": hashlib.sha256(self.vehicle.xml.encode()).hexdigest(),
+                "mjcf": self.vehicle.xml,
+                "changes": self.vehicle.changes(),
+            },
+            "plan": plan,
+            "duration": self.duration,
+            "start": None if self.start is None else dataclasses.asdict(self.start),
+            "current": current,
+            "density": None if self.density is None else self.density.describe(),
+            "origin": dataclasses.asdict(self.origin),
+            "hydrodynamics": self.hydrodynamics,
+            "timestep": self.timestep,
+            "integrator": self.integrator,
+            "centred": self.centred,
+            "sample_period": self.sample_period,
+        }
+
+
+def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
+    """Rebuild what `Scenario.describe` wrote; raises InputError kinds when something changed."""
+    entry = data["vehicle"]
+    vehicle = parse_vehicle(entry["mjcf"], Path(f"{entry['name']}.xml"))
+    plan: Mission | Schedule | None = None
+    if data["plan"] is not None:
+        fields = {key: value for key, value in data["plan"].items() if key != "kind"}
+        mission = data["plan"]["kind"] == "mission"
+        plan = Mission.from_dict(fields) if mission else Schedule(**fields)
+    current = data["current"]
+    return Scenario(
+        vehicle=vehicle.with_changes(entry["changes"]),
+        plan=plan,
+        duration=data["duration"],
+        start=None if data["start"] is None else Start(**data["start"]),
+        current=None if current is None else current_from_dict(current),
+        density=None if data["density"] is None else DensityProfile(**data["density"]),
+        origin=Origin(**data["origin"]),
+        hydrodynamics=data["hydrodynamics"],
+        timestep=data["timestep"],
+        integrator=data["integrator"],
+        centred=data["centred"],
+        sample_period=data["sample_period"],
+    )

@@ -1,0 +1,165 @@
+"""Steady states of the MuJoCo twin: fly until the motion settles, then polish the root.
+
+A trim found this way is one that the vehicle reaches by itself, hence stable; the root finder
+only removes what is left of the transient. The Fossen model finds its own independently.
+"""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import NoSteadyState
+from twin.frames import (
+    euler_to_matrix,
+    euler_to_quaternion,
+    flip_quaternion,
+    flip_vector,
+    quaternion_to_euler,
+    quaternion_to_matrix,
+)
+from twin.physics.mujoco_model import compile_model
+from twin.physics.native import block as b
+from twin.physics.quiet import quiet_mujoco
+from twin.physics.steady_motion import Trim, check_trim_request, solve_steady_state
+from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+DEPTH = 1e4
+"""[m] far from the surface; the water has the reference density at every depth here"""
+SETTLED = 1e-4
+"""Largest change of speed [m/s], rates [rad/s] and attitude [rad] over WINDOW once settled"""
+WINDOW = 60.0
+"""[s]"""
+PATIENCE = 3600.0
+"""[s] a glider that still has not settled after an hour has no usable steady state"""
+START_SPEED, START_PITCH = 0.3, 0.5
+"""[m/s], [rad]: released gliding in the direction that its buoyancy drives"""
+NEUTRAL = 1e-9
+"""[kg] below this net mass nothing drives a glide"""
+SAME_MOTION = 0.02
+"""Largest distance [m/s, rad, rad/s] between the flown motion and the polished root"""
+
+
+class LockedGlider:
+    """Accelerations of the twin with the battery locked, straight from MuJoCo."""
+
+    def __init__(self, vehicle: Vehicle, hydrodynamics: str, actuators: Array):
+        self.model = compile_model(
+            vehicle.replace(hull_compressibility=0.0), hydrodynamics=hydrodynamics, lean=True
+        )
+        self.data = mujoco.MjData(self.model)
+        self.data.act[:] = self.data.ctrl[:] = actuators
+        self.data.qpos[2] = -DEPTH
+        self.data.qpos[7:9] = actuators[:2]
+        self._battery = actuators[:2].copy()
+        self._mass = np.zeros((self.model.nv, self.model.nv))
+
+    def residual(self, x: Array) -> Array:
+        """Body-fixed accelerations, shape (6,), of (u, v, w, roll, pitch, turn rate)."""
+        roll, pitch, turn = x[3:]
+        to_ned = euler_to_matrix(roll, pitch, 0.0)
+        rates = turn * to_ned[2]  # the vertical in body axes
+        velocity = to_ned @ x[:3]
+        data = self.data
+        data.qpos[3:7] = flip_quaternion(euler_to_quaternion(roll, pitch, 0.0))
+        data.qvel[:3], data.qvel[3:6] = flip_vector(velocity), flip_vector(rates)
+        data.qpos[7:9], data.qvel[6:] = self._battery, 0.0  # without the servo's sag
+        mujoco.mj_forward(self.model, data)
+        mujoco.mj_fullM(self.model, data, self._mass)
+        force = data.qfrc_smooth[:6]
+        acceleration = np.linalg.solve(self._mass[:6, :6], force)
+        turning = np.array([-turn * velocity[1], turn * velocity[0], 0.0])
+        linear = to_ned.T @ (flip_vector(acceleration[:3]) - turning)
+        return np.concatenate([linear, flip_vector(acceleration[3:])])
+
+    def motion(self) -> Array:
+        """(u, v, w, roll, pitch, turn rate) of the current data."""
+        quaternion = flip_quaternion(self.data.qpos[3:7])
+        to_ned = quaternion_to_matrix(quaternion)
+        roll, pitch, _ = quaternion_to_euler(quaternion)
+        v_rel = to_ned.T @ flip_vector(self.data.qvel[:3])
+        turn = (to_ned @ flip_vector(self.data.qvel[3:6]))[2]
+        return np.array([*v_rel, roll, pitch, turn])
+
+
+def trim(
+    vehicle: Vehicle,
+    shift: float,
+    rotation: float,
+    net_mass: float,
+    *,
+    hydrodynamics: str = "coefficients",
+) -> Trim:
+    """The steady motion that the twin settles into at fixed actuators.
+
+    Args:
+      shift: [m]. rotation: [rad]. net_mass: [kg], positive = heavy.
+
+    Raises:
+      InputError: outside the actuators' travel. NoSteadyState: it does not settle, and how.
+    """
+    check_trim_request(vehicle, shift, rotation, net_mass)
+    if abs(net_mass) < NEUTRAL:
+        raise NoSteadyState(
+            "net mass 0 kg: a neutrally buoyant glider has no force to glide with; "
+            "give a net mass above or below 0"
+        )
+    actuators = np.array([shift, rotation, vehicle.pump_for_net_mass(net_mass)])
+    glider = LockedGlider(vehicle, hydrodynamics, actuators)
+    with quiet_mujoco():
+        settled = _fly_until_settled(glider, math.copysign(1.0, net_mass))
+    request = (
+        f"shift {shift:g} m, rotation {math.degrees(rotation):g} deg, net mass {net_mass:g} kg"
+    )
+    if glider.data.userdata[b.U_FAILED]:
+        raise NoSteadyState(
+            f"no steady state at {request}: the simulation went unstable at "
+            f"{glider.data.userdata[b.U_FAIL_TIME]:.1f} s; check the vehicle's parameters, "
+            "integrator and timestep"
+        )
+    if settled is None:
+        last = glider.motion()
+        raise NoSteadyState(
+            f"no steady state at {request}: after {PATIENCE:.0f} s the glider moves unsteadily "
+            f"(pitch {math.degrees(last[4]):.1f} deg, roll {math.degrees(last[3]):.1f} deg, speed "
+            f"{np.linalg.norm(last[:3]):.2f} m/s); turn the rotation less or move the shift"
+        )
+    if settled[0] <= 0.0:
+        raise NoSteadyState(
+            f"no forward steady state at {request}: the glider falls tail first (angle of attack "
+            f"{math.degrees(math.atan2(settled[2], settled[0])):.0f} deg), where the coefficients "
+            "say nothing; move the shift forward to dive or aft to climb"
+        )
+    roots = solve_steady_state(glider.residual, [settled])
+    if not roots or np.abs(roots[0] - settled).max() > SAME_MOTION:
+        raise NoSteadyState(
+            f"no steady state at {request}: the flown motion (pitch "
+            f"{math.degrees(settled[4]):.1f} deg) is not a root of the equations of motion"
+        )
+    x = roots[0]
+    return Trim.from_motion(
+        v_rel=x[:3], roll=x[3], pitch=x[4], turn_rate=x[5], linear_angle=vehicle.linear_angle
+    )
+
+
+def _fly_until_settled(glider: LockedGlider, sinking: float) -> Array | None:
+    """Release the glider and step it; the settled motion, or None after PATIENCE."""
+    model, data = glider.model, glider.data
+    pitch = -sinking * START_PITCH
+    velocity = euler_to_matrix(0.0, pitch, 0.0) @ np.array([START_SPEED, 0.0, 0.0])
+    data.qpos[3:7] = flip_quaternion(euler_to_quaternion(0.0, pitch, 0.0))
+    data.qvel[:3] = flip_vector(velocity)
+    steps = round(WINDOW / model.opt.timestep)
+    before = np.full(6, np.inf)
+    while data.time < PATIENCE and not data.userdata[b.U_FAILED]:
+        mujoco.mj_step(model, data, nstep=steps)
+        now = glider.motion()
+        if np.abs(now - before).max() < SETTLED:
+            return now
+        before = now
+    return None

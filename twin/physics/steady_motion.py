@@ -1,0 +1,144 @@
+"""The steady motion of a glider at fixed actuator positions: its figures, and a root finder.
+
+Both models (the MuJoCo twin and the Fossen equations) answer with the same `Trim`, so that
+their steady states can be compared field by field.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from twin.errors import InputError
+
+if TYPE_CHECKING:
+    from twin.vehicle.vehicle import Vehicle
+
+STRAIGHT_TURN_RATE = 1e-8
+"""[rad/s] below this the track is called straight: the radius would exceed 10 000 km."""
+
+RESIDUAL_TOLERANCE = 1e-9
+"""[m/s2, rad/s2] largest acceleration that still counts as steady; a glider that kept it for
+an hour would change its speed by 4 micrometres per second."""
+
+DISTINCT_ROOTS = 1e-6
+"""Two roots closer than this in every unknown are the same motion."""
+
+LIMIT_SLACK = 1e-9
+"""Part of an actuator's travel by which a value may exceed it through rounding."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trim:
+    """A steady glide or spiral through the water, independent of heading and current."""
+
+    speed_m_s: float
+    """speed through the water [m/s]"""
+    angle_of_attack_deg: float
+    """atan2(heave, surge) [deg]"""
+    sideslip_deg: float
+    """asin(sway / speed) [deg]"""
+    roll_deg: float
+    """roll, positive to starboard [deg]"""
+    pitch_deg: float
+    """pitch, positive nose up [deg]"""
+    turn_rate_rad_s: float
+    """rate of heading about the vertical, positive to starboard [rad/s]"""
+    turn_radius_m: float | None
+    """horizontal speed / |turn rate| [m]; None when the track is straight"""
+    vertical_speed_m_s: float
+    """rate of depth [m/s], positive down"""
+    in_identified_range: bool
+    """whether angle of attack and sideslip lie where the coefficients were identified"""
+
+    @classmethod
+    def from_motion(
+        cls,
+        *,
+        v_rel: ArrayLike,
+        roll: float,
+        pitch: float,
+        turn_rate: float,
+        linear_angle: float,
+    ) -> Trim:
+        """Derive the figures from a steady motion.
+
+        `v_rel` [m/s], shape (3,), body FRD, through the water; `roll`, `pitch` [rad];
+        `turn_rate` [rad/s] about the vertical; `linear_angle` [rad] bounds the identified
+        range (`Vehicle.linear_angle`).
+        """
+        u, v, w = (float(component) for component in np.asarray(v_rel, dtype=float))
+        roll, pitch, turn_rate = float(roll), float(pitch), float(turn_rate)
+        speed = math.sqrt(u * u + v * v + w * w)
+        if not speed > 0.0:
+            raise InputError("a steady motion needs a speed above 0 m/s to have flow angles")
+        alpha = math.atan2(w, u)
+        beta = math.asin(max(-1.0, min(1.0, v / speed)))
+        down = -math.sin(pitch) * u + math.cos(pitch) * (math.sin(roll) * v + math.cos(roll) * w)
+        horizontal = math.sqrt(max(speed * speed - down * down, 0.0))
+        straight = abs(turn_rate) < STRAIGHT_TURN_RATE
+        return cls(
+            speed_m_s=speed,
+            angle_of_attack_deg=math.degrees(alpha),
+            sideslip_deg=math.degrees(beta),
+            roll_deg=math.degrees(roll),
+            pitch_deg=math.degrees(pitch),
+            turn_rate_rad_s=turn_rate,
+            turn_radius_m=None if straight else horizontal / abs(turn_rate),
+            vertical_speed_m_s=down,
+            in_identified_range=max(abs(alpha), abs(beta)) <= linear_angle,
+        )
+
+
+def check_trim_request(vehicle: Vehicle, shift: float, rotation: float, net_mass: float) -> None:
+    """Raise InputError when `shift` [m], `rotation` [rad] or `net_mass` [kg] is not reachable.
+
+    The net mass is bounded by the pump: net mass = - reference density * pumped volume.
+    """
+    per_pump = -1e-6 * vehicle.reference_density
+    wanted = (
+        ("shift", shift, "m", 1.0),
+        ("rotation", rotation, "deg", math.degrees(1.0)),
+        ("net mass", net_mass, "kg", per_pump),
+    )
+    for index, (name, value, unit, scale) in enumerate(wanted):
+        in_unit = float(value) * (scale if unit == "deg" else 1.0)
+        limits = sorted(
+            scale * float(limit[index]) for limit in (vehicle.actuator_min, vehicle.actuator_max)
+        )
+        low, high = limits
+        slack = LIMIT_SLACK * (high - low)
+        if not low - slack <= in_unit <= high + slack:
+            raise InputError(
+                f"{name} {in_unit:g} {unit} is outside the travel of vehicle {vehicle.name!r}: "
+                f"give a value from {low:g} to {high:g} {unit}"
+            )
+
+
+def solve_steady_state(
+    residual: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    guesses: Iterable[ArrayLike],
+) -> list[NDArray[np.float64]]:
+    """Every distinct root of `residual` that Powell's hybrid method reaches from `guesses`.
+
+    `residual` maps n unknowns to n accelerations; a root is kept when all of them are below
+    `RESIDUAL_TOLERANCE`. An empty list says that no guess led to one.
+    """
+    from scipy.optimize import root
+
+    roots: list[NDArray[np.float64]] = []
+    for guess in guesses:
+        # hybr stalls at its noise floor and then reports failure: the residual decides.
+        found: Any = root(residual, np.asarray(guess, dtype=float), method="hybr", tol=1e-13)
+        if not np.all(np.isfinite(found.x)):
+            continue
+        if np.max(np.abs(residual(found.x))) > RESIDUAL_TOLERANCE:
+            continue
+        if all(np.max(np.abs(found.x - other)) > DISTINCT_ROOTS for other in roots):
+            roots.append(np.asarray(found.x, dtype=float))
+    return roots

@@ -1,0 +1,65 @@
+"""Current profile: what the water did at the depths that the glider passed."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from twin.plot import style
+from twin.records.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+MOST_BINS = 40
+"""Depth bins of the mean profile; at least BIN_LEAST metres each."""
+BIN_LEAST = 1.0
+"""[m]"""
+
+
+def mean_profile(
+    depth: Array, *values: Array, bins: int = MOST_BINS
+) -> tuple[Array, tuple[Array, ...]]:
+    """Means of `values` in equal depth bins; empty bins are left out.
+
+    Returns the bins' centres [m], shape (n,), and the means, each (n,).
+    """
+    deepest = max(float(np.nanmax(depth)), BIN_LEAST)
+    count = int(np.clip(deepest / BIN_LEAST, 1, bins))
+    edges = np.linspace(0.0, deepest, count + 1)
+    index = np.clip(np.digitize(depth, edges) - 1, 0, count - 1)
+    samples = np.bincount(index, minlength=count)
+    full = samples > 0
+    centres = (edges[:-1] + edges[1:]) / 2
+    means = tuple(
+        np.bincount(index, weights=v, minlength=count)[full] / samples[full] for v in values
+    )
+    return centres[full], means
+
+
+def current_figure(trajectory: Trajectory) -> Figure:
+    """North and east current against depth: every sample faint, the mean of each depth bold."""
+    with style.styled():
+        figure = style.new_figure(height=3.2)
+        draw_current(figure.add_subplot(), trajectory)
+    return figure
+
+
+def draw_current(axes: Axes, trajectory: Trajectory) -> None:
+    """Draw the profile into `axes`."""
+    depth = trajectory["true_depth"]
+    components = (
+        ("true_current_north", "north", style.PALETTE["blue"]),
+        ("true_current_east", "east", style.PALETTE["vermillion"]),
+    )
+    centres, means = mean_profile(depth, *(trajectory[name] for name, _, _ in components))
+    for (name, label, colour), mean in zip(components, means, strict=True):
+        values, where = style.thin(trajectory[name], depth, most=3000)
+        axes.plot(values, where, ".", ms=1.5, color=colour, alpha=0.15, rasterized=True)
+        axes.plot(mean, centres, color=colour, lw=1.8, label=f"{label}ward")
+    axes.axvline(0.0, color=style.GUIDE, lw=0.7, zorder=1)
+    style.depth_axis(axes, float(np.nanmax(depth)))
+    style.pad_limits(axes, least=0.05, which="x")
+    axes.set_xlabel("current [m/s]")
+    axes.legend(loc="best")

@@ -1,0 +1,1 @@
+"""Records: what a mission was, in memory and in stores."""

@@ -1,0 +1,259 @@
+"""Store: missions in zarr, read and written with the schema; `xarray.open_zarr` just works.
+
+Layout: arrays (mission, time) in float32 with NaN padding, `n_samples(mission)`, `time` in
+seconds since each mission's start, `state(mission, time, state)` in float64 with MuJoCo's exact
+state, and attributes that say what the data are. The factory writes the same layout in bulk.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.errors import StoreError
+from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES
+from twin.records.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+STATE, STATES, N_SAMPLES = "state", "simulation_state", "n_samples"
+STATE_COLUMNS = (
+    *("x", "y", "z", "qw", "qx", "qy", "qz", "battery_shift", "battery_rotation"),
+    *("vx", "vy", "vz", "wx", "wy", "wz", "battery_shift_rate", "battery_rotation_rate"),
+    *("act_shift", "act_rotation", "act_pump", "ctrl_shift", "ctrl_rotation", "ctrl_pump"),
+)
+"""Columns of `simulation_state`: qpos, qvel, act, ctrl (x north, y west, z up; SI, rad, cm3)."""
+
+UNFINISHED = ".generating"
+"""Folder inside a store that the factory has begun and not completed."""
+
+IMPORT_REPORT = "import_report"
+"""Attribute that stores of logs have and simulated ones have not."""
+SCHEMA = "schema"
+"""Attribute that says whose layout a store has."""
+
+GLOBAL_ATTRIBUTES = {
+    "Conventions": "CF-1.11",
+    SCHEMA: "glider-twin missions",
+    "schema_version": SCHEMA_VERSION,
+    "title": "Simulated underwater glider missions",
+    "comment": "Simulated data. NED frame with its origin at each mission's start; body axes "
+    "forward, starboard, down about the centre of buoyancy.",
+}
+
+
+def mission_dataset(
+    trajectories: Sequence[Trajectory],
+    *,
+    parameters: Sequence[Mapping[str, float]] | None = None,
+    attributes: Mapping[str, Any] | None = None,
+) -> xr.Dataset:
+    """The trajectories as one dataset of the schema, padded with NaN to the longest."""
+    import xarray as xr
+
+    longest = max(len(t.time) for t in trajectories)
+    coordinates = {
+        MISSION: (MISSION, np.arange(len(trajectories)), {"long_name": "mission index"}),
+        TIME: (
+            TIME,
+            max((t.time for t in trajectories), key=len),
+            {"units": "s", "long_name": "time since the start of the mission"},
+        ),
+    }
+    variables: dict[str, Any] = {
+        N_SAMPLES: (
+            MISSION,
+            np.array([len(t.time) for t in trajectories], np.int32),
+            {"units": "1", "long_name": "samples of the mission; later ones are padding"},
+        )
+    }
+    for name, entry in VARIABLES.items():
+        if not any(name in t.signals for t in trajectories):
+            continue
+        values = np.full((len(trajectories), longest), np.nan, np.float32)
+        for i, trajectory in enumerate(trajectories):
+            if name in trajectory.signals:
+                values[i, : len(trajectory.time)] = trajectory.signals[name]
+        variables[name] = ((MISSION, TIME), values, entry.attributes())
+    states = np.full((len(trajectories), longest, len(STATE_COLUMNS)), np.nan)
+    for i, trajectory in enumerate(trajectories):
+        states[i, : len(trajectory.time)] = trajectory.states
+    variables[STATES] = (
+        (MISSION, TIME, STATE),
+        states,
+        {
+            "units": "1",
+            "long_name": "exact MuJoCo state, for replay and rendering",
+            "columns": " ".join(STATE_COLUMNS),
+        },
+    )
+    dataset = xr.Dataset(variables, coordinates, {**GLOBAL_ATTRIBUTES, **(attributes or {})})
+    for name in sorted({key for row in parameters or () for key in row}):
+        values = np.array([row.get(name, np.nan) for row in parameters or ()])
+        dataset[name] = (MISSION, values)
+    return dataset
+
+
+def write_store(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write a dataset as a zarr store.
+
+    Raises:
+      StoreError: something else than a store is in the way, it exists and `overwrite` is False,
+        or the disk refuses.
+    """
+    path = Path(path)
+    prepare_target(path, overwrite=overwrite)
+    try:
+        with warnings.catch_warnings():
+            # consolidated metadata lets `xarray.open_zarr(path)` open without options; zarr 3 warns
+            # that its specification does not name it yet
+            warnings.filterwarnings("ignore", "Consolidated metadata")
+            dataset.to_zarr(path, mode="w", zarr_format=3, consolidated=True)
+    except OSError as error:
+        raise StoreError(f"cannot write store {path}: {error.strerror or error}") from error
+    return path
+
+
+def prepare_target(path: Path, *, overwrite: bool) -> None:
+    """Make sure that a new store can be written at `path`; removes an old store on `overwrite`."""
+    if path.exists():
+        if not is_store(path):
+            raise StoreError(
+                f"{path} exists and is not a whole store; remove it by hand or choose another --out"
+            )
+        if not overwrite:
+            raise StoreError(f"store {path} already exists; use --overwrite or another --out")
+        shutil.rmtree(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StoreError(f"cannot create {path.parent}: {error.strerror or error}") from error
+
+
+def is_store(path: str | Path) -> bool:
+    """True when `path` is a folder that holds a zarr v3 group, an empty folder included."""
+    path = Path(path)
+    return path.is_dir() and ((path / "zarr.json").is_file() or not any(path.iterdir()))
+
+
+def open_store(path: str | Path) -> xr.Dataset:
+    """Open a store lazily.
+
+    Raises:
+      StoreError: missing, not a store of this schema, or written by a newer version.
+    """
+    import xarray as xr
+
+    path = Path(path)
+    if not path.exists():
+        raise StoreError(f"no store at {path}; make one with `factory generate --out {path}`")
+    if (path / UNFINISHED).is_dir() and not (path / "zarr.json").is_file():
+        raise StoreError(
+            f"store {path} is incomplete: the `factory generate` command that began it, with "
+            "--resume, completes it"
+        )
+    if not (path / "zarr.json").is_file():
+        raise StoreError(f"{path} is not a zarr v3 store; give the folder that ends in .zarr")
+    try:
+        metadata = json.loads((path / "zarr.json").read_text())
+    except (ValueError, OSError) as error:
+        raise StoreError(
+            f"store {path} is damaged: its zarr.json cannot be read ({error}); make it anew"
+        ) from error
+    try:
+        version = int(metadata["attributes"]["schema_version"])
+    except (KeyError, ValueError, TypeError) as error:
+        raise StoreError(
+            f"store {path} does not say its schema_version; it is not ours or damaged"
+            f" ({type(error).__name__})"
+        ) from error
+    if version > SCHEMA_VERSION:
+        raise StoreError(
+            f"store {path} has schema version {version}, this program reads up to "
+            f"{SCHEMA_VERSION}; upgrade glider-twin"
+        )
+    try:
+        return xr.open_zarr(path, consolidated=None)
+    except Exception as error:
+        raise StoreError(f"store {path} cannot be read: {' '.join(str(error).split())}") from error
+
+
+def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
+    """One mission of a store.
+
+    Raises:
+      StoreError: as `open_store`, there is no such mission (the range is named), or the store is
+        damaged: an array is gone, cannot be decoded or has gaps where samples must be.
+    """
+    dataset = open_store(path)
+    count = dataset.sizes.get(MISSION, 0)
+    if not 0 <= mission < count:
+        raise StoreError(f"store {path} has missions 0 to {count - 1}, not {mission}")
+    check_arrays(dataset, path)
+    one = dataset.isel({MISSION: mission})
+    samples = _samples(one, path, mission)
+    one = one.isel({TIME: slice(0, samples)})
+    signals = {name: read_array(one, name, path).astype(float) for name in VARIABLES if name in one}
+    states = read_array(one, STATES, path) if STATES in one else np.zeros((0, len(STATE_COLUMNS)))
+    if not np.isfinite(states).all():
+        raise StoreError(f"store {path} is damaged: {STATES} of mission {mission} has gaps")
+    return Trajectory(
+        time=read_array(one, TIME, path).astype(float),
+        signals=signals,
+        states=states,
+        provenance=dict(dataset.attrs),
+    )
+
+
+def gone_arrays(dataset: xr.Dataset, path: str | Path) -> list[str]:
+    """Arrays that the store's metadata name and whose files are gone: they would read as NaN.
+
+    Args:
+      dataset: as `open_store` gave it.
+    """
+    names = map(str, dataset.variables)
+    return [name for name in names if not (Path(path) / name / "zarr.json").is_file()]
+
+
+def check_arrays(dataset: xr.Dataset, path: str | Path) -> None:
+    """Raise StoreError that names the first of `gone_arrays`, when there is one."""
+    for name in gone_arrays(dataset, path)[:1]:
+        raise StoreError(f"store {path} is damaged: its array {name} is gone; make it anew")
+
+
+def _samples(one: xr.Dataset, path: str | Path, mission: int) -> int:
+    """The number of samples of a mission, which must fit the store's arrays."""
+    if N_SAMPLES not in one:
+        raise StoreError(f"store {path} is damaged: it has no array {N_SAMPLES}")
+    samples = int(np.nan_to_num(read_array(one, N_SAMPLES, path), nan=0.0))
+    if not 0 < samples <= one.sizes[TIME]:
+        raise StoreError(
+            f"store {path} is damaged: mission {mission} has {samples} of at most "
+            f"{one.sizes[TIME]} samples"
+        )
+    return samples
+
+
+def read_array(dataset: xr.Dataset, name: str, path: str | Path) -> np.ndarray:
+    """An array of a store that `open_store` opened, or of some of its missions.
+
+    Raises:
+      StoreError: its files are gone or cannot be decoded.
+    """
+    if not (Path(path) / name / "zarr.json").is_file():
+        raise StoreError(f"store {path} is damaged: its array {name} is gone; make it anew")
+    try:
+        return np.asarray(dataset[name].values)
+    except Exception as error:  # whatever a decoder raises means damaged files
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise StoreError(
+            f"store {path} is damaged: its array {name} cannot be read ({why}); make it anew, or "
+            "bring back its files from a copy"
+        ) from error

@@ -1,0 +1,38 @@
+"""Summary: the figures of one mission that a pilot looks at first."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from twin.records.trajectory import Trajectory
+
+
+def summarise(trajectory: Trajectory) -> dict[str, Any]:
+    """Figures of a trajectory: SI units and degrees, as the names say."""
+    t = trajectory
+    position, v_rel = t.position, t.v_rel
+    speed = np.linalg.norm(v_rel, axis=1)
+    horizontal = np.hypot(*np.diff(position[:, :2], axis=0).T).sum()
+    alpha = np.rad2deg(np.arctan2(v_rel[:, 2], v_rel[:, 0]))
+    return {
+        "ended": str(t.provenance.get("ended", "unknown")),
+        "last_segment": int(t["commanded_segment"][-1]),
+        "samples": len(t.time),
+        "duration_s": float(t.time[-1]),
+        "distance_through_water_m": float(t.distance_through_water()[-1]),
+        "horizontal_distance_m": float(horizontal),
+        "end_north_m": float(position[-1, 0]),
+        "end_east_m": float(position[-1, 1]),
+        "end_depth_m": float(position[-1, 2]),
+        "max_depth_m": float(position[:, 2].max()),
+        "mean_speed_m_s": float(speed.mean()),
+        "max_speed_m_s": float(speed.max()),
+        "min_pitch_deg": float(t["true_pitch"].min()),
+        "max_pitch_deg": float(t["true_pitch"].max()),
+        "max_roll_deg": float(np.abs(t["true_roll"]).max()),
+        "angle_of_attack_p98_deg": float(np.percentile(np.abs(alpha), 98)),
+        "mean_current_north_m_s": float(t["true_current_north"].mean()),
+        "mean_current_east_m_s": float(t["true_current_east"].mean()),
+    }

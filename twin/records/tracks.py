@@ -1,0 +1,200 @@
+"""Tracks: dead-reckoned tracks read from a file, to be drawn beside the true one.
+
+One file holds any number of named tracks. Formats, told apart by the name's ending:
+
+- `.nc`, `.zarr`: an xarray dataset with variables `<name>_north` and `<name>_east` [m], dims
+  (mission, time) or (time), and a coordinate `time` [s]. `mission` selects the row; a coordinate
+  `mission` is looked up by value when there is one.
+- `.npz`: arrays of those names, shapes (time,) or (mission, time), `time` and optionally `mission`.
+- `.csv`: a header with columns `time`, `north`, `east` and optionally `track` (the name) and
+  `mission`; one row per sample, in time order within each track.
+
+Positions are metres north and east of the mission's start; time is seconds since its start.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, unknown_name
+from twin.records.store import GLOBAL_ATTRIBUTES, SCHEMA
+
+Array = NDArray[np.float64]
+
+NORTH, EAST = "_north", "_east"
+"""Endings of a track's two variables."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class NamedTrack:
+    """One horizontal track with the name that legends show."""
+
+    name: str
+    time: Array
+    """[s] since the mission's start, increasing, shape (time,)"""
+    north: Array
+    """[m] from the start, shape (time,)"""
+    east: Array
+    """[m] from the start, shape (time,)"""
+
+    def __post_init__(self) -> None:
+        shapes = {a.shape for a in (self.time, self.north, self.east)}
+        if len(shapes) != 1 or self.time.ndim != 1 or len(self.time) < 2:
+            raise InputError(
+                f"track {self.name!r}: time, north and east must be of one shape (time,) with at "
+                f"least 2 samples, got {', '.join(str(s) for s in sorted(shapes))}"
+            )
+        if not (np.diff(self.time) > 0).all():
+            raise InputError(f"track {self.name!r}: its times must increase")
+
+    @property
+    def title(self) -> str:
+        """The name as people read it."""
+        return self.name.replace("_", " ")
+
+    def at(self, time: Array) -> tuple[Array, Array]:
+        """North and east [m] at `time` [s]; NaN outside the track."""
+        return (
+            np.interp(time, self.time, self.north, left=np.nan, right=np.nan),
+            np.interp(time, self.time, self.east, left=np.nan, right=np.nan),
+        )
+
+
+def read_tracks(path: Path | str, mission: int = 0) -> list[NamedTrack]:
+    """The tracks of `mission` in the file at `path`, in the file's order; formats as above.
+
+    Raises:
+      InputError: no such file or mission, unknown format, missing or malformed columns.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise InputError(f"no track file at {path}")
+    readers: dict[str, Callable[[Path, int], list[NamedTrack]]] = {
+        ".nc": _read_dataset,
+        ".zarr": _read_dataset,
+        ".npz": _read_npz,
+        ".csv": _read_csv,
+    }
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(
+            f"track file {path.name}: the ending must be one of {', '.join(sorted(readers))}"
+        )
+    tracks = reader(path, mission)
+    if not tracks:
+        raise InputError(
+            f"track file {path.name}: no track of mission {mission}; it needs variables "
+            f"NAME{NORTH} and NAME{EAST}, or CSV columns time, north, east"
+        )
+    return tracks
+
+
+def choose_tracks(tracks: Sequence[NamedTrack], names: str | None) -> list[NamedTrack]:
+    """The tracks named in `names` (separated by commas), in that order; None takes all.
+
+    Raises:
+      InputError: no track of that name.
+    """
+    if names is None:
+        return list(tracks)
+    by_name = {track.name: track for track in tracks}
+    wanted = [name.strip() for name in names.split(",")]
+    for name in wanted:
+        if name not in by_name:
+            raise InputError(unknown_name("track", name, by_name))
+    return [by_name[name] for name in dict.fromkeys(wanted)]
+
+
+def _read_dataset(path: Path, mission: int) -> list[NamedTrack]:
+    import xarray
+
+    try:
+        dataset = xarray.open_dataset(path, engine="zarr" if path.suffix == ".zarr" else None)
+    except (OSError, ValueError) as error:
+        raise InputError(f"track file {path.name} cannot be read: {error}") from error
+    with dataset:
+        if dataset.attrs.get(SCHEMA) == GLOBAL_ATTRIBUTES[SCHEMA]:
+            raise InputError(
+                f"{path} is a store of missions, not a file of dead-reckoned tracks; `learn "
+                "evaluate --tracks FILE` writes one"
+            )
+        names = [str(n) for n in dataset.variables]
+        arrays = {
+            n: np.asarray(dataset[n].values, float)
+            for n in names
+            if n.endswith((NORTH, EAST)) or n in ("time", "mission")
+        }
+    return _collect(arrays, mission, path)
+
+
+def _read_npz(path: Path, mission: int) -> list[NamedTrack]:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: np.asarray(file[name], float) for name in file.files}
+    except (OSError, ValueError) as error:
+        raise InputError(f"track file {path.name} cannot be read: {error}") from error
+    return _collect(arrays, mission, path)
+
+
+def _collect(arrays: Mapping[str, Array], mission: int, path: Path) -> list[NamedTrack]:
+    if "time" not in arrays:
+        raise InputError(f"track file {path.name}: no variable 'time' [s]")
+    tracks = []
+    for name in (n.removesuffix(NORTH) for n in arrays if n.endswith(NORTH)):
+        if name + EAST not in arrays:
+            raise InputError(f"track file {path.name}: {name}{NORTH} lacks its {name}{EAST}")
+        north, east, time = (
+            _row(arrays[n], arrays.get("mission"), mission, path)
+            for n in (name + NORTH, name + EAST, "time")
+        )
+        tracks.append(_finite(name, time, north, east))
+    return tracks
+
+
+def _row(values: Array, missions: Array | None, mission: int, path: Path) -> Array:
+    """The mission's row of an array that has a mission axis, else the array."""
+    if values.ndim == 1:
+        return values
+    index = mission
+    if missions is not None and missions.shape == values.shape[:1]:
+        found = np.flatnonzero(missions == mission)
+        index = int(found[0]) if len(found) else -1
+    if not 0 <= index < len(values):
+        known = "" if missions is None else f" (it holds {', '.join(f'{m:g}' for m in missions)})"
+        raise InputError(f"track file {path.name}: no mission {mission}{known}")
+    return np.asarray(values[index])
+
+
+def _read_csv(path: Path, mission: int) -> list[NamedTrack]:
+    rows: dict[str, list[tuple[float, float, float]]] = {}
+    with path.open(newline="", encoding="utf-8") as file:
+        reader = csv.DictReader(file)
+        missing = {"time", "north", "east"} - set(reader.fieldnames or ())
+        if missing:
+            raise InputError(f"track file {path.name}: no column {', '.join(sorted(missing))}")
+        for line, row in enumerate(reader, start=2):
+            try:
+                if int(row.get("mission") or mission) != mission:
+                    continue
+                sample = (float(row["time"]), float(row["north"]), float(row["east"]))
+            except (TypeError, ValueError) as error:
+                raise InputError(f"track file {path.name}, line {line}: {error}") from error
+            rows.setdefault(row.get("track") or path.stem, []).append(sample)
+    return [_finite(name, *np.array(samples).T) for name, samples in rows.items()]
+
+
+def _finite(name: str, time: Array, north: Array, east: Array) -> NamedTrack:
+    """The track without the NaN padding that stores have."""
+    if not time.shape == north.shape == east.shape:
+        raise InputError(
+            f"track {name!r}: {north.shape} north, {east.shape} east, {time.shape} time "
+            "must be of one shape"
+        )
+    keep = np.isfinite(time) & np.isfinite(north) & np.isfinite(east)
+    return NamedTrack(name=name, time=time[keep], north=north[keep], east=east[keep])

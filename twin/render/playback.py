@@ -1,0 +1,141 @@
+"""Replay: a trajectory at the times of the frames, gaps closed and ready to draw."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector
+from twin.records.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+NEEDED = ("north", "east", "depth", "roll", "pitch", "heading")
+"""Signals without which nothing can be drawn; true ones, or measured ones in real logs."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Poses:
+    """Where the glider is at some times, NED and FRD; angles in degrees as in stores."""
+
+    time: Array
+    """[s], shape (n,)"""
+    position: Array
+    """North, east, depth [m], shape (n, 3)"""
+    quaternion: Array
+    """Hull to MuJoCo's world (w, x, y, z), shape (n, 4)"""
+    battery: Array
+    """Shift [m] and rotation [rad], shape (n, 2)"""
+    roll: Array
+    pitch: Array
+    heading: Array
+    """[degree], shape (n,)"""
+    speed: Array
+    """[m/s] through the water, shape (n,); NaN where unknown"""
+    net_mass: Array
+    """[kg], positive is heavy, shape (n,); NaN where unknown"""
+    current: Array
+    """North, east [m/s], shape (n, 2); NaN where unknown"""
+
+
+def poses(trajectory: Trajectory, times: Array) -> Poses:
+    """The trajectory interpolated to `times` [s].
+
+    The pose comes from the recorded MuJoCo states, so that at a recorded time it is that state to
+    the bit; where a store has none (real logs), it comes from the attitude and position signals.
+
+    Raises:
+      InputError: a needed signal is missing or never finite.
+    """
+    recorded = trajectory.time
+    if len(recorded) < 2:
+        raise InputError("this mission has fewer than 2 samples: nothing to draw")
+    if len(trajectory.states) == len(recorded):
+        quaternions = trajectory.states[:, 3:7]
+        position = flip_vector(trajectory.states[:, :3])
+        battery = trajectory.states[:, 7:9]
+    else:
+        signals = {name: signal(trajectory, name) for name in NEEDED}
+        angles = (np.deg2rad(signals[name]) for name in ("roll", "pitch", "heading"))
+        quaternions = flip_quaternion(euler_to_quaternion(*angles))
+        position = np.stack([signals[name] for name in ("north", "east", "depth")], axis=-1)
+        battery = np.stack(
+            [optional(trajectory, "shift", 0.0), np.deg2rad(optional(trajectory, "rotation", 0.0))],
+            axis=-1,
+        )
+    velocity = [optional(trajectory, name, np.nan) for name in ("surge", "sway", "heave")]
+    speed = np.sqrt(np.sum(np.square(velocity), axis=0))
+    current = np.stack(
+        [optional(trajectory, f"current_{n}", np.nan) for n in ("north", "east")], axis=-1
+    )
+    heading = np.unwrap(signal(trajectory, "heading"), period=360.0)
+    return Poses(
+        time=times,
+        position=_interpolate(times, recorded, position),
+        quaternion=interpolate_quaternion(times, recorded, quaternions),
+        battery=_interpolate(times, recorded, battery),
+        roll=np.interp(times, recorded, signal(trajectory, "roll")),
+        pitch=np.interp(times, recorded, signal(trajectory, "pitch")),
+        heading=np.interp(times, recorded, heading),
+        speed=np.interp(times, recorded, speed),
+        net_mass=np.interp(times, recorded, optional(trajectory, "net_mass", np.nan)),
+        current=_interpolate(times, recorded, current),
+    )
+
+
+def signal(trajectory: Trajectory, name: str) -> Array:
+    """The true signal `name`, or the measured one, with gaps closed by interpolation."""
+    for prefix in ("true_", "measured_", "measured_onboard_"):
+        values = trajectory.signals.get(prefix + name)
+        if values is not None and np.isfinite(values).any():
+            return closed(trajectory.time, values, circular=name == "heading")
+    raise InputError(
+        f"this mission cannot be drawn: it has no signal true_{name} or measured_{name}"
+    )
+
+
+def optional(trajectory: Trajectory, name: str, default: float) -> Array:
+    """As `signal`, but `default` everywhere when the trajectory has no such signal."""
+    try:
+        return signal(trajectory, name)
+    except InputError:
+        return np.full(len(trajectory.time), default)
+
+
+def closed(time: Array, values: Array, *, circular: bool = False) -> Array:
+    """Values with NaN replaced by interpolation; `circular` values [degree] the short way round."""
+    known = np.isfinite(values)
+    if known.all():
+        return values
+    seen = np.unwrap(values[known], period=360.0) if circular else values[known]
+    filled = np.interp(time, time[known], seen)
+    return np.mod(filled, 360.0) if circular else np.asarray(filled)
+
+
+def _interpolate(times: Array, recorded: Array, values: Array) -> Array:
+    """Linear interpolation of (samples, k) values, shape (times, k)."""
+    return np.stack([np.interp(times, recorded, column) for column in values.T], axis=-1)
+
+
+def interpolate_quaternion(times: Array, recorded: Array, quaternions: Array) -> Array:
+    """Normalised linear interpolation of unit quaternions along the shorter arc, shape (times, 4).
+
+    Samples lie close together (0.5 s), so that it differs from the great arc by less than any
+    picture shows.
+    """
+    after = np.clip(np.searchsorted(recorded, times, side="right"), 1, len(recorded) - 1)
+    before = after - 1
+    weight = (times - recorded[before]) / (recorded[after] - recorded[before])
+    weight = np.clip(weight, 0.0, 1.0)[:, None]
+    a, b = quaternions[before], quaternions[after]
+    b = np.where(np.sum(a * b, axis=-1, keepdims=True) < 0.0, -b, b)
+    blend = (1.0 - weight) * a + weight * b
+    exact = np.where(weight == 0.0, a, np.where(weight == 1.0, b, blend))
+    return np.where(
+        (weight == 0.0) | (weight == 1.0),
+        exact,
+        blend / np.linalg.norm(blend, axis=-1, keepdims=True),
+    )

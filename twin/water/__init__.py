@@ -1,0 +1,1 @@
+"""The water: its density over depth and the currents in it."""

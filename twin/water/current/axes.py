@@ -1,0 +1,206 @@
+"""Axes of a CF data set: which coordinate is time, depth, latitude or longitude, and its values.
+
+Attributes decide first, then the usual names. Grids that are not rectilinear in latitude and
+longitude are refused with the way out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin.errors import CurrentError, unknown_name
+from twin.water.current.program import Floats
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+AXIS_NAMES = {
+    "time": {"time", "time_counter", "t", "ocean_time", "time_centered", "mt"},
+    "depth": {"depth", "depthu", "depthv", "depthw", "deptht", "lev", "level", "z", "z_t",
+              "st_ocean", "zlev", "altitude", "height", "elevation"},
+    "latitude": {"lat", "latitude", "y_lat", "nav_lat", "yt_ocean", "yu_ocean"},
+    "longitude": {"lon", "longitude", "long", "x_lon", "nav_lon", "xt_ocean", "xu_ocean"},
+}  # fmt: skip
+"""Coordinate names per axis when no attribute tells; case is ignored."""
+
+LATITUDE_UNITS = {"degrees_north", "degree_north", "degrees_n", "degree_n", "degreen", "degreesn"}
+LONGITUDE_UNITS = {"degrees_east", "degree_east", "degrees_e", "degree_e", "degreee", "degreese"}
+
+DEPTH_UNITS = {"m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "": 1.0,
+               "km": 1000.0, "cm": 0.01}  # fmt: skip
+"""[m] per unit; a depth without units is in metres."""
+
+REGRID = (
+    "bring u and v to common points, rotate them to east and north and regrid to one-dimensional"
+    " latitude and longitude first (for example with cdo or xesmf)"
+)
+"""The way out for curvilinear, staggered and grid-relative files."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axis:
+    """One coordinate of the velocity variables, in the file's order."""
+
+    dimension: str
+    """Dimension of the velocity variables."""
+
+    coordinate: str
+    """Variable that holds the values."""
+
+
+def _coordinate(data: xr.Dataset, dimension: str) -> str | None:
+    """The variable that holds a dimension's values: its namesake or a 1-D auxiliary one."""
+    if dimension in data.variables and data[dimension].ndim == 1:
+        return dimension
+    for name, variable in data.variables.items():
+        if variable.dims == (dimension,) and _axis_kind(data, str(name)):
+            return str(name)
+    return None
+
+
+def _axis_kind(data: xr.Dataset, name: str) -> str | None:
+    """time, depth, latitude or longitude by attribute, then by name."""
+    attrs = data[name].attrs
+    standard = str(attrs.get("standard_name", ""))
+    units = str(attrs.get("units", "")).lower()
+    if standard in ("time", "latitude", "longitude", "depth"):
+        return standard
+    if standard in ("altitude", "height", "height_above_mean_sea_level"):
+        return "depth"
+    # Model coordinates may carry axis letters, and are still not metres or degrees.
+    if standard.startswith(("projection_", "ocean_s", "sea_water_pressure")):
+        return None
+    if units in LATITUDE_UNITS:
+        return "latitude"
+    if units in LONGITUDE_UNITS:
+        return "longitude"
+    if " since " in units or np.issubdtype(data[name].dtype, np.datetime64):
+        return "time"
+    for kind, names in AXIS_NAMES.items():
+        if name.lower() in names:
+            return kind
+    for kind, prefix in (("latitude", "lat"), ("longitude", "lon")):
+        if name.lower().startswith(prefix):
+            return kind
+    return {"T": "time", "Z": "depth"}.get(str(attrs.get("axis", "")).upper())
+
+
+def find_axes(data: xr.Dataset, source: str, name: str) -> dict[str, Axis]:
+    """Those of time, depth, latitude and longitude that the variable `name` has.
+
+    Dimensions of length 1 that are none of them are passed over. Raises CurrentError, naming the
+    `source`, at other dimensions and at grids that are not rectilinear.
+    """
+    axes: dict[str, Axis] = {}
+    for dimension in map(str, data[name].dims):
+        coordinate = _coordinate(data, dimension)
+        kind = _axis_kind(data, coordinate) if coordinate else None
+        if kind is None:
+            if data.sizes[dimension] == 1:
+                continue
+            raise CurrentError(f"{source}: {_refusal(data, name, dimension)}")
+        if kind in axes:
+            raise CurrentError(f"{source}: {name!r} has two {kind} axes, it must have one at most")
+        assert coordinate is not None
+        axes[kind] = Axis(dimension=dimension, coordinate=coordinate)
+    if ("latitude" in axes) != ("longitude" in axes):
+        raise CurrentError(
+            f"{source}: {name!r} has only one of latitude and longitude as a dimension; it needs"
+            " both, or neither for one water column"
+        )
+    return axes
+
+
+def _refusal(data: xr.Dataset, name: str, dimension: str) -> str:
+    """Why a dimension of a velocity variable cannot be used, and what to do."""
+    curvilinear = [
+        str(n)
+        for n, v in data.variables.items()
+        if v.ndim >= 2 and dimension in v.dims and _axis_kind(data, str(n)) in
+        ("latitude", "longitude")
+    ]  # fmt: skip
+    if curvilinear:
+        return (
+            f"{name!r} lies on the two-dimensional coordinate {curvilinear[0]!r} (curvilinear"
+            f" grid, vectors relative to its axes); {REGRID}"
+        )
+    attrs = data[dimension].attrs if dimension in data.variables else {}
+    standard = str(attrs.get("standard_name", ""))
+    if dimension.startswith("s_") or standard.startswith(("ocean_s", "ocean_sigma")):
+        return (
+            f"{name!r} has terrain-following levels {dimension!r}; interpolate to fixed depths in"
+            " metres first (for example with xroms or xgcm)"
+        )
+    if standard.startswith("projection_") or dimension.lower() in ("x", "y"):
+        return f"{name!r} lies on a projected grid (dimension {dimension!r}); {REGRID}"
+    if "pressure" in standard or str(attrs.get("units", "")).lower() in ("dbar", "decibar"):
+        return f"{name!r} is given at pressure {dimension!r}; convert it to depth in metres first"
+    if dimension.startswith(("eta", "xi")):
+        return f"{name!r} lies on a curvilinear grid (dimension {dimension!r}); {REGRID}"
+    return (
+        f"dimension {dimension!r} of {name!r} is none of time, depth, latitude and longitude;"
+        " select one element of it or give its coordinate a standard_name"
+    )
+
+
+def depth_values(data: xr.Dataset, source: str, axis: Axis) -> Floats:
+    """Depths [m], positive down, in the file's order; negative only above the sea surface."""
+    variable = data[axis.coordinate]
+    values = np.asarray(variable.values, dtype=np.float64)
+    units = str(variable.attrs.get("units", "")).strip().lower()
+    if units not in DEPTH_UNITS:
+        text = unknown_name("depth units", units, DEPTH_UNITS)
+        raise CurrentError(f"{source}: {axis.coordinate!r}: {text}; convert it to metres")
+    values = values * DEPTH_UNITS[units]
+    if not np.isfinite(values).all():
+        raise CurrentError(f"{source}: {axis.coordinate!r} holds missing values")
+    upward = str(variable.attrs.get("positive", "")).lower() == "up" or variable.attrs.get(
+        "standard_name"
+    ) in ("altitude", "height", "height_above_mean_sea_level")
+    # Some files say positive down and still count downward from zero: the values decide.
+    if (upward and not (values > 0).any()) or (values <= 0).all():
+        values = -values
+    elif upward:
+        raise CurrentError(
+            f"{source}: {axis.coordinate!r} says positive up and has values up to"
+            f" {values.max():g} m above the surface; correct its attribute 'positive'"
+        )
+    # Negation leaves -0.0, which would print and hash differently from 0.0.
+    values = values + 0.0
+    if (values < 0).any():
+        raise CurrentError(
+            f"{source}: {axis.coordinate!r} mixes depths below and heights above the surface"
+            f" ({values.min():g} to {values.max():g} m); keep the levels below the surface"
+        )
+    return values
+
+
+def time_values(data: xr.Dataset, source: str, axis: Axis) -> np.ndarray:
+    """Times as datetime64[ns] (UTC), in the file's order."""
+    import xarray as xr
+
+    variable = data[axis.coordinate]
+    if np.issubdtype(variable.dtype, np.datetime64):
+        return variable.values.astype("datetime64[ns]")
+    units = str(variable.attrs.get("units", ""))
+    if " since " not in units:
+        raise CurrentError(
+            f"{source}: {axis.coordinate!r} has units {units!r}, not e.g. 'hours since 2000-01-01'"
+        )
+    try:
+        values = xr.decode_cf(data[[axis.coordinate]])[axis.coordinate].values
+    except (ValueError, OverflowError, ImportError) as error:
+        raise CurrentError(f"{source}: cannot decode {axis.coordinate!r}: {error}") from None
+    if not np.issubdtype(values.dtype, np.datetime64):
+        calendar = variable.attrs.get("calendar", "unknown")
+        raise CurrentError(
+            f"{source}: {axis.coordinate!r} uses the calendar {calendar!r}; convert it to the"
+            " standard calendar first (for example cdo setcalendar,standard)"
+        )
+    values = values.astype("datetime64[ns]")
+    if np.isnat(values).any():
+        raise CurrentError(f"{source}: {axis.coordinate!r} holds missing times")
+    return values

@@ -1,0 +1,177 @@
+"""The `Current` every kind derives from, sums of currents, and rebuilding from a description."""
+
+from __future__ import annotations
+
+import abc
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from twin.errors import CurrentError, unknown_name
+from twin.water.current import program as layout
+from twin.water.current.origin import Origin
+from twin.water.current.program import Floats
+
+_KINDS: dict[str, type[Current]] = {}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Current(abc.ABC):
+    """A current field V_c(t, north, east, depth) in NED, positive toward north, east and down.
+
+    Directions are compass degrees TOWARD which the water flows (0 north, 90 east).
+    """
+
+    kind: ClassVar[str] = ""
+    """Name in descriptions and on the command line."""
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        super().__init_subclass__(**keywords)
+        if cls.kind:
+            _KINDS[cls.kind] = cls
+
+    @abc.abstractmethod
+    def records(self, duration_s: float, origin: Origin) -> list[Floats]:
+        """The components as `layout` records for a mission of `duration_s` from `origin`."""
+
+    def compile(self, duration_s: float, origin: Origin | None = None) -> Floats:
+        """The flat float64 program for `sampler.sample`, the same bytes on every call.
+
+        duration_s [s]: mission length; what is drawn or read covers it (later times hold the last
+        value). origin: the mission's start, `Origin()` when None. Raises CurrentError.
+        """
+        if not (math.isfinite(duration_s) and duration_s > 0.0):
+            raise CurrentError(f"duration_s must be greater than 0 s, not {duration_s}")
+        program = layout.program(self.records(float(duration_s), origin or Origin()))
+        if not np.isfinite(program).all():
+            raise CurrentError(f"{self.kind}: the compiled current holds NaN or infinity")
+        return program
+
+    def pinned(self, duration_s: float, origin: Origin | None = None) -> Current:
+        """This current with everything written out that it would take from origin or file.
+
+        A store records `current.pinned(duration_s, origin).describe()`: rebuilt, it compiles to
+        the same bytes for the same duration, or raises CurrentError if a file has changed.
+        """
+        return self
+
+    def reaching(self, distance_m: float) -> Current:
+        """This current, set to be known as far as `distance_m` from the start at any duration."""
+        return self
+
+    def velocity(
+        self,
+        t: ArrayLike,
+        north: ArrayLike,
+        east: ArrayLike,
+        depth: ArrayLike,
+        origin: Origin | None = None,
+    ) -> Floats:
+        """Current [m/s] NED at broadcast t [s], north, east, depth [m]; shape (..., 3).
+
+        Compiles on every call: for many calls compile once and use `sampler.sample_track`.
+        """
+        from twin.water.current.sampler import sample_track
+
+        arrays = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (t, north, east, depth)))
+        shape = arrays[0].shape
+        flat = [np.ascontiguousarray(x).reshape(-1).copy() for x in arrays]
+        latest = float(np.max(flat[0], initial=0.0))
+        farthest = float(np.max(np.hypot(flat[1], flat[2]), initial=0.0))
+        program = self.reaching(farthest).compile(max(latest, 1.0), origin)
+        rest = np.zeros_like(flat[0])
+        return sample_track(program, *flat, rest, rest, rest)[:, :3].reshape(*shape, 3)
+
+    def describe(self) -> dict[str, Any]:
+        """A JSON-able dict that `current_from_dict` turns back into an equal current."""
+        return {"kind": self.kind, **{f.name: _plain(getattr(self, f.name)) for f in fields(self)}}
+
+    @classmethod
+    def from_settings(cls, settings: Mapping[str, Any]) -> Self:
+        """The current from `describe()` without its kind; raises CurrentError on unknown names."""
+        allowed = [f.name for f in fields(cls)]
+        for name in settings:
+            if name not in allowed:
+                raise CurrentError(unknown_name(f"{cls.kind} setting", name, allowed))
+        try:
+            return cls(**settings)
+        except TypeError as error:
+            raise CurrentError(f"{cls.kind}: {error}; settings: {', '.join(allowed)}") from None
+
+    def __add__(self, other: Current) -> CurrentSum:
+        if not isinstance(other, Current):
+            return NotImplemented
+        return CurrentSum(parts=(*_parts(self), *_parts(other)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurrentSum(Current):
+    """Velocities of several currents added; without parts it is still water."""
+
+    kind: ClassVar[str] = "sum"
+
+    parts: tuple[Current, ...] = ()
+    """The currents that are added."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parts", tuple(self.parts))
+        for part in self.parts:
+            if not isinstance(part, Current):
+                raise CurrentError(f"sum: a part is {type(part).__name__}, it must be a Current")
+
+    def records(self, duration_s: float, origin: Origin) -> list[Floats]:
+        """The records of all parts."""
+        return [r for part in self.parts for r in part.records(duration_s, origin)]
+
+    def pinned(self, duration_s: float, origin: Origin | None = None) -> CurrentSum:
+        """Each part pinned."""
+        return CurrentSum(parts=tuple(part.pinned(duration_s, origin) for part in self.parts))
+
+    def reaching(self, distance_m: float) -> CurrentSum:
+        """Each part reaching as far."""
+        return CurrentSum(parts=tuple(part.reaching(distance_m) for part in self.parts))
+
+    @classmethod
+    def from_settings(cls, settings: Mapping[str, Any]) -> Self:
+        """From `describe()`, nested parts rebuilt first."""
+        parts = settings.get("parts", ())
+        return super().from_settings(
+            {**settings, "parts": tuple(current_from_dict(part) for part in parts)}
+        )
+
+
+def still_water() -> CurrentSum:
+    """No current at all."""
+    return CurrentSum()
+
+
+def current_from_dict(description: Mapping[str, Any]) -> Current:
+    """The current that `describe()` described. Raises CurrentError when it cannot be one."""
+    import twin.water.current  # noqa: F401  (registers every kind)
+
+    if not isinstance(description, Mapping) or "kind" not in description:
+        raise CurrentError(
+            f"a current's description needs 'kind' (one of {', '.join(sorted(_KINDS))})"
+        )
+    kind = description["kind"]
+    if kind not in _KINDS:
+        raise CurrentError(unknown_name("current", str(kind), _KINDS))
+    settings = {name: value for name, value in description.items() if name != "kind"}
+    return _KINDS[kind].from_settings(settings)
+
+
+def _parts(current: Current) -> tuple[Current, ...]:
+    return current.parts if isinstance(current, CurrentSum) else (current,)
+
+
+def _plain(value: Any) -> Any:
+    """JSON types only: tuples become lists, nested currents and records their descriptions."""
+    if hasattr(value, "describe"):
+        return value.describe()
+    if isinstance(value, (tuple, list)):
+        return [_plain(item) for item in value]
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,353 @@
+"""The part of a velocity file around a mission, loaded, sorted, in SI, land filled.
+
+Only the nodes within reach of the start point, and the times that cover the mission, are read.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin.errors import CurrentError
+from twin.water.current.arguments import FASTEST_CURRENT
+from twin.water.current.axes import depth_values, time_values
+from twin.water.current.origin import Origin
+from twin.water.current.program import Floats
+from twin.water.current.velocity_file import Velocity
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+LARGEST_BOX = 1_000_000_000
+"""[byte] A box above this is refused: it would be copied into every simulation."""
+
+SAME_NODE = 1e-6
+"""[degree] Nodes nearer than this (0.1 m) are one node: cyclic files repeat the first meridian."""
+
+WIDEST_GAP = 1.5
+"""Nodes around the start farther apart than this many grid spacings leave it outside."""
+
+AXIS_ORDER = ("time", "depth", "latitude", "longitude")
+"""Order of a box's axes."""
+
+WET_START = 0.5
+"""A start point whose four surface neighbours weigh less than this in water is on land."""
+
+NANOSECONDS = 1e9
+"""Per second, for datetime64[ns]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box:
+    """Velocities around a mission's start."""
+
+    time: np.ndarray
+    """datetime64[ns], ascending, shape (nt,); empty for a field without a time axis."""
+
+    depth: Floats
+    """[m] Positive down, ascending, shape (nd,)."""
+
+    latitude: Floats
+    """[degree] Ascending, shape (nn,); one NaN when the file is one water column."""
+
+    longitude: Floats
+    """[degree] East of the origin, ascending, shape (ne,); one NaN as for latitude."""
+
+    velocity: Floats
+    """[m/s] North, east (, down), shape (max(nt, 1), nd, nn, ne, 2 or 3), no missing values."""
+
+    def digest(self) -> str:
+        """SHA-256 over axes and values: the identity of what a mission used."""
+        digest = hashlib.sha256()
+        digest.update(self.time.astype("datetime64[ns]").astype("<i8").tobytes())
+        for array in (self.depth, self.latitude, self.longitude, self.velocity):
+            digest.update(str(array.shape).encode())
+            digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+        return digest.hexdigest()
+
+
+def choose_times(
+    times: np.ndarray, source: str, start: np.datetime64, duration_s: float, hold_s: float
+) -> np.ndarray:
+    """Indices of the ascending `times` that cover the mission.
+
+    A single time is a steady field. Raises CurrentError when the mission leaves the file's range
+    by more than `hold_s`; within it the first or last field is held.
+    """
+    hold = np.timedelta64(round(hold_s * NANOSECONDS), "ns")
+    end = start + np.timedelta64(round(duration_s * NANOSECONDS), "ns")
+    if times.size == 1:
+        end = start
+    if start < times[0] - hold or end > times[-1] + hold:
+        raise CurrentError(
+            f"mission {_iso(start)} to {_iso(end)} is outside the time range of {source}:"
+            f" {_iso(times[0])} to {_iso(times[-1])}; choose time= within it, a shorter mission,"
+            " or hold=SECONDS to keep its ends"
+        )
+    first = max(int(np.searchsorted(times, start, side="right")) - 1, 0)
+    last = min(int(np.searchsorted(times, end, side="left")), times.size - 1)
+    return np.arange(first, last + 1)
+
+
+def load_box(
+    data: xr.Dataset,
+    source: str,
+    velocity: Velocity,
+    origin: Origin,
+    start: np.datetime64 | None,
+    duration_s: float,
+    reach_m: float,
+    hold_s: float,
+    land: str,
+) -> tuple[Box, float]:
+    """The box within `reach_m` of the origin, and the distance [m] it reaches on every side.
+
+    start: mission start; None: the file's first time. land: "nan", "zero", or "auto" (zero for
+    raw NEMO names, else missing values). The distance is infinite on sides where the file ends.
+    """
+    axes = velocity.axes
+    select: dict[str, np.ndarray] = {}
+    times = np.empty(0, dtype="datetime64[ns]")
+    if "time" in axes:
+        every = time_values(data, source, axes["time"])
+        order = np.argsort(every, kind="stable")
+        every = every[order]
+        if (np.diff(every) <= np.timedelta64(0, "ns")).any():
+            raise CurrentError(f"{source}: {axes['time'].coordinate!r} repeats a time")
+        begin = every[0] if start is None else start
+        keep = choose_times(every, source, begin, duration_s, hold_s)
+        times = every[keep]
+        select["time"] = order[keep]
+    depth = np.zeros(1)
+    if "depth" in axes:
+        depth = depth_values(data, source, axes["depth"])
+        order = np.argsort(depth, kind="stable")
+        depth = depth[order]
+        if (np.diff(depth) <= 0).any():
+            raise CurrentError(f"{source}: {axes['depth'].coordinate!r} repeats a depth")
+        select["depth"] = order
+    latitude = longitude = np.array([np.nan])
+    reached = math.inf
+    if "latitude" in axes:
+        latitudes = np.asarray(data[axes["latitude"].coordinate].values, dtype=np.float64)
+        longitudes = np.asarray(data[axes["longitude"].coordinate].values, dtype=np.float64)
+        if latitudes.size == longitudes.size == 1:
+            select["latitude"] = select["longitude"] = np.zeros(1, dtype=int)
+        else:
+            latitude, select["latitude"], tall = _choose_latitudes(
+                latitudes, source, origin, reach_m
+            )
+            longitude, select["longitude"], wide = _choose_longitudes(
+                longitudes, source, origin, reach_m
+            )
+            reached = min(tall, wide)
+
+    shape = (max(times.size, 1), depth.size, latitude.size, longitude.size)
+    components = ["north", "east", *(c for c in ("up", "down") if c in velocity.names)]
+    size = 8 * math.prod(shape) * len(components)
+    if size > LARGEST_BOX:
+        raise CurrentError(
+            f"{source}: the box around this mission needs {size / 1e9:.1f} GB, at most"
+            f" {LARGEST_BOX / 1e9:.1f} are allowed; shorten the mission or set reach=METRES"
+        )
+    values = np.empty((*shape, len(components)))
+    for i, component in enumerate(components):
+        name = velocity.names[component]
+        sign = -velocity.scale[component] if component == "up" else velocity.scale[component]
+        block = _read(data[name], velocity.dimensions[component], select)
+        values[..., i] = sign * block.reshape(shape)
+    limit = np.max(np.abs(values), initial=0.0, where=np.isfinite(values))
+    if limit > FASTEST_CURRENT:
+        raise CurrentError(
+            f"{source}: a speed of {limit:g} m/s is beyond {FASTEST_CURRENT:g} m/s: wrong units"
+            " (set units=cm/s), or missing values without a _FillValue attribute"
+        )
+    values += 0.0  # no -0.0 from the sign change
+    wet = _wet(values, source, velocity, land)
+    if latitude.size > 1 or longitude.size > 1:
+        _check_start(wet, source, latitude, longitude, origin, values, land, velocity)
+    elif not wet.any(axis=(1, 2, 3)).all():
+        raise CurrentError(f"{source}: the water column holds only missing values")
+    _fill(values, wet, source, times)
+    box = Box(time=times, depth=depth, latitude=latitude, longitude=longitude, velocity=values)
+    return box, reached
+
+
+def _read(
+    variable: xr.DataArray, dimensions: Mapping[str, str], select: Mapping[str, np.ndarray]
+) -> Floats:
+    """The chosen nodes of one variable: time, depth, latitude, longitude; NaN where missing."""
+    kept = [dimensions[kind] for kind in AXIS_ORDER if kind in dimensions]
+    variable = variable.squeeze([d for d in variable.dims if d not in kept])
+    index: dict[str, slice | np.ndarray] = {}
+    for kind, dimension in dimensions.items():
+        chosen = select[kind]
+        contiguous = (np.diff(chosen) == 1).all()
+        index[dimension] = slice(chosen[0], chosen[-1] + 1) if contiguous else chosen
+    return np.asarray(variable.isel(index).transpose(*kept).values, dtype=np.float64)
+
+
+def _choose_latitudes(
+    every: Floats, source: str, origin: Origin, reach_m: float
+) -> tuple[Floats, np.ndarray, float]:
+    """Latitudes [degree] within reach, their indices, and the distance [m] they enclose."""
+    order = np.argsort(every, kind="stable")
+    every = every[order]
+    if not (np.isfinite(every).all() and every[0] <= origin.latitude_deg <= every[-1]):
+        raise CurrentError(
+            f"{source}: start latitude {origin.latitude_deg:g} is outside"
+            f" {every[0]:g}..{every[-1]:g} degree north; set lat= within the file"
+        )
+    if (np.diff(every) <= SAME_NODE).any():
+        raise CurrentError(f"{source}: the latitudes repeat a value")
+    offset = np.radians(every - origin.latitude_deg) * origin.meridian_radius
+    first, last, reached = _within(offset, reach_m)
+    return every[first : last + 1], order[first : last + 1], reached
+
+
+def _choose_longitudes(
+    raw: Floats, source: str, origin: Origin, reach_m: float
+) -> tuple[Floats, np.ndarray, float]:
+    """As `_choose_latitudes`, relative to the origin's longitude.
+
+    Files in -180..180, in 0..360 and across the dateline become one case that way.
+    """
+    relative = (raw - origin.longitude_deg + 180.0) % 360.0 - 180.0
+    order = np.argsort(relative, kind="stable")
+    relative = relative[order]
+    different = np.concatenate([[True], np.diff(relative) > SAME_NODE])
+    relative, order = relative[different], order[different]
+    inside = np.isfinite(raw).all() and relative[0] <= SAME_NODE and relative[-1] >= -SAME_NODE
+    if inside and relative.size > 1:
+        # Seen from the other side of the Earth a regional file encloses the origin with a gap.
+        widest = np.abs(np.diff(np.unwrap(raw, period=360.0))).max()
+        after = min(max(int(np.searchsorted(relative, 0.0)), 1), relative.size - 1)
+        inside = relative[after] - relative[after - 1] <= WIDEST_GAP * widest
+    if not inside:
+        raise CurrentError(
+            f"{source}: start longitude {origin.longitude_deg:g} is outside"
+            f" {raw.min():g}..{raw.max():g} degree east; set lon= within the file"
+        )
+    radius = origin.normal_radius * math.cos(math.radians(origin.latitude_deg))
+    first, last, reached = _within(np.radians(relative) * radius, reach_m)
+    return relative[first : last + 1], order[first : last + 1], reached
+
+
+def _within(offset: Floats, reach_m: float) -> tuple[int, int, float]:
+    """First and last index that enclose +-reach, and the distance enclosed."""
+    first = max(int(np.searchsorted(offset, -reach_m, side="right")) - 1, 0)
+    last = min(int(np.searchsorted(offset, reach_m, side="left")), offset.size - 1)
+    low = math.inf if first == 0 else -offset[first]
+    high = math.inf if last == offset.size - 1 else offset[last]
+    return first, last, float(min(low, high))
+
+
+def _wet(values: Floats, source: str, velocity: Velocity, land: str) -> np.ndarray:
+    """Where there is water, shape (nt, nd, nn, ne)."""
+    wet = np.asarray(np.isfinite(values).all(axis=-1))
+    if land == "zero" or (land == "auto" and velocity.zero_is_land):
+        wet = wet & (values[..., :2] != 0.0).any(axis=(0, -1))
+    if not wet.any():
+        raise CurrentError(f"{source}: no water within reach of the start, only missing values")
+    return wet
+
+
+def _check_start(
+    wet: np.ndarray,
+    source: str,
+    latitude: Floats,
+    longitude: Floats,
+    origin: Origin,
+    values: Floats,
+    land: str,
+    velocity: Velocity,
+) -> None:
+    """Raise CurrentError when the start point is on land at any time."""
+
+    def weights(axis: Floats, x: float) -> Floats:
+        return np.array([np.interp(x, axis, row) for row in np.eye(axis.size)])
+
+    w_n = weights(latitude, origin.latitude_deg)
+    w_e = weights(longitude, 0.0)
+    surface = wet[:, 0]
+    share = np.einsum("tne,n,e->t", surface.astype(float), w_n, w_e)
+    if share.min() < WET_START:
+        n, e = np.nonzero(surface.all(axis=0))
+        way_out = "no water is near: choose another start"
+        if n.size:
+            north = np.radians(latitude[n] - origin.latitude_deg) * origin.meridian_radius
+            scale = origin.normal_radius * math.cos(math.radians(origin.latitude_deg))
+            distance = np.hypot(north, np.radians(longitude[e]) * scale)
+            best = int(np.argmin(distance))
+            nearest = (longitude[e[best]] + origin.longitude_deg + 180.0) % 360.0 - 180.0
+            way_out = (
+                f"the nearest water is lat={latitude[n[best]]:.4f},lon={nearest:.4f},"
+                f" {distance[best] / 1000.0:.1f} km away"
+            )
+        raise CurrentError(
+            f"{source}: the start {origin.latitude_deg:g}, {origin.longitude_deg:g} is on land;"
+            f" {way_out}"
+        )
+    if land == "auto" and not velocity.zero_is_land and wet.all():
+        rows = _beside(latitude, origin.latitude_deg)
+        columns = _beside(longitude, 0.0)
+        if not values[:, :, rows, columns].any() and values.any():
+            raise CurrentError(
+                f"{source}: the current is exactly 0 at every depth and time around the start"
+                f" {origin.latitude_deg:g}, {origin.longitude_deg:g}; say land=zero if zeros mark"
+                " land in this file, land=nan if they are still water"
+            )
+
+
+def _beside(axis: Floats, x: float) -> slice:
+    """The nodes on both sides of x, and on x."""
+    first = max(int(np.searchsorted(axis, x, side="left")) - 1, 0)
+    return slice(first, int(np.searchsorted(axis, x, side="right")) + 1)
+
+
+def _fill(values: Floats, wet: np.ndarray, source: str, times: np.ndarray) -> None:
+    """Give dry nodes the velocity of the nearest water, in place.
+
+    First down and up each water column, then sideways from the mean of the wet neighbours: the
+    interpolation near a coast or the bottom then uses water only, and stays continuous.
+    """
+    for t in range(values.shape[0]):
+        field, known = values[t], wet[t].copy()
+        if not known.any():
+            raise CurrentError(f"{source}: all values are missing at {_iso(times[t])}")
+        levels = field.shape[0]
+        downward = [(k, k - 1) for k in range(1, levels)]
+        upward = [(k, k + 1) for k in range(levels - 2, -1, -1)]
+        for dry, neighbour in downward + upward:
+            take = ~known[dry] & known[neighbour]
+            field[dry][take] = field[neighbour][take]
+            known[dry] |= take
+        while not known.all():
+            total = np.zeros_like(field)
+            count = np.zeros(known.shape)
+            for axis in (1, 2):
+                for shift in (1, -1):
+                    seen, value = _shifted(known, field, axis, shift)
+                    total += np.where(seen[..., None], value, 0.0)
+                    count += seen
+            take = ~known & (count > 0)
+            field[take] = total[take] / count[take][:, None]
+            known |= take
+
+
+def _shifted(known: np.ndarray, field: Floats, axis: int, shift: int) -> tuple[np.ndarray, Floats]:
+    """Neighbour's mask and value without wrapping round the edges."""
+    seen = np.roll(known, shift, axis=axis)
+    edge = [slice(None)] * known.ndim
+    edge[axis] = slice(0, 1) if shift > 0 else slice(-1, None)
+    seen[tuple(edge)] = False
+    return seen, np.roll(field, shift, axis=axis)
+
+
+def _iso(time: np.datetime64) -> str:
+    return str(time.astype("datetime64[s]"))

@@ -1,0 +1,72 @@
+"""Where and when a mission starts: the geographic anchor of its north-east-down frame."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from twin.errors import CurrentError
+from twin.water.current import arguments as checks
+
+WGS84_SEMI_MAJOR = 6378137.0
+"""[m] Semi-major axis of the WGS84 ellipsoid (NGA.STND.0036)."""
+
+WGS84_FLATTENING = 1.0 / 298.257223563
+"""Flattening of the WGS84 ellipsoid (NGA.STND.0036)."""
+
+EARTH_ROTATION = 7.292115e-5
+"""[rad/s] Angular rate of the Earth (WGS84); f = 2 EARTH_ROTATION sin(latitude)."""
+
+HIGHEST_LATITUDE = 88.0
+"""[degree] Nearer to a pole local north and east metres lose their meaning over a mission."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """Start point of a mission at the mean sea surface, and its start time."""
+
+    latitude_deg: float = 36.8
+    """[degree] North positive, WGS84. Default: Monterey Bay, the paper's sea area."""
+
+    longitude_deg: float = -121.8
+    """[degree] East positive, any turn (-180..180 or 0..360)."""
+
+    time: str | None = None
+    """UTC, ISO 8601 ("2000-01-05T12:00"); None where nothing depends on the date."""
+
+    def __post_init__(self) -> None:
+        latitude = checks.finite("origin", "latitude_deg", self.latitude_deg, "degree")
+        if abs(latitude) > HIGHEST_LATITUDE:
+            raise CurrentError(
+                f"origin: latitude_deg must be within -{HIGHEST_LATITUDE:g}..{HIGHEST_LATITUDE:g}"
+                f" degree, not {latitude:g}"
+            )
+        checks.finite("origin", "longitude_deg", self.longitude_deg, "degree")
+
+    @property
+    def meridian_radius(self) -> float:
+        """[m] WGS84 radius of curvature in the meridian, M."""
+        e2 = WGS84_FLATTENING * (2.0 - WGS84_FLATTENING)
+        s = math.sin(math.radians(self.latitude_deg))
+        return WGS84_SEMI_MAJOR * (1.0 - e2) / (1.0 - e2 * s * s) ** 1.5
+
+    @property
+    def normal_radius(self) -> float:
+        """[m] WGS84 radius of curvature in the prime vertical, N."""
+        e2 = WGS84_FLATTENING * (2.0 - WGS84_FLATTENING)
+        s = math.sin(math.radians(self.latitude_deg))
+        return WGS84_SEMI_MAJOR / math.sqrt(1.0 - e2 * s * s)
+
+    @property
+    def curvature(self) -> float:
+        """[1/m] tan(latitude)/N: how fast the meridians converge, for the grid sampler.
+
+        A point (n, e) of the tangent plane lies at latitude0 + (n - e^2 curvature/2)/M and
+        longitude0 + e (1 + n curvature)/(N cos latitude0), to second order in distance/radius.
+        """
+        return math.tan(math.radians(self.latitude_deg)) / self.normal_radius
+
+
+def coriolis(latitude_deg: float) -> float:
+    """[rad/s] Coriolis parameter f = 2 Omega sin(latitude), negative in the south."""
+    return 2.0 * EARTH_ROTATION * math.sin(math.radians(latitude_deg))

@@ -1,0 +1,174 @@
+"""A current that depends on depth alone, given as a table."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from twin.errors import CurrentError, unknown_name
+from twin.water.current import arguments as checks
+from twin.water.current import program as layout
+from twin.water.current.base import Current
+from twin.water.current.origin import Origin
+from twin.water.current.program import Floats
+from twin.water.separators import check_commas
+
+COLUMNS = {
+    "depth": ("depth", 1.0),
+    "depth_m": ("depth", 1.0),
+    "north": ("north", 1.0),
+    "north_m_s": ("north", 1.0),
+    "v": ("north", 1.0),
+    "east": ("east", 1.0),
+    "east_m_s": ("east", 1.0),
+    "u": ("east", 1.0),
+    "down": ("down", 1.0),
+    "down_m_s": ("down", 1.0),
+    "w": ("down", -1.0),
+}
+"""CSV column names: our field and its sign (oceanographers' u, v, w are east, north, UP)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Profile(Current):
+    """Velocity linear between tabulated depths, held above the first and below the last."""
+
+    kind: ClassVar[str] = "profile"
+
+    depth: tuple[float, ...]
+    """[m] Depths, positive down, strictly increasing, shape (n,)."""
+
+    north: tuple[float, ...]
+    """[m/s] Toward north at those depths."""
+
+    east: tuple[float, ...]
+    """[m/s] Toward east at those depths."""
+
+    down: tuple[float, ...] = ()
+    """[m/s] Toward the bottom at those depths; empty means none."""
+
+    def __post_init__(self) -> None:
+        for name in ("depth", "north", "east", "down"):
+            object.__setattr__(self, name, tuple(float(x) for x in getattr(self, name)))
+        if not self.down:
+            object.__setattr__(self, "down", (0.0,) * len(self.depth))
+        check_rows(self.kind, self.depth, self.north, self.east, self.down)
+
+    @classmethod
+    def from_csv(cls, path: str | Path) -> Profile:
+        """Read a CSV with a header line: depth, north, east and optionally down.
+
+        Columns in m and m/s; u, v, w are understood as toward east, north and UP. Lines that
+        start with # are comments. Raises CurrentError naming file and row.
+        """
+        path = Path(path)
+        try:
+            text = path.read_text(encoding="utf-8-sig")
+        except (OSError, UnicodeDecodeError) as error:
+            raise CurrentError(f"cannot read the current profile {path}: {error}") from None
+        lines = [
+            (number, line)
+            for number, line in enumerate(text.splitlines(), start=1)
+            if line.strip() and not line.lstrip().startswith("#")
+        ]
+        if not lines:
+            raise CurrentError(f"{path} is empty: a profile needs the header depth,north,east")
+        check_commas(f"current profile {path}", lines, CurrentError)
+        names = [name.strip().lower() for name in next(csv.reader([lines[0][1]]))]
+        if all(map(_is_number, names)):
+            raise CurrentError(
+                f"{path} begins with numbers: write the header depth,north,east[,down] above them"
+            )
+        columns: dict[str, list[float]] = {}
+        for name in names:
+            if name not in COLUMNS:
+                raise CurrentError(f"{path}: {unknown_name('column', name, COLUMNS)}")
+            if COLUMNS[name][0] in columns:
+                raise CurrentError(f"{path}: two columns for {COLUMNS[name][0]}")
+            columns[COLUMNS[name][0]] = []
+        missing = [name for name in ("depth", "north", "east") if name not in columns]
+        if missing:
+            raise CurrentError(
+                f"{path} has no column {missing[0]}: a profile needs depth,north,east[,down]"
+            )
+        for number, line in lines[1:]:
+            cells = next(csv.reader([line]))
+            if len(cells) != len(names):
+                raise CurrentError(
+                    f"{path} row {number}: {len(cells)} values, the header has {len(names)}"
+                )
+            for name, cell in zip(names, cells, strict=True):
+                field, sign = COLUMNS[name]
+                try:
+                    columns[field].append(sign * float(cell))
+                except ValueError:
+                    raise CurrentError(
+                        f"{path} row {number}: {name} is {cell.strip()!r}, not a number"
+                    ) from None
+        columns.setdefault("down", [0.0] * len(columns["depth"]))
+        rows = [number for number, _ in lines[1:]]
+        check_rows(
+            str(path), columns["depth"], columns["north"], columns["east"], columns["down"], rows
+        )
+        return cls(**{name: tuple(values) for name, values in columns.items()})
+
+    def records(self, duration_s: float, origin: Origin) -> list[Floats]:
+        """One layout record."""
+        return [
+            layout.profile_record(self.depth, np.column_stack([self.north, self.east, self.down]))
+        ]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def check_rows(
+    source: str,
+    depth: Sequence[float],
+    north: Sequence[float],
+    east: Sequence[float],
+    down: Sequence[float],
+    rows: Sequence[int] | None = None,
+) -> None:
+    """Raise CurrentError naming the first bad row; `rows` are line numbers, else counted from 1."""
+    n = len(depth)
+    if n == 0:
+        raise CurrentError(f"{source}: a profile needs at least one depth")
+    for name, values in (("north", north), ("east", east), ("down", down)):
+        if len(values) != n:
+            raise CurrentError(f"{source}: {len(values)} {name} values for {n} depths")
+    for i in range(n):
+        row = rows[i] if rows is not None else i + 1
+        if not math.isfinite(depth[i]):
+            raise CurrentError(f"{source} row {row}: depth is {depth[i]}; remove or fill the row")
+        if depth[i] < 0.0:
+            raise CurrentError(
+                f"{source} row {row}: depth {depth[i]:g} m is negative; depth is positive down"
+            )
+        if i and depth[i] <= depth[i - 1]:
+            raise CurrentError(
+                f"{source} row {row}: depth {depth[i]:g} m does not increase (row before:"
+                f" {depth[i - 1]:g} m); sort the rows by depth and drop repeats"
+            )
+        for name, value in (("north", north[i]), ("east", east[i]), ("down", down[i])):
+            if not math.isfinite(value):
+                raise CurrentError(
+                    f"{source} row {row} (depth {depth[i]:g} m): {name} is {value};"
+                    " remove or fill the row"
+                )
+            if abs(value) > checks.FASTEST_CURRENT:
+                raise CurrentError(
+                    f"{source} row {row} (depth {depth[i]:g} m): {name} is {value:g} m/s, beyond"
+                    f" {checks.FASTEST_CURRENT:g} m/s; convert the table to m/s"
+                )

@@ -1,0 +1,241 @@
+"""Which variables and axes of a CF data set hold the current, and in which units and sense.
+
+`standard_name` decides first, then the usual names of Copernicus Marine, HYCOM, NEMO, altimetry
+and instrument files. What cannot be read as eastward and northward velocity on a rectilinear
+latitude-longitude grid is refused with the way out.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin.errors import CurrentError, unknown_name
+from twin.water.current.axes import REGRID, Axis, find_axes
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+STANDARD_NAMES = {
+    "east": ("eastward_sea_water_velocity",
+             "surface_geostrophic_eastward_sea_water_velocity",
+             "surface_eastward_sea_water_velocity",
+             "eastward_sea_water_velocity_assuming_no_tide"),
+    "north": ("northward_sea_water_velocity",
+              "surface_geostrophic_northward_sea_water_velocity",
+              "surface_northward_sea_water_velocity",
+              "northward_sea_water_velocity_assuming_no_tide"),
+    "up": ("upward_sea_water_velocity",),
+    "down": ("downward_sea_water_velocity",),
+}  # fmt: skip
+"""CF standard names per component, best first."""
+
+ALIASES = {
+    "east": ("uo", "water_u", "u", "vozocrtx", "ugos", "uvel", "ucur", "u_ocn", "east"),
+    "north": ("vo", "water_v", "v", "vomecrty", "vgos", "vvel", "vcur", "v_ocn", "north"),
+    "up": ("wo", "water_w", "w", "vovecrtz", "wvel", "w_ocn"),
+}
+"""Variable names per component when no standard name tells, best first; case is ignored."""
+
+GRID_RELATIVE = {
+    "x_sea_water_velocity",
+    "y_sea_water_velocity",
+    "sea_water_x_velocity",
+    "sea_water_y_velocity",
+    "ocean_sigma_x_velocity",
+}
+"""Standard names of components along a model's own axes."""
+
+SPEED_UNITS = {
+    "m/s": 1.0, "m s-1": 1.0, "m s^-1": 1.0, "m.s-1": 1.0, "m s**-1": 1.0, "ms-1": 1.0,
+    "meter/second": 1.0, "meters/second": 1.0, "metre/second": 1.0, "meter second-1": 1.0,
+    "metre second-1": 1.0, "meters second-1": 1.0, "meter/sec": 1.0, "m/sec": 1.0,
+    "cm/s": 0.01, "cm s-1": 0.01, "cm s^-1": 0.01, "cm.s-1": 0.01, "cm s**-1": 0.01,
+    "centimeter/s": 0.01, "centimeter/second": 0.01, "centimeters/second": 0.01, "cm/sec": 0.01,
+    "centimeter second-1": 0.01,
+    "mm/s": 0.001, "mm s-1": 0.001,
+}  # fmt: skip
+"""[m/s] per unit, as files spell them (lower case)."""
+
+ZERO_LAND_NAMES = {"vozocrtx", "vomecrty"}
+"""Raw NEMO variables, where land is 0 and not a missing value."""
+
+
+NO_BACKEND = "did not find a match in any of xarray's"
+"""How xarray begins when no reader knows a file's first bytes; its advice is for programmers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Velocity:
+    """Where the current is in a data set."""
+
+    names: Mapping[str, str]
+    """Variable per component: east, north and perhaps up or down."""
+
+    scale: Mapping[str, float]
+    """Factor per component to m/s; negative for an upward component stored as down."""
+
+    axes: Mapping[str, Axis]
+    """Those of time, depth, latitude, longitude that the variables have."""
+
+    dimensions: Mapping[str, Mapping[str, str]]
+    """Per component its dimension of each of those axes: depthu and depthv may be equal axes."""
+
+    zero_is_land: bool
+    """The names are those of raw NEMO output, which marks land by 0."""
+
+
+def open_data_set(path: str) -> xr.Dataset:
+    """The data set at a netCDF file or zarr store, values lazy, times undecoded.
+
+    Times stay numbers because some HYCOM files carry a second time variable that cannot be
+    decoded. Raises CurrentError when it cannot be read.
+    """
+    import xarray as xr
+
+    remote = "://" in path
+    if not remote and not Path(path).exists():
+        raise CurrentError(f"no current file {path}: give a CF netCDF file or a zarr store")
+    if not remote and Path(path).is_file() and Path(path).stat().st_size == 0:
+        raise CurrentError(f"current file {path} is empty (0 bytes): copy or download it again")
+    is_zarr = path.rstrip("/").endswith(".zarr") or (not remote and Path(path).is_dir())
+    try:
+        with warnings.catch_warnings():
+            # A store without consolidated metadata only opens more slowly.
+            warnings.filterwarnings("ignore", "Failed to open Zarr store with consolidated")
+            return xr.open_dataset(
+                path,
+                engine="zarr" if is_zarr else None,
+                decode_times=False,
+                decode_timedelta=False,
+            )
+    except Exception as error:  # each backend raises its own kinds
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        if NO_BACKEND in reason:
+            reason = "its content is neither of the two; convert it, or download it again"
+        raise CurrentError(f"cannot read {path} as CF netCDF or zarr: {reason}") from None
+
+
+def find_velocity(
+    data: xr.Dataset,
+    source: str,
+    chosen: Mapping[str, str | None],
+    units: str | None = None,
+) -> Velocity:
+    """Find components, units and axes.
+
+    source: the file's name for messages. chosen: variable names the user gave for "east",
+    "north" and "up" (None: find it; "none" for up: leave it out). units: overrides the files'.
+    """
+    names: dict[str, str] = {}
+    for component in ("east", "north", "up"):
+        given = chosen.get(component)
+        if given == "none" and component == "up":
+            continue
+        if given is not None:
+            if given not in data.data_vars:
+                text = unknown_name("variable", given, map(str, data.data_vars))
+                raise CurrentError(f"{source}: {text}")
+            names[component] = given
+            continue
+        found = _by_standard_name(data, source, component) or _by_alias(data, component)
+        if found:
+            names[component] = found
+    downward = None if "up" in names or chosen.get("up") else _by_standard_name(
+        data, source, "down")  # fmt: skip
+    if downward:
+        names["down"] = downward
+    for component, example in (("east", "eastward"), ("north", "northward")):
+        if component not in names:
+            relative = [n for n, v in data.data_vars.items()
+                        if v.attrs.get("standard_name") in GRID_RELATIVE]  # fmt: skip
+            if relative:
+                raise CurrentError(
+                    f"{source}: {relative[0]!r} is relative to the model's own axes; {REGRID}"
+                )
+            raise CurrentError(
+                f"{source} has no variable with standard_name {example}_sea_water_velocity nor a"
+                f" known name ({', '.join(ALIASES[component])}); it holds"
+                f" {', '.join(sorted(map(str, data.data_vars))) or 'nothing'}: name the variables"
+                " with u=NAME,v=NAME"
+            )
+    for name in names.values():
+        if data[name].attrs.get("standard_name") in GRID_RELATIVE:
+            raise CurrentError(f"{source}: {name!r} is relative to the model's own axes; {REGRID}")
+    if "up" in names and data[names["up"]].attrs.get("standard_name") in STANDARD_NAMES["down"]:
+        names["down"] = names.pop("up")
+    axes = find_axes(data, source, names["east"])
+    dimensions = {}
+    for component, name in names.items():
+        own = find_axes(data, source, name)
+        _same_points(data, source, names["east"], axes, name, own, component)
+        dimensions[component] = {kind: axis.dimension for kind, axis in own.items()}
+    scale = {c: _speed_factor(data, source, name, units) for c, name in names.items()}
+    zero = any(name.lower() in ZERO_LAND_NAMES for name in names.values()) or any(
+        axis.coordinate.lower() in ("depthu", "depthv") for axis in axes.values()
+    )
+    return Velocity(names=names, scale=scale, axes=axes, dimensions=dimensions, zero_is_land=zero)
+
+
+def _by_standard_name(data: xr.Dataset, source: str, component: str) -> str | None:
+    for standard in STANDARD_NAMES[component]:
+        found = [str(n) for n, v in data.data_vars.items()
+                 if v.attrs.get("standard_name") == standard]  # fmt: skip
+        if len(found) > 1:
+            known = [n for n in found if n.lower() in ALIASES.get(component, ())]
+            if len(known) != 1:
+                key = {"east": "u", "north": "v"}.get(component, "w")
+                raise CurrentError(
+                    f"{source}: {', '.join(found)} all have standard_name {standard}; choose one"
+                    f" with {key}=NAME"
+                )
+            found = known
+        if found:
+            return found[0]
+    return None
+
+
+def _by_alias(data: xr.Dataset, component: str) -> str | None:
+    lower = {str(name).lower(): str(name) for name in data.data_vars}
+    return next((lower[alias] for alias in ALIASES[component] if alias in lower), None)
+
+
+def _same_points(
+    data: xr.Dataset,
+    source: str,
+    first: str,
+    axes: Mapping[str, Axis],
+    name: str,
+    own: Mapping[str, Axis],
+    component: str,
+) -> None:
+    """Raise CurrentError unless `name`, with the axes `own`, lies on the points of `first`."""
+    for kind in sorted({*axes, *own}):
+        mine, its = axes.get(kind), own.get(kind)
+        if mine is not None and its is not None:
+            a, b = data[mine.coordinate].values, data[its.coordinate].values
+            if a.shape == b.shape and np.array_equal(a, b):
+                continue
+        hint = " or leave it out with w=none" if component in ("up", "down") else ""
+        raise CurrentError(
+            f"{source}: {first!r} and {name!r} have different {kind} points (staggered grid);"
+            f" interpolate them to common points first{hint}"
+        )
+
+
+def _speed_factor(data: xr.Dataset, source: str, name: str, units: str | None) -> float:
+    given = units if units is not None else data[name].attrs.get("units")
+    if given is None:
+        raise CurrentError(
+            f"{source}: {name!r} has no units attribute; say units=m/s or units=cm/s"
+        )
+    key = " ".join(str(given).strip().lower().split())
+    if key not in SPEED_UNITS:
+        text = unknown_name("velocity units", str(given), SPEED_UNITS)
+        raise CurrentError(f"{source}: {name!r}: {text}; override with units=m/s")
+    return SPEED_UNITS[key]
