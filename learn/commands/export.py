@@ -13,6 +13,7 @@ import tyro
 
 from learn.run import newest_run, open_run
 from twin.console import Console, JsonOption
+from twin.extras import require
 from twin.program import EXIT_OK
 
 WIDTH = 100
@@ -33,6 +34,8 @@ class Export(JsonOption):
     def run(self, console: Console) -> int:
         """Export, check, say where."""
         os.environ.setdefault("OMP_NUM_THREADS", "1")
+        require("onnx", extra="onnx", purpose="learn export")
+        require("onnxruntime", extra="onnx", purpose="learn export")
         from learn.dataset import load_missions
         from learn.features import channels_of
         from learn.onnx_export import TOLERANCE, export_step
