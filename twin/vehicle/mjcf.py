@@ -23,7 +23,7 @@ class MjcfReader:
     """
 
     def __init__(self, xml: str, path: Path):
-        self.path = path
+        self.path, self.xml = path, xml
         try:
             self.root = ElementTree.fromstring(xml)
         except ElementTree.ParseError as error:
@@ -31,6 +31,7 @@ class MjcfReader:
         if self.root.tag != "mujoco":
             self.fail(f"root element <{self.root.tag}>", "<mujoco>")
         self.numerics = {e.get("name", ""): e for e in self.root.iterfind("./custom/numeric")}
+        self.texts = {e.get("name", ""): e for e in self.root.iterfind("./custom/text")}
 
     def fail(self, what: str, rule: str) -> NoReturn:
         """Raise a VehicleError: `what` must be `rule`."""
@@ -63,9 +64,40 @@ class MjcfReader:
         """The <site> of that name on body 'hull'."""
         return self._named("site", name, ".//body[@name='hull']/site")
 
-    def actuator(self, name: str) -> ElementTree.Element:
-        """The <general> actuator of that name."""
-        return self._named("general", name, "./actuator/general")
+    def actuators(self) -> list[ElementTree.Element]:
+        """The <general> actuators, in their order."""
+        found = self.root.findall("./actuator/*")
+        for element in found:
+            if element.tag != "general":
+                self.fail(f"actuator <{element.tag} name={element.get('name')!r}>", "a <general>")
+        return found
+
+    def joint(self, name: str) -> ElementTree.Element:
+        """The <joint> of that name."""
+        return self._named("joint", name, ".//body/joint")
+
+    def moving_bodies(self) -> list[ElementTree.Element]:
+        """The bodies on body 'hull' that have joints of their own."""
+        return [b for b in self.body("hull").iterfind(".//body") if b.find("joint") is not None]
+
+    def place(self, site: str) -> Array:
+        """Position [m] of a <site> on body 'hull', FRD about the CB, shape (3,)."""
+        return flip_vector(self.vector(self.site(site), "pos", 3, default="0 0 0"))
+
+    def text(self, name: str, default: str) -> str:
+        """The data of a <custom><text>, or `default`."""
+        element = self.texts.get(name)
+        return default if element is None else element.get("data", default)
+
+    def number(self, name: str, default: float | None = None) -> float:
+        """The one number of a <custom><numeric>, or `default` when there is none."""
+        if default is not None and name not in self.numerics:
+            return default
+        return float(self.numeric(name, 1)[0])
+
+    def flipped(self, name: str, size: int) -> Array:
+        """A vector of a <custom><numeric> in the file's axes, turned to FRD."""
+        return flip_vector(np.array(self.numeric(name, size)))
 
     def numeric(self, name: str, size: int) -> tuple:
         """The `size` numbers of a <custom><numeric>."""

@@ -1,6 +1,6 @@
-"""Vehicle: what an MJCF file says about a glider, read by name.
+"""Vehicle: what an MJCF file says about a vehicle, read by name.
 
-The file is the only place where a glider's numbers live. It is parsed here without MuJoCo, so
+The file is the only place where a vehicle's numbers live. It is parsed here without MuJoCo, so
 that the Fossen model shares the parameters with the MuJoCo twin but none of its code.
 """
 
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,17 +18,22 @@ from numpy.typing import NDArray
 from twin.errors import VehicleError, unknown_name
 from twin.frames import flip_vector
 from twin.vehicle.assets import assets_folder
+from twin.vehicle.assembly import read_masses, read_parts, read_steering
+from twin.vehicle.laws import LAWS, FlowFrame, HullLaw
 from twin.vehicle.mjcf import MjcfReader
+from twin.vehicle.moving_mass import MovingMass
+from twin.vehicle.parts import Part, Pump
 
 Array = NDArray[np.float64]
 
-ACTUATORS = ("shift", "rotation", "pump")
 CUBIC_CM = 1e-6  # [m3]
+CONTROLS = ("pitch", "heading", "buoyancy", "speed")
+"""What guidance steers, each with one part of the vehicle that can."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Vehicle:
-    """A glider's parameters: SI units, body axes forward-starboard-down (FRD) about the CB."""
+    """A hull, the masses that move in it and its parts; SI units, body axes FRD about the CB."""
 
     name: str
     path: Path
@@ -51,131 +55,273 @@ class Vehicle:
     """[m], shape (3,)"""
     static_inertia: Array
     """[kg m2], shape (3, 3), about the static block's own CG."""
-    movable_mass: float
-    """[kg]"""
-    movable_inertia: Array
-    """[kg m2], shape (3, 3), about the movable block's own CG at rotation 0."""
-    movable_neutral_x: float
-    """[m], axial position at shift 0."""
-    movable_eccentricity: float
-    """[m], distance of the movable CG below the axis at rotation 0."""
+    masses: tuple[MovingMass, ...]
+    """The masses that slides and hinges move."""
+    parts: tuple[Part, ...]
+    """In the order of the file's actuators, hence of every command and activation."""
+    law: HullLaw
+    """The water's force on the hull."""
     added_mass: Array
     """M_A, shape (6, 6), kg, kg m, kg m2, positive definite or semi-definite."""
-    drag: tuple[float, float]
-    """K_D0 [kg/m], K_D [kg/m/rad2]"""
-    lift: tuple[float, float]
-    """K_L0 [kg/m], K_alpha [kg/m/rad]"""
-    side_force: tuple[float]
-    """K_beta [kg/m/rad]"""
-    roll_moment: tuple[float, float]
-    """K_MR [kg/rad], K_p [kg s/rad]"""
-    pitch_moment: tuple[float, float, float]
-    """K_M0 [kg], K_M [kg/rad], K_q [kg s/rad2]"""
-    yaw_moment: tuple[float, float]
-    """K_MY [kg/rad], K_r [kg s/rad2]"""
-    linear_angle: float
-    """[rad], the published law holds as printed up to this flow angle."""
-    blend_angle: float
-    """[rad], the cross-flow law holds from this flow angle on."""
-    rate_damping_min_speed: float
-    """[m/s], rate damping uses at least this speed."""
-    actuator_min: Array
-    """Shape (3,): shift [m], rotation [rad], pump [cm3]."""
-    actuator_max: Array
-    """Shape (3,), as `actuator_min`."""
-    actuator_lag: Array
-    """[s], shape (3,), first-order lag."""
-    actuator_rate: Array
-    """Shape (3,): largest rates [m/s], [rad/s], [cm3/s]."""
+    added_mass_coupling: bool = True
+    """False when the law's coefficients hold the added mass's own coupling (Munk moment) already"""
     imu_position: Array
     """[m], shape (3,)"""
     gps_position: Array
     """[m], shape (3,)"""
     pitch_pid: tuple[float, float, float]
-    """Shift per pitch error: [m/rad], [m/(rad s)], [m s/rad]."""
+    """Position of the pitching part per pitch error: gain, over s, times s; per rad."""
     heading_pid: tuple[float, float, float]
-    """Rotation per heading error: [1], [1/s], [s]."""
+    """Position of the turning part per heading error: gain, over s, times s; per rad."""
     control_period: float
     """[s]"""
+    steering: Mapping[str, str]
+    """Name of the part that guidance uses for each of CONTROLS that the vehicle has."""
 
     def __post_init__(self) -> None:
         for name in ("reference_density", "hull_length", "hull_diameter", "static_mass"):
             self._require(getattr(self, name) > 0, name, "positive")
-        for name in ("movable_mass", "control_period"):
-            self._require(getattr(self, name) > 0, name, "positive")
+        for mass in self.masses:
+            self._require(mass.mass > 0, f"mass of body {mass.name!r}", "positive")
+        self._require(self.control_period > 0, "control_period", "positive")
         self._require(self.gravity > 0, "gravity", "downward along MuJoCo's z axis")
         self._require(self.hull_compressibility >= 0, "hull_compressibility", "at least 0")
-        self._require(self.rate_damping_min_speed >= 0, "rate_damping_min_speed", "at least 0")
-        self._require(
-            0 < self.linear_angle < self.blend_angle <= math.pi / 2,
-            "linear_angle, blend_angle",
-            "ordered as 0 < linear_angle < blend_angle <= pi/2",
-        )
+        for part in self.parts:
+            for name, rule in part.problems():
+                self._require(False, f"{part.name}: {name}", rule)
+        for name, rule in self.law.problems():
+            self._require(False, name, rule)
         symmetric = np.allclose(self.added_mass, self.added_mass.T, rtol=1e-9, atol=1e-12)
         self._require(symmetric, "added_mass", "a symmetric 6x6 matrix")
         smallest = np.linalg.eigvalsh(self.added_mass)[0]
         self._require(smallest >= -1e-9, "added_mass", "positive semi-definite")
-        self._require(bool((self.actuator_lag > 0).all()), "actuator lag (dynprm)", "positive")
-        self._require(bool((self.actuator_rate > 0).all()), "actuator rate (dynprm)", "positive")
-        ordered = bool((self.actuator_min < self.actuator_max).all())
-        self._require(ordered, "actuator actrange", "an increasing pair")
 
     def _require(self, condition: bool, name: str, rule: str) -> None:
         if not condition:
             raise VehicleError(f"vehicle {self.name!r} ({self.path}): {name} must be {rule}")
 
+    # --- masses and volumes -----------------------------------------------------------------------
+
     @property
     def mass(self) -> float:
         """Total mass [kg], constant: the pump moves oil, not mass, across the hull."""
-        return self.static_mass + self.movable_mass
+        return self.static_mass + sum(mass.mass for mass in self.masses)
 
     @property
     def neutral_volume(self) -> float:
-        """Displaced volume [m3] at pump 0 and zero pressure."""
+        """Displaced volume [m3] with its pumps at neutral and at zero pressure."""
         return self.mass / self.reference_density
 
-    def movable_position(self, shift: float, rotation: float) -> Array:
-        """CG of the movable block [m], shape (3,), at `shift` [m] and `rotation` [rad].
-
-        Positive rotation puts it to port (Zhang et al. 2013).
-        """
-        ecc = self.movable_eccentricity
-        lateral, vertical = -ecc * math.sin(rotation), ecc * math.cos(rotation)
-        return np.array([self.movable_neutral_x + shift, lateral, vertical])
+    @property
+    def battery(self) -> MovingMass:
+        """Its one moving mass; raises VehicleError when it has none or several."""
+        if len(self.masses) != 1:
+            held = ", ".join(mass.name for mass in self.masses) or "none"
+            raise VehicleError(
+                f"vehicle {self.name!r} has {len(self.masses)} moving masses ({held}); this needs "
+                "a vehicle with exactly one"
+            )
+        return self.masses[0]
 
     def pump_for_net_mass(self, net_mass: float) -> float:
-        """Pumped volume [cm3] that makes the glider `net_mass` [kg] heavy at reference density."""
-        return -net_mass / self.reference_density / CUBIC_CM
+        """Position of its pump [cm3] that makes it `net_mass` [kg] heavy at reference density.
+
+        Raises:
+          VehicleError: it has no pump.
+        """
+        return -net_mass / self.reference_density / CUBIC_CM + self._pump.neutral
 
     def net_mass_for_pump(self, pump: float) -> float:
         """Net buoyancy mass [kg] at reference density and zero pressure, positive = heavy."""
-        return -pump * CUBIC_CM * self.reference_density
+        return -(pump - self._pump.neutral) * CUBIC_CM * self.reference_density
 
-    def replace(self, **changes: object) -> Vehicle:
-        """A copy with other parameters; `xml` keeps describing the original."""
-        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+    @property
+    def _pump(self) -> Pump:
+        part = self.steered("buoyancy")
+        if not isinstance(part, Pump):
+            raise VehicleError(
+                f"vehicle {self.name!r} has no pump to make it heavy or light; its parts: "
+                f"{', '.join(self.part_names) or 'none'}"
+            )
+        return part
+
+    # --- parts ------------------------------------------------------------------------------------
+
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        """Names of the parts, in their order."""
+        return tuple(part.name for part in self.parts)
+
+    def part(self, name: str) -> Part:
+        """The part of that name; raises VehicleError that offers the nearest."""
+        for part in self.parts:
+            if part.name == name:
+                return part
+        raise VehicleError(unknown_name(f"part of vehicle {self.name!r}", name, self.part_names))
+
+    def steered(self, control: str) -> Part | None:
+        """The part that guidance uses for "pitch", "heading", "buoyancy" or "speed"; or None."""
+        name = self.steering.get(control)
+        return None if name is None else self.part(name)
+
+    def steered_index(self, control: str) -> int | None:
+        """Place among the parts of what `steered` gives; None: the vehicle has none."""
+        name = self.steering.get(control)
+        return None if name is None else self.part_names.index(name)
+
+    @property
+    def actuator_min(self) -> Array:
+        """Lower ends of travel, shape (parts,), each in its part's unit."""
+        return np.array([part.low for part in self.parts])
+
+    @property
+    def actuator_max(self) -> Array:
+        """Upper ends of travel, shape (parts,)."""
+        return np.array([part.high for part in self.parts])
+
+    @property
+    def actuator_lag(self) -> Array:
+        """[s], shape (parts,), first-order lags."""
+        return np.array([part.lag for part in self.parts])
+
+    @property
+    def actuator_rate(self) -> Array:
+        """Largest rates, shape (parts,), each in its part's unit per second."""
+        return np.array([part.rate for part in self.parts])
+
+    @property
+    def rest(self) -> Array:
+        """Positions at which nothing drives or steers, shape (parts,)."""
+        return np.array([part.rest for part in self.parts])
+
+    # --- copies -----------------------------------------------------------------------------------
+
+    def replace(self, **changes: Any) -> Vehicle:
+        """A copy with other parameters; `xml` keeps describing the original.
+
+        Takes fields of the vehicle and of its hull law (`drag=...`), `battery` with a mapping of
+        fields of its moving mass, and the name of a part with a mapping of that part's fields.
+
+        Raises:
+          VehicleError: nothing has such a name (the nearest is offered), or a value is impossible.
+        """
+        own = {field.name for field in dataclasses.fields(self)}
+        of_law = {field.name for field in dataclasses.fields(self.law)}
+        mine: dict[str, Any] = {}
+        law: dict[str, Any] = {}
+        parts = {part.name: part for part in self.parts}
+        for name, value in changes.items():
+            if name in own:
+                mine[name] = value
+            elif name in of_law:
+                law[name] = value
+            elif name == "battery":
+                mine["masses"] = (_changed(self.battery, value),)
+            elif name in parts:
+                parts[name] = _changed(parts[name], value)
+                mine["parts"] = tuple(parts.values())
+            else:
+                known = sorted({*own, *of_law, *parts, "battery"})
+                raise VehicleError(unknown_name(f"field of vehicle {self.name!r}", name, known))
+        if law:
+            mine["law"] = dataclasses.replace(mine.get("law", self.law), **law)
+        return dataclasses.replace(self, **mine)
+
+    def with_law(self, kind: str) -> Vehicle:
+        """A copy whose water acts by another hull law, read from the same file.
+
+        Raises:
+          VehicleError: unknown law, or the file lacks what it needs.
+        """
+        if kind == self.law.kind:
+            return self
+        law = LAWS[kind].read(MjcfReader(self.xml, self.path))
+        mass = law.added_mass(self.reference_density)
+        return self.replace(law=law, **({} if mass is None else {"added_mass": mass}))
 
     def changes(self) -> dict[str, Any]:
-        """The fields that differ from the MJCF text, as JSON-able numbers and lists."""
+        """What differs from the MJCF text, as JSON-able numbers, lists and mappings."""
         original = parse_vehicle(self.xml, self.path)
-        found: dict[str, Any] = {}
-        for field in dataclasses.fields(self):
-            mine, theirs = getattr(self, field.name), getattr(original, field.name)
-            if field.name not in ("name", "path", "xml") and not np.array_equal(mine, theirs):
-                found[field.name] = np.asarray(mine).tolist()
+        if self.law.kind != original.law.kind:
+            original = original.with_law(self.law.kind)
+        found = _differences(self, original, leave=("name", "path", "xml", "law", "parts", "masses"))
+        if self.law.kind != parse_vehicle(self.xml, self.path).law.kind:
+            found["hull_law"] = self.law.kind
+        found.update(_differences(self.law, original.law))
+        for mine, theirs in zip(self.parts, original.parts, strict=True):
+            differing = _differences(mine, theirs)
+            if differing:
+                found[mine.name] = differing
+        for mass, other in zip(self.masses, original.masses, strict=True):
+            differing = _differences(mass, other)
+            if differing:
+                found["battery"] = differing
         return found
 
     def with_changes(self, changes: Mapping[str, Any]) -> Vehicle:
-        """A copy with what `changes` of another copy returned."""
-        typed = {
-            name: np.array(value)
-            if isinstance(getattr(self, name), np.ndarray)
-            else tuple(value)
-            if isinstance(value, list)
-            else value
-            for name, value in changes.items()
-        }
-        return self.replace(**typed)
+        """A copy with what `changes` of another copy returned, also in its form of version 1."""
+        changes = dict(changes)
+        vehicle = self
+        if "hull_law" in changes:
+            vehicle = vehicle.with_law(changes.pop("hull_law"))
+        return vehicle.replace(**_renamed(vehicle, changes))
+
+
+def _changed(item: Any, changes: Mapping[str, Any]) -> Any:
+    """A part or moving mass with some fields replaced; raises VehicleError for unknown ones."""
+    known = [field.name for field in dataclasses.fields(item)]
+    for name in changes:
+        if name not in known:
+            raise VehicleError(unknown_name(f"field of {item.name!r}", name, known))
+    return dataclasses.replace(item, **{n: _typed(getattr(item, n), v) for n, v in changes.items()})
+
+
+def _typed(mine: Any, value: Any) -> Any:
+    """`value`, as JSON gives it, in the type that a field has."""
+    if isinstance(mine, np.ndarray):
+        return np.array(value, dtype=np.float64)
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _differences(mine: Any, theirs: Any, leave: tuple[str, ...] = ()) -> dict[str, Any]:
+    found = {}
+    for field in dataclasses.fields(mine):
+        a, b = getattr(mine, field.name), getattr(theirs, field.name)
+        if field.name not in leave and not np.array_equal(a, b):
+            found[field.name] = a if isinstance(a, str | Mapping | None) else np.asarray(a).tolist()
+    return found
+
+
+def _renamed(vehicle: Vehicle, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Changes with the names and types of today; stores of version 1 name all actuators at once."""
+    out: dict[str, Any] = {}
+    for name, value in changes.items():
+        field = _VERSION_1_ACTUATORS.get(name)
+        if field is not None:
+            for part, number in zip(vehicle.parts, value, strict=True):
+                out.setdefault(part.name, {})[field] = float(number)
+        elif name in _VERSION_1_BATTERY:
+            out.setdefault("battery", {})[_VERSION_1_BATTERY[name]] = value
+        elif isinstance(value, Mapping):
+            out.setdefault(name, {}).update(value)
+        else:
+            present = getattr(vehicle, name, getattr(vehicle.law, name, None))
+            out[name] = _typed(present, value)
+    return out
+
+
+_VERSION_1_ACTUATORS = {
+    "actuator_min": "low",
+    "actuator_max": "high",
+    "actuator_lag": "lag",
+    "actuator_rate": "rate",
+}
+_VERSION_1_BATTERY = {
+    "movable_mass": "mass",
+    "movable_inertia": "inertia",
+    "movable_neutral_x": "neutral_x",
+    "movable_eccentricity": "eccentricity",
+}
 
 
 def load_vehicle(vehicle: str | Path = "glider") -> Vehicle:
@@ -209,51 +355,37 @@ def vehicle_names() -> list[str]:
 def parse_vehicle(xml: str, path: Path) -> Vehicle:
     """Build a `Vehicle` from MJCF text; `path` names it in errors."""
     reader = MjcfReader(xml, path)
-    hull, battery = reader.body("hull"), reader.body("battery")
-    movable_cg = reader.vector(battery, "pos", 3) + reader.inertial(battery, "pos")
-    static_cg = reader.inertial(hull, "pos")
-    if not np.allclose(reader.inertial(battery, "pos")[:2], 0, atol=1e-12):
-        reader.fail(
-            "body 'battery' <inertial pos>", "on its own vertical axis: '0 0 -eccentricity'"
-        )
-    actuators = [reader.actuator(name) for name in ACTUATORS]
-    ranges = np.array([reader.vector(a, "actrange", 2) for a in actuators])
-    dynamics = np.array([reader.vector(a, "dynprm", 2) for a in actuators])
-    numeric = reader.numeric
+    hull = reader.body("hull")
+    numeric, number = reader.numeric, reader.number
+    parts = read_parts(reader)
+    law = LAWS[reader.text("hull_law", FlowFrame.kind)].read(reader)
+    reference_density = number("reference_density")
+    added_mass = law.added_mass(reference_density)
+    if added_mass is None:
+        added_mass = np.array(numeric("added_mass", 36)).reshape(6, 6)
     gravity = reader.vector(reader.one("option"), "gravity", 3, default="0 0 -9.81")
+    steering = read_steering(reader, parts)
     return Vehicle(
         name=reader.root.get("model", path.stem),
         path=path,
         xml=xml,
         gravity=-float(gravity[2]),
-        reference_density=numeric("reference_density", 1)[0],
-        hull_length=numeric("hull_length", 1)[0],
-        hull_diameter=numeric("hull_diameter", 1)[0],
-        hull_compressibility=numeric("hull_compressibility", 1)[0],
+        reference_density=reference_density,
+        hull_length=number("hull_length"),
+        hull_diameter=number("hull_diameter"),
+        hull_compressibility=number("hull_compressibility"),
         static_mass=float(reader.inertial(hull, "mass")[0]),
-        static_cg=flip_vector(static_cg),
+        static_cg=flip_vector(reader.inertial(hull, "pos")),
         static_inertia=reader.inertia(hull),
-        movable_mass=float(reader.inertial(battery, "mass")[0]),
-        movable_inertia=reader.inertia(battery),
-        movable_neutral_x=float(movable_cg[0]),
-        movable_eccentricity=-float(movable_cg[2]),
-        added_mass=np.array(numeric("added_mass", 36)).reshape(6, 6),
-        drag=numeric("drag", 2),
-        lift=numeric("lift", 2),
-        side_force=numeric("side_force", 1),
-        roll_moment=numeric("roll_moment", 2),
-        pitch_moment=numeric("pitch_moment", 3),
-        yaw_moment=numeric("yaw_moment", 2),
-        linear_angle=numeric("linear_angle", 1)[0],
-        blend_angle=numeric("blend_angle", 1)[0],
-        rate_damping_min_speed=numeric("rate_damping_min_speed", 1)[0],
-        actuator_min=ranges[:, 0],
-        actuator_max=ranges[:, 1],
-        actuator_lag=dynamics[:, 0],
-        actuator_rate=dynamics[:, 1],
-        imu_position=flip_vector(reader.vector(reader.site("imu"), "pos", 3)),
-        gps_position=flip_vector(reader.vector(reader.site("gps"), "pos", 3)),
-        pitch_pid=numeric("pitch_pid", 3),
-        heading_pid=numeric("heading_pid", 3),
-        control_period=numeric("control_period", 1)[0],
+        masses=read_masses(reader, parts),
+        parts=parts,
+        law=law,
+        added_mass=added_mass,
+        added_mass_coupling=number("added_mass_coupling", default=1.0) != 0.0,
+        imu_position=reader.place("imu"),
+        gps_position=reader.place("gps"),
+        pitch_pid=numeric("pitch_pid", 3) if "pitch" in steering else (0.0, 0.0, 0.0),
+        heading_pid=numeric("heading_pid", 3) if "heading" in steering else (0.0, 0.0, 0.0),
+        control_period=number("control_period"),
+        steering=steering,
     )

@@ -1,0 +1,144 @@
+"""Assembly: the parts and moving masses of a vehicle file, and what guidance steers with them."""
+
+from __future__ import annotations
+
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from twin.errors import VehicleError, unknown_name
+from twin.vehicle.mjcf import MjcfReader
+from twin.vehicle.moving_mass import MovingMass
+from twin.vehicle.parts import PARTS, BatteryHinge, BatterySlide, Part, Pump
+
+STEERING = {
+    "pitch": "what pitches it: a battery slide or an elevator",
+    "heading": "what turns it: a battery hinge or a rudder",
+    "buoyancy": "what makes it heavy or light: a pump",
+    "speed": "what drives it: a propeller",
+}
+
+
+def read_parts(reader: MjcfReader) -> tuple[Part, ...]:
+    """The parts, one for each actuator of the file and in their order.
+
+    A part's kind is the `<text name="NAME.kind">`; without one an actuator of a slide or hinge is
+    a battery's, and one at a site a pump.
+
+    Raises:
+      VehicleError: an actuator that is no part, or without what its kind needs.
+    """
+    parts: list[Part] = []
+    for actuator in reader.actuators():
+        name = actuator.get("name", "")
+        if not name.isidentifier():
+            reader.fail(f"the name {name!r} of an actuator", "a plain word, such as 'rudder'")
+        if name in (part.name for part in parts):
+            reader.fail(f"the name {name!r} of two actuators", "different")
+        kind = PARTS[reader.text(f"{name}.kind", _usual(reader, actuator, name))]
+        _check_actuator(reader, actuator, kind)
+        parts.append(kind.read(reader, actuator, name))
+    return tuple(parts)
+
+
+def _usual(reader: MjcfReader, actuator: Element, name: str) -> str:
+    """The kind of an actuator whose file does not say it."""
+    joint = actuator.get("joint")
+    if joint is not None:
+        element = reader.joint(joint)
+        return BatteryHinge.kind if element.get("type", "hinge") == "hinge" else BatterySlide.kind
+    if name == "pump":
+        return Pump.kind
+    reader.fail(
+        f"actuator {name!r}",
+        f"of a kind: add <text name='{name}.kind' data='KIND'/> to <custom>, one of "
+        f"{', '.join(PARTS)}",
+    )
+
+
+def _check_actuator(reader: MjcfReader, actuator: Element, kind: type[Part]) -> None:
+    name = actuator.get("name", "")
+    label = f"actuator {name!r} ({kind.kind})"
+    if actuator.get("dyntype") != "user" or actuator.get("actdim", "1") != "1":
+        reader.fail(label, "one with one activation: dyntype='user' actdim='1'")
+    if actuator.get("actlimited") != "true":
+        reader.fail(label, "limited to its travel: actlimited='true' with an actrange")
+    if kind.joint is None:
+        if actuator.get("site") is None or float(actuator.get("gainprm", "1").split()[0]) != 0.0:
+            reader.fail(label, "at a site and without a force of MuJoCo's: site='...' gainprm='0'")
+        return
+    joint = actuator.get("joint")
+    found = reader.joint(joint) if joint is not None else None
+    if found is None or found.get("type", "hinge") != kind.joint:
+        reader.fail(label, f"on a {kind.joint} joint: joint='...' of that type")
+    axis = reader.vector(found, "axis", 3, default="0 0 1")
+    if not np.allclose(axis, [1.0, 0.0, 0.0], atol=1e-12):
+        reader.fail(f"joint {joint!r} axis", "'1 0 0': masses move along and about the hull")
+    if not np.allclose(reader.vector(found, "pos", 3, default="0 0 0"), 0.0, atol=1e-12):
+        reader.fail(f"joint {joint!r} pos", "'0 0 0': on the hull's axis")
+
+
+def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass, ...]:
+    """The bodies that slides and hinges move.
+
+    Raises:
+      VehicleError: a mass off the hull's axis, a joint without a part or of another kind.
+    """
+    driven = {
+        actuator.get("joint"): actuator.get("name")
+        for actuator in reader.actuators()
+        if actuator.get("joint") is not None
+    }
+    masses = []
+    for body in reader.moving_bodies():
+        name = body.get("name", "")
+        slide = hinge = None
+        for joint in body.findall("joint"):
+            part = driven.get(joint.get("name"))
+            if part is None:
+                reader.fail(f"joint {joint.get('name')!r}", "driven by an actuator of its own")
+            if joint.get("type", "hinge") == "slide":
+                slide = part
+            else:
+                hinge = part
+        own = reader.inertial(body, "pos")
+        if not np.allclose(own[:2], 0, atol=1e-12):
+            reader.fail(
+                f"body {name!r} <inertial pos>", "on its own vertical axis: '0 0 -eccentricity'"
+            )
+        place = reader.vector(body, "pos", 3, default="0 0 0") + own
+        masses.append(
+            MovingMass(
+                name=name,
+                mass=float(reader.inertial(body, "mass")[0]),
+                inertia=reader.inertia(body),
+                neutral_x=float(place[0]),
+                eccentricity=-float(place[2]),
+                slide=slide,
+                hinge=hinge,
+            )
+        )
+    return tuple(masses)
+
+
+def read_steering(reader: MjcfReader, parts: tuple[Part, ...]) -> dict[str, str]:
+    """Name of the part that guidance uses for each control that the vehicle has.
+
+    `<text name="steer.pitch" data="PART"/>` chooses among several; else the first that can.
+
+    Raises:
+      VehicleError: the part named does not exist or cannot do it.
+    """
+    steering: dict[str, str] = {}
+    for control, meaning in STEERING.items():
+        able = [part.name for part in parts if control in part.controls()]
+        chosen = reader.text(f"steer.{control}", able[0] if able else "")
+        if not chosen:
+            continue
+        if chosen not in able:
+            raise VehicleError(
+                f"vehicle file {reader.path}: <text name='steer.{control}'>: "
+                f"{unknown_name('part', chosen, able)}; it names {meaning}"
+            )
+        steering[control] = chosen
+    return steering

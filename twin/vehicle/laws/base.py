@@ -1,0 +1,71 @@
+"""What every hull law says of itself: the force and moment of the water on the bare hull.
+
+The law is written twice, for the MuJoCo twin (`native_*`) and for the Fossen model (`fossen_*`):
+two codes that share the coefficients and nothing else. Added mass is not part of it: its matrix
+stands in the vehicle file, and both models treat it as Kirchhoff's equations say.
+"""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from twin.vehicle.mjcf import MjcfReader
+
+Array = NDArray[np.float64]
+Kernel = Callable[..., Any]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class HullLaw(abc.ABC):
+    """Coefficients of one way to write the water's wrench on a hull."""
+
+    kind: ClassVar[str] = ""
+    """Name in vehicle files: `<text name="hull_law" data="...">`."""
+    native_wrench: ClassVar[Kernel | None] = None
+    """(values, density, u, v, w, p, q, r) -> X, Y, Z, K, M, N [N, N m] about the CB, body FRD"""
+    native_rate_damping: ClassVar[Kernel | None] = None
+    """(values, timestep, density, u, v, w, p, q, r) -> timestep * d(K, M, N)/d(p, q, r), each its
+    own [kg m2]: what a time-centred step must not extrapolate"""
+    fossen_wrench: ClassVar[Kernel | None] = None
+    """(values, density, nu_r (6,)) -> (6,)"""
+
+    @classmethod
+    @abc.abstractmethod
+    def read(cls, reader: MjcfReader) -> Self:
+        """The law of a vehicle file; raises VehicleError naming what is missing."""
+
+    @abc.abstractmethod
+    def values(self) -> Array:
+        """Its coefficients as both kernels read them, shape (n,)."""
+
+    def problems(self) -> list[tuple[str, str]]:
+        """What is wrong with it: pairs of a field's name and the rule that it breaks."""
+        return []
+
+    def added_mass(self, reference_density: float) -> Array | None:
+        """M_A (6, 6) when the law knows it from its geometry; None: the vehicle file says it."""
+        return None
+
+    @property
+    def valid_angle(self) -> float:
+        """[rad] up to which flow angles its coefficients were identified."""
+        return float(np.pi)
+
+    def wrench(self, nu_r: Array, density: float) -> Array:
+        """Force [N] and moment [N m], shape (6,), at the motion through the water `nu_r`.
+
+        Args:
+          nu_r: surge, sway, heave [m/s], roll, pitch, yaw rate [rad/s], shape (6,), body FRD.
+          density: [kg/m3].
+        """
+        kernel = type(self).fossen_wrench
+        assert kernel is not None
+        motion = np.ascontiguousarray(nu_r, dtype=np.float64)
+        return np.asarray(kernel(self.values(), float(density), motion))

@@ -1,0 +1,203 @@
+"""Body-axes law: hydrodynamic derivatives about the CB, linear, quadratic and cross-coupled.
+
+The notation is SNAME's: `Xuu`, `Yuv`, `Nur`, ... name the axis of the force (X, Y, Z) or moment
+(K, M, N) and the velocities that it multiplies (u, v, w, p, q, r). A derivative of
+
+- one velocity is linear: Xu u;
+- one velocity twice is quadratic drag, c x |x|, odd as drag must be: Yvv v |v|, Mww w |w|; only in
+  X, where the sign of a velocity across the hull cannot matter, it is c x x: Xvv v v, Xqq q q
+  (Xuu stays u |u|);
+- two velocities is their product: Yuv u v, Mpr p r.
+
+(Prestero 2001, Verification of a six-degree of freedom simulation model for the REMUS autonomous
+underwater vehicle, eqs. 4.48 to 4.53.) They are dimensional and carry the density of the water.
+Sets that list the added mass's own coupling (Xwq = -Zwdot, Munk's Muw, ...) say so in the file by
+`<numeric name="added_mass_coupling" data="0"/>`; otherwise both models add it from M_A.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from twin.errors import VehicleError, unknown_name
+from twin.vehicle.laws.base import HullLaw
+
+if TYPE_CHECKING:
+    from twin.vehicle.mjcf import MjcfReader
+
+Array = NDArray[np.float64]
+
+AXES, VELOCITIES = "XYZKMN", "uvwpqr"
+PRODUCT, SQUARE, LINEAR = 0.0, 1.0, 2.0
+TERM = 5
+"""Numbers of a term in the values: axis, first and second velocity, kind, coefficient."""
+
+
+@njit(error_model="numpy")
+def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
+    """The terms one after the other; an axis or velocity beyond the sixth adds nothing."""
+    x, y, z, l, m, n = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(c.size // TERM):
+        at = TERM * k
+        first = _pick(int(c[at + 1]), u, v, w, p, q, r)
+        kind = c[at + 3]
+        if kind == PRODUCT:
+            value = c[at + 4] * first * _pick(int(c[at + 2]), u, v, w, p, q, r)
+        elif kind == SQUARE:
+            value = c[at + 4] * first * abs(first)
+        else:
+            value = c[at + 4] * first
+        axis = int(c[at])
+        if axis == 0:
+            x += value
+        elif axis == 1:
+            y += value
+        elif axis == 2:
+            z += value
+        elif axis == 3:
+            l += value
+        elif axis == 4:
+            m += value
+        elif axis == 5:
+            n += value
+    return x, y, z, l, m, n
+
+
+@njit(error_model="numpy", inline="always")
+def _pick(index, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
+    if index == 0:
+        return u
+    if index == 1:
+        return v
+    if index == 2:
+        return w
+    if index == 3:
+        return p
+    if index == 4:
+        return q
+    if index == 5:
+        return r
+    return 0.0
+
+
+@njit(error_model="numpy")
+def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
+    """Step times dK/dp, dM/dq, dN/dr."""
+    k, m, n = 0.0, 0.0, 0.0
+    for term in range(c.size // TERM):
+        at = TERM * term
+        axis, i, j, kind = int(c[at]), int(c[at + 1]), int(c[at + 2]), c[at + 3]
+        if axis < 3:
+            continue
+        slope = 0.0
+        if kind == LINEAR:
+            slope = c[at + 4] if i == axis else 0.0
+        elif kind == SQUARE:
+            slope = 2.0 * c[at + 4] * abs(_pick(i, u, v, w, p, q, r)) if i == axis else 0.0
+        else:
+            if i == axis:
+                slope += c[at + 4] * _pick(j, u, v, w, p, q, r)
+            if j == axis:
+                slope += c[at + 4] * _pick(i, u, v, w, p, q, r)
+        if axis == 3:
+            k += slope
+        elif axis == 4:
+            m += slope
+        else:
+            n += slope
+    return timestep * k, timestep * m, timestep * n
+
+
+@njit(error_model="numpy")
+def fossen_wrench(c, density, nu_r):  # type: ignore[no-untyped-def]
+    """(6,): -D(nu_r) nu_r with the matrix D gathered first (Fossen 2011, section 6.4)."""
+    damping = np.zeros((6, 6))
+    terms = c.reshape((-1, TERM))
+    for row in terms:
+        axis, i, j = int(row[0]), int(row[1]), int(row[2])
+        if row[3] == LINEAR:
+            damping[axis, i] -= row[4]
+        elif row[3] == SQUARE:
+            damping[axis, i] -= row[4] * abs(nu_r[i])
+        else:
+            damping[axis, j] -= row[4] * nu_r[i]
+    tau = np.zeros(6)
+    for i in range(6):
+        for j in range(6):
+            tau[i] -= damping[i, j] * nu_r[j]
+    return tau
+
+
+def term(name: str, coefficient: float) -> tuple[float, float, float, float, float]:
+    """The numbers of one derivative by its name, such as "Xuu"; see TERM.
+
+    Raises:
+      VehicleError: no derivative has this name; the nearest is offered.
+    """
+    if name not in NAMES:
+        raise VehicleError(unknown_name("derivative", name, NAMES))
+    axis = AXES.index(name[0])
+    places = [VELOCITIES.index(letter) for letter in name[1:]]
+    kind = LINEAR
+    if len(places) == 2:
+        even = name[0] == "X" and name != "Xuu"
+        kind = SQUARE if places[0] == places[1] and not even else PRODUCT
+    return (float(axis), float(places[0]), float(places[-1]), kind, float(coefficient))
+
+
+NAMES = tuple(
+    axis + "".join(velocities)
+    for axis in AXES
+    for velocities in (
+        *((v,) for v in VELOCITIES),
+        *itertools.product(VELOCITIES, repeat=2),
+    )
+)
+"""Every derivative that there can be."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class BodyAxes(HullLaw):
+    """Hydrodynamic derivatives in body axes, as AUV papers print them."""
+
+    kind: ClassVar[str] = "body-axes"
+    native_wrench = staticmethod(native_wrench)
+    native_rate_damping = staticmethod(native_rate_damping)
+    fossen_wrench = staticmethod(fossen_wrench)
+
+    derivatives: tuple[tuple[str, float], ...]
+    """Name and coefficient [SI: kg/m for Xuu, kg for Yur, kg m2 for Nrr, ...] of each."""
+
+    @classmethod
+    def read(cls, reader: MjcfReader) -> Self:
+        """From every `<numeric>` element that bears a derivative's name."""
+        found = tuple(
+            (name, reader.numeric(name, 1)[0]) for name in reader.numerics if name in NAMES
+        )
+        if not found:
+            reader.fail("the hull law 'body-axes'", "given by derivatives such as <numeric name='Xuu' .../>")
+        return cls(derivatives=found)
+
+    def problems(self) -> list[tuple[str, str]]:
+        """Quadratic drag that would drive, and a derivative that is given twice in two orders."""
+        found = []
+        seen: dict[tuple[str, ...], str] = {}
+        for name, value in self.derivatives:
+            own = len(name) == 3 and name[1] == name[2] and VELOCITIES[AXES.index(name[0])] == name[1]
+            if own and value > 0.0:
+                found.append((name, "at most 0: drag never drives"))
+            key = (name[0], *sorted(name[1:]))
+            if key in seen:
+                found.append((f"{name} and {seen[key]}", "one derivative: they are the same product"))
+            seen[key] = name
+        return found
+
+    def values(self) -> Array:
+        """Five numbers a term, see TERM; shape (5 n,)."""
+        return np.array([term(*pair) for pair in self.derivatives], dtype=np.float64).ravel()

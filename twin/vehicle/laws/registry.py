@@ -1,0 +1,27 @@
+"""The registry of hull laws, and what a kind must have to be one."""
+
+from __future__ import annotations
+
+from twin.errors import VehicleError
+from twin.registry import Registry
+from twin.vehicle.laws.base import HullLaw
+
+
+def _lacks(kind: type[HullLaw]) -> str:
+    """What a kind of law lacks: both models need it."""
+    if not (isinstance(kind, type) and issubclass(kind, HullLaw)):
+        return "the base class twin.vehicle.laws.HullLaw"
+    for name in ("native_wrench", "native_rate_damping", "fossen_wrench"):
+        if getattr(kind, name) is None:
+            return f"`{name}`"
+    missing = sorted(getattr(kind, "__abstractmethods__", ()))
+    return f"the method `{missing[0]}`" if missing else ""
+
+
+LAWS: Registry[type[HullLaw]] = Registry(
+    "hull law",
+    group="glider_twin.hull_laws",
+    name=lambda kind: getattr(kind, "kind", ""),
+    check=_lacks,
+    error=VehicleError,
+)

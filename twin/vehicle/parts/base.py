@@ -1,0 +1,156 @@
+"""What every kind of vehicle part says of itself: one interface for batteries, pumps and fins.
+
+A part is an actuator of the vehicle file with one activation: its position, which follows the
+command by d(position)/dt = clip((command - position) / lag, -rate, rate) inside its travel. What
+it does to the vehicle is written twice, for the MuJoCo twin (`native_*`) and for the Fossen model
+(`fossen_*`): two codes that share the parameters and nothing else.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from twin.vehicle.mjcf import MjcfReader
+    from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+Kernel = Callable[..., Any]
+
+VALUES = 24
+"""Most parameters of a part that its kernels read."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """How a store shows a part's position."""
+
+    unit: str
+    """as CF writes it"""
+    scale: float
+    """stored value per unit of the position: 180 / pi where a store has degrees"""
+    long_name: str
+    """without the part's name"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Part:
+    """One actuated part of a vehicle; `name` is that of its actuator in the file."""
+
+    kind: ClassVar[str] = ""
+    """Name of the kind in vehicle files."""
+    unit: ClassVar[str] = ""
+    """of its position, as a person writes it"""
+    quantity: ClassVar[Quantity]
+    joint: ClassVar[str | None] = None
+    """MJCF type of the joint that it drives, None: it acts at a site"""
+    one_way: ClassVar[bool] = False
+    """True: its position never rises again"""
+    turn: ClassVar[int] = 50
+    """Place in the order in which random manoeuvres draw a command for each part."""
+
+    name: str
+    low: float
+    """end of its travel, in `unit`"""
+    high: float
+    """end of its travel, in `unit`"""
+    lag: float
+    """[s] of its first-order response"""
+    rate: float
+    """largest rate, in `unit` per second"""
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """[m], body FRD about the CB: where it acts"""
+
+    # --- from the vehicle file ------------------------------------------------------------------
+
+    @classmethod
+    def read(cls, reader: MjcfReader, actuator: Element, name: str) -> Self:
+        """The part of an actuator; raises VehicleError naming what is missing or wrong."""
+        low, high = reader.vector(actuator, "actrange", 2)
+        lag, rate = reader.vector(actuator, "dynprm", 2)
+        common = {"low": low, "high": high, "lag": lag, "rate": rate}
+        return cls(
+            name=name,
+            position=cls._place(reader, actuator),
+            **{key: float(value) for key, value in common.items()},
+            **cls.own_parameters(reader, name),
+        )
+
+    @classmethod
+    def _place(cls, reader: MjcfReader, actuator: Element) -> tuple[float, float, float]:
+        if cls.joint is not None:
+            return (0.0, 0.0, 0.0)
+        x, y, z = (float(value) for value in reader.place(actuator.get("site", "")))
+        return (x, y, z)
+
+    @classmethod
+    def own_parameters(cls, reader: MjcfReader, name: str) -> Mapping[str, Any]:
+        """Fields that only this kind has, from the `<numeric name="NAME.field">` elements."""
+        return {}
+
+    def problems(self) -> list[tuple[str, str]]:
+        """What is wrong with it: pairs of a field's name and the rule that it breaks."""
+        found = []
+        if not self.lag > 0.0:
+            found.append(("lag (dynprm)", "positive"))
+        if not self.rate > 0.0:
+            found.append(("rate (dynprm)", "positive"))
+        if not self.low < self.high:
+            found.append(("actrange", "an increasing pair"))
+        return found
+
+    # --- what it does ---------------------------------------------------------------------------
+
+    def values(self) -> tuple[float, ...]:
+        """Its parameters as both models' kernels read them, at most VALUES."""
+        return ()
+
+    native_volume: ClassVar[Kernel | None] = None
+    """(values, position) -> displaced volume added [cm3]; None: none"""
+    native_mass: ClassVar[Kernel | None] = None
+    """(values, position) -> point mass [kg] added at its place; None: none"""
+    native_wrench: ClassVar[Kernel | None] = None
+    """(values, place (3), position, u, v, w, p, q, r, density, depth) -> X, Y, Z, K, M, N about
+    the CB, body FRD; the motion is that through the water at the CB, the depth [m] that of its
+    place. None: none"""
+    fossen_volume: ClassVar[Kernel | None] = None
+    """As `native_volume`."""
+    fossen_mass: ClassVar[Kernel | None] = None
+    """As `native_mass`."""
+    fossen_wrench: ClassVar[Kernel | None] = None
+    """(values, place (3,), position, nu_r (6,), density, depth) -> wrench (6,) about the CB."""
+
+    # --- what guidance may do with it -----------------------------------------------------------
+
+    def controls(self) -> tuple[str, ...]:
+        """What guidance can use it for: of "pitch", "heading", "buoyancy", "speed"."""
+        return ()
+
+    @property
+    def rest(self) -> float:
+        """The position at which it neither drives nor steers."""
+        return min(max(0.0, self.low), self.high)
+
+    def sense(self, axis: str) -> float:
+        """+1 when a larger position raises pitch or turns to starboard, -1 when it does not."""
+        return 1.0
+
+    # --- what is drawn and shown ----------------------------------------------------------------
+
+    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Vehicle) -> float:
+        """A random command for a manoeuvre that is `heavy` (1 dives, -1 climbs)."""
+        middle, half = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
+        return float(middle + 0.5 * half * rng.uniform(-1.0, 1.0))
+
+    def text(self, value: float) -> str:
+        """A position as a person reads it, with its unit."""
+        if self.unit == "rad":
+            return f"{math.degrees(value):.1f} deg"
+        return f"{value:.4g} {self.unit}"

@@ -1,0 +1,38 @@
+"""Battery hinge: a mass that turns about the hull's axis, rolls the vehicle and so turns it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from twin.vehicle.parts.base import Part, Quantity
+
+if TYPE_CHECKING:
+    from twin.vehicle.vehicle import Vehicle
+
+ROTATION = 60.0
+"""[deg] largest rotation that a random manoeuvre draws"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class BatteryHinge(Part):
+    """A mass below the hull's axis; a positive rotation puts it to port."""
+
+    kind: ClassVar[str] = "battery-hinge"
+    unit: ClassVar[str] = "rad"
+    quantity: ClassVar[Quantity] = Quantity(
+        unit="degree", scale=180.0 / np.pi, long_name="rotation about the hull, to port positive"
+    )
+    joint: ClassVar[str | None] = "hinge"
+    turn: ClassVar[int] = 30
+
+    def controls(self) -> tuple[str, ...]:
+        """It turns."""
+        return ("heading",)
+
+    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Vehicle) -> float:
+        """Every other command is level."""
+        return float(math.radians(rng.uniform(-ROTATION, ROTATION)) * rng.integers(0, 2))

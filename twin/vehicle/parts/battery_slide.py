@@ -1,0 +1,43 @@
+"""Battery slide: a mass that moves along the hull and so pitches the vehicle."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from twin.vehicle.parts.base import Part, Quantity
+
+if TYPE_CHECKING:
+    from twin.vehicle.vehicle import Vehicle
+
+SHIFT = (0.008, 0.03)
+"""[m] of a travel of 0.05 m: commands that a random manoeuvre draws"""
+TRAVEL = 0.05
+"""[m] that SHIFT belongs to"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class BatterySlide(Part):
+    """A mass on a slide along the hull; its position is positive forward: nose down."""
+
+    kind: ClassVar[str] = "battery-slide"
+    unit: ClassVar[str] = "m"
+    quantity: ClassVar[Quantity] = Quantity(
+        unit="m", scale=1.0, long_name="displacement from neutral, forward positive"
+    )
+    joint: ClassVar[str | None] = "slide"
+    turn: ClassVar[int] = 20
+
+    def controls(self) -> tuple[str, ...]:
+        """It pitches."""
+        return ("pitch",)
+
+    def sense(self, axis: str) -> float:
+        """Forward is nose down."""
+        return -1.0
+
+    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Vehicle) -> float:
+        """Forward in a dive, aft in a climb."""
+        return float(heavy * rng.uniform(*SHIFT) * (self.high / TRAVEL))

@@ -1,0 +1,242 @@
+"""Fin: a rudder or elevator that turns about its span, with lift, drag and stall.
+
+Of a fin with area A at r, the flow in the plane of its section is v_rel + omega x r there. At the
+angle of attack a, C_L = C_La a up to the stall and then falls (or rises) with its own slope, no
+further than zero; C_D = C_D0 + C_Da |a|, with a slope of its own beyond the stall. Lift stands
+across the flow, drag along it: F = rho A V^2 / 2 (C_L, C_D). These are the laws that the Gazebo
+plug-in LiftDrag uses (gz-sim, Apache-2.0), for flow from any side.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numba
+import numpy as np
+
+from twin.vehicle.parts.base import Part, Quantity
+
+if TYPE_CHECKING:
+    from twin.vehicle.mjcf import MjcfReader
+    from twin.vehicle.vehicle import Vehicle
+
+AREA, LIFT, STALL, LIFT_STALLED, DRAG0, DRAG, DRAG_STALLED, IN_HULL = range(8)
+AXIS = 8  # and the two that follow
+
+
+@numba.njit(error_model="numpy")
+def _section(values, along, across, density):  # type: ignore[no-untyped-def]
+    """Force (along the chord, along its normal) [N] at the flow (along, across) [m/s]."""
+    square = along * along + across * across
+    if square < 1e-18:
+        return 0.0, 0.0
+    speed = math.sqrt(square)
+    angle = math.atan2(across, abs(along))
+    size = abs(angle)
+    lift, drag = values[LIFT] * size, values[DRAG0] + values[DRAG] * size
+    if size > values[STALL]:
+        beyond = size - values[STALL]
+        lift = max(values[LIFT] * values[STALL] + values[LIFT_STALLED] * beyond, 0.0)
+        drag = values[DRAG0] + values[DRAG] * values[STALL] + values[DRAG_STALLED] * beyond
+    pressure = 0.5 * density * values[AREA] * square
+    if angle < 0.0:
+        lift = -lift
+    if along < 0.0:
+        lift = -lift
+    cosine, sine = along / speed, across / speed
+    return pressure * (lift * sine - drag * cosine), pressure * (-lift * cosine - drag * sine)
+
+
+@numba.njit(error_model="numpy")
+def _deflected(values, place, position, u, v, w, p, q, r, density):  # type: ignore[no-untyped-def]
+    """Force [N] in body axes of the fin turned by `position` [rad]."""
+    ax, ay, az = values[AXIS], values[AXIS + 1], values[AXIS + 2]
+    # motion of the fin through the water
+    fu = u + q * place[2] - r * place[1]
+    fv = v + r * place[0] - p * place[2]
+    fw = w + p * place[1] - q * place[0]
+    # chord: forward turned about the span; normal: span x chord
+    c, s = math.cos(position), math.sin(position)
+    cx = c + (1.0 - c) * ax * ax
+    cy = s * az + (1.0 - c) * ax * ay
+    cz = -s * ay + (1.0 - c) * ax * az
+    nx, ny, nz = ay * cz - az * cy, az * cx - ax * cz, ax * cy - ay * cx
+    along = fu * cx + fv * cy + fw * cz
+    across = fu * nx + fv * ny + fw * nz
+    tangential, normal = _section(values, along, across, density)
+    return tangential * cx + normal * nx, tangential * cy + normal * ny, tangential * cz + normal * nz
+
+
+@numba.njit(error_model="numpy")
+def native_wrench(values, place, position, u, v, w, p, q, r, density, depth):  # type: ignore[no-untyped-def]
+    """Force of the fin at its place and its moment about the CB."""
+    x, y, z = _deflected(values, place, position, u, v, w, p, q, r, density)
+    if values[IN_HULL] != 0.0:
+        x0, y0, z0 = _deflected(values, place, 0.0, u, v, w, p, q, r, density)
+        x, y, z = x - x0, y - y0, z - z0
+    l = place[1] * z - place[2] * y
+    m = place[2] * x - place[0] * z
+    n = place[0] * y - place[1] * x
+    return x, y, z, l, m, n
+
+
+@numba.njit(error_model="numpy")
+def _coefficients(values, attack):  # type: ignore[no-untyped-def]
+    """(C_L, C_D) at an angle of attack within +-90 deg."""
+    a, stall = abs(attack), values[STALL]
+    if a <= stall:
+        return values[LIFT] * attack, values[DRAG0] + values[DRAG] * a
+    fallen = values[LIFT] * stall + values[LIFT_STALLED] * (a - stall)
+    c_d = values[DRAG0] + values[DRAG] * stall + values[DRAG_STALLED] * (a - stall)
+    return np.sign(attack) * max(fallen, 0.0), c_d
+
+
+@numba.njit(error_model="numpy")
+def _fossen_force(values, place, position, nu_r, density):  # type: ignore[no-untyped-def]
+    """(3,) by angles: drag against the flow in the plane of the section, lift across it."""
+    span = values[AXIS : AXIS + 3]
+    at_fin = nu_r[:3] + np.cross(nu_r[3:], place)
+    flow = at_fin - span * np.dot(span, at_fin)
+    speed = np.sqrt(np.dot(flow, flow))
+    if speed < 1e-9:
+        return np.zeros(3)
+    forward = np.zeros(3)
+    forward[0] = 1.0
+    forward -= span * span[0]
+    forward /= np.sqrt(np.dot(forward, forward))
+    side = np.cross(span, forward)
+    # the flow's direction in the section, seen from the deflected chord
+    course = np.arctan2(np.dot(flow, side), np.dot(flow, forward)) - position
+    course = np.arctan2(np.sin(course), np.cos(course))
+    attack, backward = course, False
+    if abs(course) > 0.5 * np.pi:
+        attack, backward = np.sign(course) * np.pi - course, True
+    c_l, c_d = _coefficients(values, attack)
+    direction = flow / speed
+    across = np.cross(span, direction)
+    if backward:
+        c_l = -c_l
+    return 0.5 * density * values[AREA] * speed**2 * (-c_d * direction - c_l * across)
+
+
+@numba.njit(error_model="numpy")
+def fossen_wrench(values, place, position, nu_r, density, depth):  # type: ignore[no-untyped-def]
+    """(6,): force and moment about the CB."""
+    force = _fossen_force(values, place, position, nu_r, density)
+    if values[IN_HULL] != 0.0:
+        force = force - _fossen_force(values, place, 0.0, nu_r, density)
+    tau = np.empty(6)
+    tau[:3] = force
+    tau[3:] = np.cross(place, force)
+    return tau
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Fin(Part):
+    """A fin on the hull; its position is the deflection, right-handed about its axis."""
+
+    kind: ClassVar[str] = "fin"
+    unit: ClassVar[str] = "rad"
+    quantity: ClassVar[Quantity] = Quantity(
+        unit="degree", scale=180.0 / np.pi, long_name="deflection, right-handed about its axis"
+    )
+
+    axis: tuple[float, float, float]
+    """unit vector of its span and hinge, body FRD, across the hull"""
+    area: float
+    """[m2] of all its blades"""
+    lift_slope: float
+    """C_La [1/rad]"""
+    stall_angle: float = 0.35
+    """[rad]"""
+    stalled_lift_slope: float = -1.0
+    """[1/rad] of C_L beyond the stall"""
+    zero_lift_drag: float = 0.0
+    """C_D0"""
+    drag_slope: float = 0.0
+    """C_Da [1/rad]"""
+    stalled_drag_slope: float = 0.0
+    """[1/rad] of C_D beyond the stall"""
+    in_hull: bool = False
+    """True: the hull's law holds the fin at rest already, and only its deflection is added"""
+
+    native_wrench = staticmethod(native_wrench)
+    fossen_wrench = staticmethod(fossen_wrench)
+
+    @classmethod
+    def own_parameters(cls, reader: MjcfReader, name: str) -> Mapping[str, Any]:
+        """`NAME.axis` (forward port up, as all of MJCF), `.area`, `.lift_slope` and the others."""
+        axis = reader.flipped(f"{name}.axis", 3)
+        size = math.sqrt(sum(x * x for x in axis))
+        if not size > 0.0:
+            reader.fail(f"<numeric name={name + '.axis'!r}>", "a vector along the fin's span")
+        numbers = {
+            field.name: reader.number(f"{name}.{field.name}", default=float(field.default))
+            for field in dataclasses.fields(cls)
+            if field.name in _OPTIONAL
+        }
+        return {
+            "axis": tuple(float(x) / size for x in axis),
+            "area": reader.number(f"{name}.area"),
+            "lift_slope": reader.number(f"{name}.lift_slope"),
+            **numbers,
+            "in_hull": reader.number(f"{name}.in_hull", default=0.0) != 0.0,
+        }
+
+    def problems(self) -> list[tuple[str, str]]:
+        """Also: sizes, slopes and axes that no fin has."""
+        found = super().problems()
+        for name in ("area", "lift_slope", "stall_angle"):
+            if not getattr(self, name) > 0.0:
+                found.append((name, "positive"))
+        for name in ("zero_lift_drag", "drag_slope", "stalled_drag_slope"):
+            if getattr(self, name) < 0.0:
+                found.append((name, "at least 0: drag never drives"))
+        if abs(self.axis[0]) > 1e-9:
+            found.append(("axis", "across the hull: no part along x"))
+        return found
+
+    def values(self) -> tuple[float, ...]:
+        """In the order of AREA to IN_HULL, then the axis."""
+        return (
+            self.area,
+            self.lift_slope,
+            self.stall_angle,
+            self.stalled_lift_slope,
+            self.zero_lift_drag,
+            self.drag_slope,
+            self.stalled_drag_slope,
+            float(self.in_hull),
+            *self.axis,
+        )
+
+    def _turning(self) -> tuple[float, float]:
+        """Pitch and yaw moment per deflection at 1 m/s ahead, of the lift alone."""
+        nu_r = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+        values, place = np.array(self.values()), np.array(self.position)
+        step = 0.5 * min(self.stall_angle, 0.1)
+        more, less = (fossen_wrench(values, place, x, nu_r, 1e3, 1e3) for x in (step, -step))
+        change = (more - less) / (2.0 * step)
+        return float(change[4]), float(change[5])
+
+    def controls(self) -> tuple[str, ...]:
+        """An elevator pitches, a rudder turns: what its place and axis do more of."""
+        pitch, yaw = self._turning()
+        return ("pitch",) if abs(pitch) > abs(yaw) else ("heading",)
+
+    def sense(self, axis: str) -> float:
+        """By its place and axis."""
+        pitch, yaw = self._turning()
+        return math.copysign(1.0, pitch if axis == "pitch" else yaw)
+
+    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Vehicle) -> float:
+        """Up to half of its travel either way."""
+        return float(0.5 * min(self.high, -self.low) * rng.uniform(-1.0, 1.0))
+
+
+_OPTIONAL = {
+    "stall_angle", "stalled_lift_slope", "zero_lift_drag", "drag_slope", "stalled_drag_slope",
+}  # fmt: skip
