@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from twin.compiled import jit
 from twin.water.current.program import (
     EKMAN,
     GEOSTROPHIC,
@@ -30,7 +30,7 @@ from twin.water.current.program import (
 )
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _locate(program, start, n, x):
     """Cell of x on the ascending axis program[start:start+n]: index, fraction, 1/width.
 
@@ -58,7 +58,7 @@ def _locate(program, start, n, x):
     return low, (x - program[start + low]) * inverse, inverse
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _table(program, start, x, x_rate):
     """Linear table: n, axis (n), velocity (n, 3)."""
     n = int(program[start])
@@ -79,7 +79,7 @@ def _table(program, start, x, x_rate):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _ekman(program, start, depth, depth_rate):
     """Surface speed, 1/depth scale, surface angle from north, sense (+1 N, -1 S hemisphere)."""
     inverse = program[start + 1]
@@ -92,7 +92,7 @@ def _ekman(program, start, depth, depth_rate):
     return north, east, 0.0, -rate * north - turn * east, -rate * east + turn * north, 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _geostrophic(program, start, depth, depth_rate):
     """Barotropic north, east; baroclinic surface north, east; 1/scale depth."""
     inverse = program[start + 4]
@@ -103,7 +103,7 @@ def _geostrophic(program, start, depth, depth_rate):
     return program[start] + north, program[start + 1] + east, 0.0, rate * north, rate * east, 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _tide(program, start, t):
     """n, then per constituent: angular rate, cos and sin coefficients (north, east each)."""
     north = 0.0
@@ -122,7 +122,7 @@ def _tide(program, start, t):
     return north, east, 0.0, north_rate, east_rate, 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _inertial(program, start, t, depth, depth_rate):
     """Speed, signed angular rate (clockwise from above is +), angle at t 0, layer depth,
     1/decay depth below the layer."""
@@ -139,7 +139,7 @@ def _inertial(program, start, t, depth, depth_rate):
     return north, east, 0.0, rate * north - omega * east, rate * east + omega * north, 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _log_layer(program, start, depth, depth_rate):
     """(u*/kappa) north, east; water depth; roughness length; layer thickness."""
     height = program[start + 2] - depth
@@ -156,7 +156,7 @@ def _log_layer(program, start, depth, depth_rate):
     return north * log, east * log, 0.0, north * rate, east * rate, 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _along_east(program, at, step, f, rate):
     """Value and path rate between two neighbours on the east axis."""
     here = program[at]
@@ -164,13 +164,13 @@ def _along_east(program, at, step, f, rate):
     return here + f * slope, rate * slope
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _mix(a, a_rate, b, b_rate, f, rate):
     """Linear interpolation between two (value, rate) pairs whose weight f itself moves."""
     return a + f * (b - a), a_rate + f * (b_rate - a_rate) + rate * (b - a)
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _grid_component(program, at, steps, fractions, rates):
     """One velocity component from the 16 corners of the cell whose first corner is `at`."""
     s_t, s_d, s_n, s_e = steps
@@ -196,7 +196,7 @@ def _grid_component(program, at, steps, fractions, rates):
     return _mix(now, now_rate, later, later_rate, f_t, r_t)
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _grid(program, start, t, north, east, depth, v_north, v_east, depth_rate):
     """Header, time, depth, north and east axes, velocity (time, depth, north, east, component)."""
     nt = int(program[start])
@@ -238,7 +238,7 @@ def _grid(program, start, t, north, east, depth, v_north, v_east, depth_rate):
     return u, v, w, u_rate, v_rate, w_rate
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def sample(program, t, north, east, down, v_north, v_east, v_down):
     """Current and its total time derivative along the vehicle's path.
 
@@ -298,7 +298,7 @@ def sample(program, t, north, east, down, v_north, v_east, v_down):
     return u_n, u_e, u_d, a_n, a_e, a_d
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def sample_track(program, t, north, east, down, v_north, v_east, v_down):
     """`sample` at each point of a track: seven vectors of shape (n,), result (n, 6)."""
     out = np.empty((t.size, 6))
@@ -309,7 +309,7 @@ def sample_track(program, t, north, east, down, v_north, v_east, v_down):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def beyond_grid(program, north, east):
     """Where a track (north, east [m], shape (n,)) is beyond the sides of a grid, shape (n,).
 
