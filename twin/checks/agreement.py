@@ -13,9 +13,10 @@ from twin.checks.published import PublishedGlide, published_glides
 from twin.fossen import FossenModel, FossenState, FossenTrajectory
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
 from twin.mission.schedule import Schedule
-from twin.physics.scenario import Scenario, Start
+from twin.physics.scenario import Scenario
 from twin.physics.settle import trim as settle
 from twin.physics.simulation import simulate
+from twin.physics.start import Start
 from twin.physics.steady_motion import Trim
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle, load_vehicle

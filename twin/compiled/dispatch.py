@@ -22,7 +22,7 @@ def dispatch(
     name: str,
     arguments: Sequence[str],
     kernels: Mapping[int, Any] | Callable[[], Mapping[int, Any]],
-    fallback: tuple[float, ...],
+    fallback: tuple[float, ...] | float,
     *,
     module: str,
 ) -> Compiled:
@@ -31,9 +31,9 @@ def dispatch(
     Args:
       name: of the function, unique in its module.
       arguments: names that every kernel takes, in order.
-      kernels: functions made by `jit`, by code, all returning tuples of floats of one length; or a
+      kernels: functions made by `jit`, by code, all returning a float, or tuples of one length; or a
         function that returns them, for a registry that grows: call `changed()` when it did.
-      fallback: what an unknown code returns, of the kernels' length.
+      fallback: what an unknown code returns: a float, or a tuple of the kernels' length.
       module: `__name__` of the caller; the function is part of that module's content.
 
     Raises:
@@ -43,7 +43,10 @@ def dispatch(
 
     def write() -> Written:
         table = kernels() if callable(kernels) else kernels
-        names: dict[str, Any] = {"_fallback": tuple(map(float, fallback))}
+        several = isinstance(fallback, tuple)
+        names: dict[str, Any] = {
+            "_fallback": tuple(map(float, fallback)) if several else float(fallback)
+        }
         lines = []
         for code, kernel in sorted(table.items()):
             names[f"_kernel_{code}"] = kernel

@@ -27,7 +27,8 @@ from twin.identify.speed import density_of, motion_of
 from twin.identify.unknowns import Parameter, choose
 from twin.mission.schedule import Schedule
 from twin.physics.fleet import make_batch
-from twin.physics.scenario import Scenario, Start
+from twin.physics.scenario import Scenario
+from twin.physics.start import Start
 from twin.water.density import DensityProfile
 
 Array = NDArray[np.float64]

@@ -7,13 +7,14 @@ this signature will do: a function, a trained policy, an object with a memory.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError
+from twin.errors import InputError, unknown_name
 from twin.mission import Mission, guidance
 from twin.vehicle.vehicle import Vehicle
 
@@ -38,34 +39,56 @@ class Observation:
     """q [rad/s]"""
     yaw_rate: float
     """r [rad/s]"""
-    shift: float
-    """[m], positive forward"""
-    rotation: float
-    """[rad], positive turns to starboard"""
-    pump: float
-    """[cm3], positive lighter"""
+    parts: Mapping[str, float]
+    """position of each part by its name, in the part's unit"""
+
+    def __getattr__(self, name: str) -> float:
+        """A part's position by its name: `observation.pump`."""
+        parts = object.__getattribute__(self, "parts")
+        if name in parts:
+            return float(parts[name])
+        known = [*self.__slots__[:-1], *parts]
+        raise AttributeError(unknown_name("field of an observation", name, known))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Command:
-    """Wanted actuator positions; the actuators follow with their lags, rates and limits."""
+class Command(Mapping[str, float]):
+    """Wanted positions by part: `Command(shift=0.02, pump=-200.0)`; parts left out rest.
 
-    shift: float = 0.0
-    """[m], positive forward (nose down)"""
-    rotation: float = 0.0
-    """[rad], positive turns to starboard"""
-    pump: float = 0.0
-    """[cm3], positive lighter"""
+    The parts follow with their lags, rates and limits. Units are the parts' own: a glider's shift
+    is in m, its rotation in rad, its pump in cm3.
+    """
 
-    def __post_init__(self) -> None:
-        for name in self.__slots__:
-            value = getattr(self, name)
-            if not math.isfinite(value):
+    def __init__(self, **positions: float):
+        for name, value in positions.items():
+            if not isinstance(value, int | float | np.number) or not math.isfinite(value):
                 raise InputError(f"command: {name} = {value!r} must be a finite number")
+        self._positions = {name: float(value) for name, value in positions.items()}
 
-    def as_array(self) -> NDArray[np.float64]:
-        """Shape (3,) in the order of the actuators: shift, rotation, pump."""
-        return np.array([self.shift, self.rotation, self.pump])
+    def __getitem__(self, name: str) -> float:
+        return self._positions[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._positions)
+
+    def __len__(self) -> int:
+        return len(self._positions)
+
+    def __repr__(self) -> str:
+        return f"Command({', '.join(f'{k}={v:g}' for k, v in self._positions.items())})"
+
+    def as_array(self, vehicle: Vehicle) -> NDArray[np.float64]:
+        """Positions of all parts of `vehicle`, shape (parts,).
+
+        Raises:
+          InputError: the vehicle has no part of some name; the nearest is offered.
+        """
+        values = vehicle.rest
+        for name, value in self._positions.items():
+            if name not in vehicle.part_names:
+                what = f"command: part of vehicle {vehicle.name!r}"
+                raise InputError(unknown_name(what, name, vehicle.part_names))
+            values[vehicle.part_names.index(name)] = value
+        return values
 
 
 class Controller(Protocol):
@@ -87,7 +110,8 @@ class MissionController:
         """Compile `mission` for `vehicle`; raises MissionError when it cannot be flown."""
         self.table, self.gains = mission.compile(vehicle)
         self.state = guidance.new_state()
-        self._command = np.zeros(3)
+        self._names = vehicle.part_names
+        self._command = np.zeros(len(self._names))
 
     def __call__(self, observation: Observation) -> Command:
         """One guidance tick."""
@@ -104,13 +128,9 @@ class MissionController:
             o.roll_rate,
             o.pitch_rate,
             o.yaw_rate,
-            o.shift,
-            o.rotation,
-            o.pump,
             self._command,
         )
-        shift, rotation, pump = (float(x) for x in self._command)
-        return Command(shift=shift, rotation=rotation, pump=pump)
+        return Command(**dict(zip(self._names, self._command.tolist(), strict=True)))
 
     @property
     def segment(self) -> int:

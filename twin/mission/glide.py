@@ -13,7 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.errors import MissionError, VehicleError
+from twin.errors import MissionError
+from twin.mission.polar import polar_of
+from twin.vehicle.parts import BatterySlide
 from twin.vehicle.vehicle import Vehicle
 
 _GRID = np.linspace(0.0, 1.0, 401)[1:]
@@ -51,20 +53,15 @@ def steady_glide(vehicle: Vehicle, pitch: float, net_mass: float) -> SteadyGlide
             "glider dives nose down, a light one climbs nose up"
         )
     sense = math.copysign(1.0, net_mass)
-    k_d0, k_d = vehicle.drag
-    k_l0, k_alpha = vehicle.lift
-    if not (k_d0 > 0.0 and k_d >= 0.0 and k_alpha > 0.0):
-        raise VehicleError(
-            f"vehicle {vehicle.name!r} cannot glide: drag {k_d0:g}, {k_d:g} and lift slope "
-            f"{k_alpha:g} must be positive for a closed-loop mission"
-        )
-    zero_lift = -k_l0 / k_alpha
-    angles = zero_lift + (sense * vehicle.linear_angle - zero_lift) * _GRID
+    polar = polar_of(vehicle)
+    zero_lift = polar.zero_lift
+    angles = zero_lift + (sense * polar.valid_angle - zero_lift) * _GRID
 
     def pitch_at(alpha: float) -> float:
-        return alpha - math.atan((k_d0 + k_d * alpha**2) / (k_l0 + k_alpha * alpha))
+        drag, lift, _ = polar.at(alpha)
+        return alpha - math.atan(drag / lift)
 
-    pitches = np.abs(angles - np.arctan((k_d0 + k_d * angles**2) / (k_l0 + k_alpha * angles)))
+    pitches = np.abs(angles - np.arctan(polar.drag_over_lift(angles)))
     shallowest = int(np.argmin(pitches))
     if abs(pitch) < pitches[shallowest]:
         raise MissionError(
@@ -80,27 +77,33 @@ def steady_glide(vehicle: Vehicle, pitch: float, net_mass: float) -> SteadyGlide
             near = middle
     alpha = far
     glide_angle = pitch - alpha
-    drag = k_d0 + k_d * alpha**2
+    drag, _, moment = polar.at(alpha)
     speed = math.sqrt(-net_mass * vehicle.gravity * math.sin(glide_angle) / drag)
     return SteadyGlide(
         angle_of_attack=alpha,
         speed=speed,
         vertical_speed=-speed * math.sin(glide_angle),
-        shift=_balancing_shift(vehicle, pitch, alpha, speed),
+        shift=_balancing_shift(vehicle, pitch, alpha, speed, moment),
     )
 
 
-def _balancing_shift(vehicle: Vehicle, pitch: float, alpha: float, speed: float) -> float:
-    """Shift [m] at which the pitch moments about the CB balance, wings level.
+def _balancing_shift(
+    vehicle: Vehicle, pitch: float, alpha: float, speed: float, coefficient: float
+) -> float:
+    """Shift [m] at which the pitch moments about the CB balance, wings level; 0 without a slide.
 
     Gravity: -g (x cos(pitch) + z sin(pitch)) with (x, z) the first moments of mass [kg m]; water:
     (K_M0 + K_M alpha) V^2 and the Munk moment (Z_A - X_A) u w of the added mass.
     """
-    k_m0, k_m, _ = vehicle.pitch_moment
-    munk = vehicle.added_mass[2, 2] - vehicle.added_mass[0, 0]
-    moment = (k_m0 + k_m * alpha + munk * math.sin(alpha) * math.cos(alpha)) * speed**2
-    static, movable = vehicle.static_mass, vehicle.movable_mass
-    z = static * vehicle.static_cg[2] + movable * vehicle.movable_eccentricity
+    slide = vehicle.steered("pitch")
+    if not isinstance(slide, BatterySlide):
+        return 0.0
+    munk = 0.0
+    if vehicle.added_mass_coupling:
+        munk = vehicle.added_mass[2, 2] - vehicle.added_mass[0, 0]
+    moment = (coefficient + munk * math.sin(alpha) * math.cos(alpha)) * speed**2
+    static, battery = vehicle.static_mass, vehicle.battery
+    z = static * vehicle.static_cg[2] + battery.mass * battery.eccentricity
     x = (moment / vehicle.gravity - z * math.sin(pitch)) / math.cos(pitch)
-    neutral = static * vehicle.static_cg[0] + movable * vehicle.movable_neutral_x
-    return float((x - neutral) / movable)
+    neutral = static * vehicle.static_cg[0] + battery.mass * battery.neutral_x
+    return float((x - neutral) / battery.mass)

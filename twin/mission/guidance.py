@@ -1,14 +1,16 @@
 """Guidance: the segment state machine and the two decoupled PID loops, one compiled step.
 
-The battery's shift controls pitch, its rotation controls heading, and the buoyancy engine
-switches between heavy and light, as in the paper. `twin.mission` compiles a plan into the table
-that `guidance_step` reads; everything that it remembers lives in the caller's `state`, so the
-native plant, a Python loop and a copy of a simulation behave alike. Angles are rad, depths m
+One part of the vehicle controls pitch (a battery slide, an elevator), one controls heading (a
+battery hinge, a rudder), and the others hold what each phase commands: the buoyancy engine is
+heavy in a dive and light in a climb, a propeller drives. `twin.mission` compiles a plan into the
+table that `guidance_step` reads; everything that it remembers lives in the caller's `state`, so
+the native plant, a Python loop and a copy of a simulation behave alike. Angles are rad, depths m
 positive down, the frame is NED and FRD.
 
-Positive shift moves the battery forward and pitches the nose down, hence the minus sign in the
-pitch loop. Positive rotation turns to starboard in a dive and in a climb (a glider that rolls to
-port turns to starboard both ways), so the heading loop keeps its sign.
+A loop works on the part's position times its sense: a slide moved forward pitches the nose down,
+so its sense in pitch is -1; a battery turned by a positive angle turns the glider to starboard in
+a dive and in a climb (a glider that rolls to port turns to starboard both ways), so the heading
+loop keeps its sign.
 """
 
 from __future__ import annotations
@@ -26,28 +28,29 @@ Array = NDArray[np.float64]
 KIND = 0  # one of the kinds below
 MIN_DEPTH, MAX_DEPTH = 1, 2  # [m] where a climb and a dive turn
 DIVE_PITCH, CLIMB_PITCH = 3, 4  # [rad] signed: nose down is negative
-DIVE_SHIFT, CLIMB_SHIFT = 5, 6  # [m] trim at these pitches, fed forward; of a hold and at the
-# surface the position itself
-DIVE_PUMP, CLIMB_PUMP = 7, 8  # [cm3]
-HEADING = 9  # [rad], NaN: the heading at entry
-DIVE_ROTATION, CLIMB_ROTATION = 10, 11  # [rad] of a spiral or a hold
-MAX_ROTATION = 12  # [rad] limit of the heading loop
-YO_LIMIT = 13  # NaN: none
-DURATION = 14  # [s], NaN: none
-UNTIL_DEPTH = 15  # [m], NaN: none
-ABORT_DEPTH = 16  # [m], inf: none
-SURFACE_DEPTH = 17  # [m] above this the glider counts as surfaced
-SHIFT_MIN, SHIFT_MAX = 18, 19  # [m]
-SEGMENT_COLUMNS = 20
+HEADING = 5  # [rad], NaN: the heading at entry
+PITCH_LOW, PITCH_HIGH = 6, 7  # travel of the pitching part
+TURN_LIMIT = 8  # largest position of the turning part in the heading loop, either way
+YO_LIMIT = 9  # NaN: none
+DURATION = 10  # [s], NaN: none
+UNTIL_DEPTH = 11  # [m], NaN: none
+ABORT_DEPTH = 12  # [m], inf: none
+SURFACE_DEPTH = 13  # [m] above this the vehicle counts as surfaced
+SEGMENT_COLUMNS = 14
+# then three commands, each of the width of the vehicle: what its parts do in a dive, in a climb,
+# and in a hold or at the surface. The loops start from the position of their part in it.
+DIVE_COMMAND, CLIMB_COMMAND, REST_COMMAND = 0, 1, 2
 
 SAW_TOOTH, SPIRAL, SURFACE, HOLD = 1.0, 2.0, 3.0, 4.0
 END_AT_SURFACE, END_HOLDING = 5.0, 6.0  # kinds of the last row
 
 # --- gains ------------------------------------------------------------------------------------
-PITCH_KP, PITCH_KI, PITCH_KD = 0, 1, 2  # [m/rad], [m/(rad s)], [m s/rad]
-HEADING_KP, HEADING_KI, HEADING_KD = 3, 4, 5  # [1], [1/s], [s]
+PITCH_KP, PITCH_KI, PITCH_KD = 0, 1, 2  # position per error [1/rad], [1/(rad s)], [s/rad]
+HEADING_KP, HEADING_KI, HEADING_KD = 3, 4, 5  # likewise
 PERIOD = 6  # [s]
-GAINS = 7
+PITCH_PART, PITCH_SENSE = 7, 8  # place among the parts, -1: none; +1 or -1
+TURN_PART, TURN_SENSE = 9, 10  # likewise
+GAINS = 11
 
 # --- state: all zeros before the first step ---------------------------------------------------
 SEGMENT = 0  # index of the row being flown
@@ -77,6 +80,7 @@ TIME_TOLERANCE = 1e-6
 def _enter(table: Array, state: Array, index: int, t: float, depth: float, heading: float) -> None:
     """Make row `index` the current segment and choose its first phase."""
     previous = state[PHASE]
+    index = min(max(index, 0), table.shape[0] - 1)
     kind = table[index, KIND]
     state[SEGMENT] = index
     state[SEGMENT_START] = t
@@ -107,7 +111,7 @@ def _advance(table: Array, state: Array, t: float, depth: float, heading: float)
     end = table.shape[0] - 1
     if state[PHASE] == NOT_STARTED:
         _enter(table, state, 0, t, depth, heading)
-    index = int(state[SEGMENT])
+    index = min(max(int(state[SEGMENT]), 0), end)
     if depth > table[index, ABORT_DEPTH] and index < end:
         state[ABORTED] = 1.0
         index = end
@@ -170,6 +174,14 @@ def _pid(
 
 
 @jit
+def _command(row: Array, which: int, command: Array) -> None:
+    """Copy one of the row's three commands."""
+    first = SEGMENT_COLUMNS + which * command.size
+    for i in range(command.size):
+        command[i] = row[first + i]
+
+
+@jit
 def guidance_step(
     table: Array,
     gains: Array,
@@ -182,76 +194,72 @@ def guidance_step(
     p: float,
     q: float,
     r: float,
-    shift: float,
-    rotation: float,
-    pump: float,
     command: Array,
 ) -> None:
     """One control tick: reads the vehicle's state, writes `command` and updates `state`.
 
     Args:
-      table: (segments + 1, SEGMENT_COLUMNS) float64, from `Mission.compile`.
+      table: (segments + 1, SEGMENT_COLUMNS + 3 parts) float64, from `Mission.compile`.
       gains: (GAINS,) float64, from `Mission.compile`.
       state: (GUIDANCE_STATE,) float64, zeros before the first tick; changed in place.
       t: [s] since the mission's start; call once per control period.
       depth: [m] of the CB, positive down.
       roll, pitch, heading: [rad].
       p, q, r: body rates [rad/s].
-      shift, rotation, pump: actuator positions [m], [rad], [cm3]; these two loops do not need
-        them, other laws behind the same call may.
-      command: (3,) float64, out: shift [m], rotation [rad], pump [cm3].
+      command: (parts,) float64, out: the wanted position of each part.
     """
     _advance(table, state, t, depth, heading)
-    row = table[int(state[SEGMENT])]
+    row = table[min(max(int(state[SEGMENT]), 0), table.shape[0] - 1)]
     phase = state[PHASE]
 
-    if phase == HOLDING:
+    if phase in (HOLDING, AT_SURFACE):
+        # at the surface open loop too: without speed there is no damping to close a loop around
         state[PITCH_SETPOINT] = np.nan
-        command[0], command[1], command[2] = row[DIVE_SHIFT], row[DIVE_ROTATION], row[DIVE_PUMP]
-        return
-    if phase == AT_SURFACE:  # open loop: without speed there is no damping to close a loop around
-        state[PITCH_SETPOINT] = np.nan
-        command[0], command[1], command[2] = row[DIVE_SHIFT], 0.0, row[CLIMB_PUMP]
+        _command(row, REST_COMMAND, command)
         return
 
     # each way keeps its own integral: the trim error of a dive is not that of a climb
     if phase == DIVE:
-        setpoint, feedforward, slot = row[DIVE_PITCH], row[DIVE_SHIFT], DIVE_INTEGRAL
-        command[2], fixed_rotation = row[DIVE_PUMP], row[DIVE_ROTATION]
+        setpoint, slot = row[DIVE_PITCH], DIVE_INTEGRAL
+        _command(row, DIVE_COMMAND, command)
     else:
-        setpoint, feedforward, slot = row[CLIMB_PITCH], row[CLIMB_SHIFT], CLIMB_INTEGRAL
-        command[2], fixed_rotation = row[CLIMB_PUMP], row[CLIMB_ROTATION]
+        setpoint, slot = row[CLIMB_PITCH], CLIMB_INTEGRAL
+        _command(row, CLIMB_COMMAND, command)
     state[PITCH_SETPOINT] = setpoint
-    pitch_rate = q * math.cos(roll) - r * math.sin(roll)
-    command[0] = -_pid(
-        gains[PITCH_KP],
-        gains[PITCH_KI],
-        gains[PITCH_KD],
-        setpoint - pitch,
-        pitch_rate,
-        -feedforward,
-        -row[SHIFT_MAX],
-        -row[SHIFT_MIN],
-        gains[PERIOD],
-        state,
-        slot,
-    )
+    part = int(gains[PITCH_PART])
+    if 0 <= part < command.size:
+        sense = gains[PITCH_SENSE]
+        low, high = sense * row[PITCH_LOW], sense * row[PITCH_HIGH]
+        pitch_rate = q * math.cos(roll) - r * math.sin(roll)
+        command[part] = sense * _pid(
+            gains[PITCH_KP],
+            gains[PITCH_KI],
+            gains[PITCH_KD],
+            setpoint - pitch,
+            pitch_rate,
+            sense * command[part],
+            min(low, high),
+            max(low, high),
+            gains[PERIOD],
+            state,
+            slot,
+        )
 
-    if math.isnan(state[HEADING_SETPOINT]):
-        command[1] = fixed_rotation
+    part = int(gains[TURN_PART])
+    if math.isnan(state[HEADING_SETPOINT]) or not 0 <= part < command.size:
         return
     error = state[HEADING_SETPOINT] - heading
     error -= 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
     heading_rate = (q * math.sin(roll) + r * math.cos(roll)) / max(math.cos(pitch), MIN_COS_PITCH)
-    command[1] = _pid(
+    command[part] = gains[TURN_SENSE] * _pid(
         gains[HEADING_KP],
         gains[HEADING_KI],
         gains[HEADING_KD],
         error,
         heading_rate,
-        0.0,
-        -row[MAX_ROTATION],
-        row[MAX_ROTATION],
+        gains[TURN_SENSE] * command[part],
+        -row[TURN_LIMIT],
+        row[TURN_LIMIT],
         gains[PERIOD],
         state,
         HEADING_INTEGRAL,

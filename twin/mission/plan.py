@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from twin.errors import MissionError, unknown_name
 from twin.mission import fields as check
 from twin.mission import guidance as g
-from twin.mission.segment_table import ascent, glides, segment_row
-from twin.mission.segments import KINDS, Hold, Profile, Segment, Surface
+from twin.mission.segments import SEGMENTS, Profile, Segment, Surface
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -24,8 +23,6 @@ Array = NDArray[np.float64]
 AT_END = ("surface", "hold")
 OVERSHOOT_MARGIN_M = 3.0
 """[m] a dive overshoots its lower depth by up to 2.7 m; nearer limits would abort sound missions"""
-TIME_MARGIN = 1.5
-"""A mission may take this much longer than its steady glides: inflections, turns, down-currents."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -58,10 +55,10 @@ class Mission:
         if not isinstance(self.segments, tuple) or not self.segments:
             raise MissionError(f"{label}: segments must hold at least one segment")
         for index, segment in enumerate(self.segments):
-            if not isinstance(segment, tuple(KINDS.values())):
+            if not isinstance(segment, SEGMENTS.kinds()):
                 raise MissionError(
                     f"{label}: segments[{index}] is {segment!r}; give one of "
-                    f"{', '.join(c.__name__ for c in KINDS.values())}"
+                    f"{', '.join(kind.__name__ for kind in SEGMENTS.kinds())}"
                 )
         if self.duration_s is not None:
             check.limit(label, "duration_s", self.duration_s, "s")
@@ -155,20 +152,19 @@ class Mission:
         self.compile(vehicle)
 
     def compile(self, vehicle: Vehicle) -> tuple[Array, Array]:
-        """Table (segments + 1, SEGMENT_COLUMNS) and gains (GAINS,) for `twin.mission.guidance`.
+        """Table (segments + 1, SEGMENT_COLUMNS + 3 parts) and gains (GAINS,) for `twin.mission.guidance`.
 
         Raises:
           MissionError: a segment is beyond the vehicle.
         """
-        rows = [segment_row(vehicle, s, self._label(i)) for i, s in enumerate(self.segments)]
-        last = segment_row(vehicle, self._ascent(), f"mission {self.name!r}: ascent_")
+        rows = [s.row(vehicle, self._label(i)) for i, s in enumerate(self.segments)]
+        last = self._ascent().row(vehicle, f"mission {self.name!r}: ascent_")
         last[g.KIND] = g.END_AT_SURFACE if self.at_end == "surface" else g.END_HOLDING
         last[g.DURATION] = np.nan
         table = np.array([*rows, last])
         if self.max_depth_m is not None:
             table[:, g.ABORT_DEPTH] = self.max_depth_m
-        gains = np.array([*vehicle.pitch_pid, *vehicle.heading_pid, vehicle.control_period])
-        return table, gains
+        return table, _gains(vehicle)
 
     def _ascent(self) -> Surface:
         return Surface(pitch_deg=self.ascent_pitch_deg)
@@ -183,10 +179,10 @@ class Mission:
             return float(self.duration_s)
         depth, total = self.start_depth_m, 0.0
         for index, segment in enumerate(self.segments):
-            time, depth = _expected(vehicle, segment, depth, self._label(index))
+            time, depth = segment.expected(vehicle, depth, self._label(index))
             total += time
         if self.at_end == "surface":
-            total += _expected(vehicle, self._ascent(), depth, f"mission {self.name!r}")[0]
+            total += self._ascent().expected(vehicle, depth, f"mission {self.name!r}")[0]
         return math.ceil(total)
 
 
@@ -196,10 +192,10 @@ def _segment(index: int, table: object) -> Segment:
         raise MissionError(f"{label} is {table!r}; give a table with a kind")
     kind = table.get("kind")
     if kind is None:
-        raise MissionError(f"{label}: kind is missing (allowed: {', '.join(sorted(KINDS))})")
-    if kind not in KINDS:
-        raise MissionError(f"{label}: {unknown_name('kind', str(kind), KINDS)}")
-    cls = KINDS[kind]
+        raise MissionError(f"{label}: kind is missing (allowed: {', '.join(sorted(SEGMENTS))})")
+    if kind not in SEGMENTS:
+        raise MissionError(f"{label}: {unknown_name('kind', str(kind), SEGMENTS)}")
+    cls = SEGMENTS[str(kind)]
     check.known_keys(f"{label} {kind}", cls, table, also=("kind",))
     check.required_keys(f"{label} {kind}", cls, table)
     try:
@@ -209,38 +205,24 @@ def _segment(index: int, table: object) -> Segment:
 
 
 def _plain(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Without None, numbers as Python floats."""
-    return {
-        key: value if isinstance(value, str | list) else float(value)
-        for key, value in data.items()
-        if value is not None
-    }
+    """Without None and empty tables, numbers as Python floats."""
+    plain: dict[str, Any] = {}
+    for key, value in data.items():
+        if isinstance(value, Mapping):
+            if value:
+                plain[key] = _plain(value)
+        elif value is not None:
+            plain[key] = value if isinstance(value, str | list) else float(value)
+    return plain
 
 
-def _expected(vehicle: Vehicle, segment: Segment, depth: float, label: str) -> tuple[float, float]:
-    """Upper estimate of a segment's time [s], and the depth [m] it may end at."""
-    if isinstance(segment, Surface):
-        climb, _ = ascent(vehicle, segment, label)
-        return TIME_MARGIN * depth / -climb.vertical_speed + segment.duration_s, 0.0
-    if isinstance(segment, Hold):
-        # an open loop to a depth has no speed known beforehand: its own clock must bound it
-        if segment.duration_s is None:
-            raise MissionError(
-                f"{label}: a hold until a depth takes an unknown time: give it a duration_s as "
-                "well, or give the mission one"
-            )
-        return segment.duration_s, depth
-    assert isinstance(segment, Profile)
-    dive, climb = glides(vehicle, segment, label)
-    yo = (segment.max_depth_m - segment.min_depth_m) * (
-        1.0 / dive.vertical_speed - 1.0 / climb.vertical_speed
-    )
-    approach = abs(depth - segment.min_depth_m) / min(dive.vertical_speed, -climb.vertical_speed)
-    times = []
-    if segment.duration_s is not None:
-        times.append(segment.duration_s)
-    if segment.yos is not None:
-        times.append(TIME_MARGIN * (approach + segment.yos * yo))
-    if segment.until_depth_m is not None:
-        times.append(TIME_MARGIN * (approach + 1.5 * yo))
-    return min(times), segment.max_depth_m
+def _gains(vehicle: Vehicle) -> Array:
+    """The two loops' gains, parts and senses, shape (GAINS,), for `guidance_step`."""
+    gains = np.empty(g.GAINS)
+    gains[g.PITCH_KP : g.PERIOD] = [*vehicle.pitch_pid, *vehicle.heading_pid]
+    gains[g.PERIOD] = vehicle.control_period
+    for control, place in (("pitch", g.PITCH_PART), ("heading", g.TURN_PART)):
+        part, index = vehicle.steered(control), vehicle.steered_index(control)
+        gains[place] = -1.0 if index is None else index
+        gains[place + 1] = 1.0 if part is None else part.sense(control)
+    return gains

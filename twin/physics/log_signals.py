@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.frames import flip_quaternion, flip_vector, quaternion_to_euler, quaternion_to_matrix
-from twin.physics.native import block as b
 from twin.records.trajectory import Trajectory, sample_times
 from twin.vehicle.vehicle import Vehicle
 
@@ -16,29 +15,28 @@ Array = NDArray[np.float64]
 
 
 def from_log(
-    rows: Array,
+    rows: NDArray[Any],
     vehicle: Vehicle,
     *,
     half_step: float = 0.0,
     sample_period: float | None = None,
     **fields: Any,
 ) -> Trajectory:
-    """Turn native log rows (time, ROW) into a `Trajectory`.
+    """Turn native log rows, records of `block.log_row`, into a `Trajectory`.
 
     `half_step` [s] is how long before its sample a stored velocity holds: half a step in
     time-centred runs, where velocities live between positions. With a `sample_period` [s] the
     rows are a run from its start, and times are its multiples: MuJoCo's clock adds up steps and
     drifts by nanoseconds.
     """
-    qpos, qvel = rows[:, b.R_QPOS : b.R_QPOS + 9], rows[:, b.R_QVEL : b.R_QVEL + 8]
-    act, ctrl = rows[:, b.R_ACT : b.R_ACT + 3], rows[:, b.R_CTRL : b.R_CTRL + 3]
+    qpos, qvel, act, ctrl = (rows[name] for name in ("qpos", "qvel", "act", "ctrl"))
     quaternion = flip_quaternion(qpos[:, 3:7])
     roll, pitch, heading = quaternion_to_euler(quaternion)
     to_ned = quaternion_to_matrix(quaternion)
-    rate = rows[:, b.R_ACCELERATION : b.ROW]
+    rate = rows["acceleration"]
     twist = qvel[:, :6] + half_step * rate
     position, velocity = flip_vector(qpos[:, :3]), flip_vector(twist[:, :3])
-    current = rows[:, b.R_CURRENT : b.R_CURRENT + 3]
+    current = rows["current"]
     v_rel = np.einsum("tji,tj->ti", to_ned, velocity - current)
     rates = flip_vector(twist[:, 3:])
     acceleration, spin = flip_vector(rate[:, :3]), flip_vector(rate[:, 3:])
@@ -56,27 +54,21 @@ def from_log(
     put("true_velocity_", "north east down", velocity)
     put("true_", "roll_rate pitch_rate yaw_rate", rates)
     put("true_specific_force_", "x y z", force)
-    put("true_", "shift rotation pump", act * _ACTUATOR_SCALE)
+    scale = np.array([part.quantity.scale for part in vehicle.parts])
+    parts = " ".join(vehicle.part_names)
+    put("true_", parts, act * scale)
     put("true_current_", "north east down", current)
-    for name, column in (
-        ("true_net_mass", b.R_NET_MASS),
-        ("true_density", b.R_DENSITY),
-        ("true_immersion", b.R_IMMERSION),
-        ("commanded_segment", b.R_SEGMENT),
-    ):
-        signals[name] = rows[:, column]
-    put("commanded_", "shift rotation pump", ctrl * _ACTUATOR_SCALE)
-    signals["commanded_pitch"] = degrees(rows[:, b.R_PITCH_SETPOINT])
-    signals["commanded_heading"] = np.mod(degrees(rows[:, b.R_HEADING_SETPOINT]), 360.0)
+    for name in ("net_mass", "density", "immersion"):
+        signals[f"true_{name}"] = rows[name].copy()
+    signals["commanded_segment"] = rows["segment"].copy()
+    put("commanded_", parts, ctrl * scale)
+    signals["commanded_pitch"] = degrees(rows["pitch_setpoint"])
+    signals["commanded_heading"] = np.mod(degrees(rows["heading_setpoint"]), 360.0)
     states = np.concatenate([qpos, qvel, act, ctrl], axis=1)
-    time = rows[:, b.R_TIME].copy()
+    time = rows["time"].copy()
     if sample_period is not None:
         time = sample_times(len(rows), sample_period)
     return Trajectory(time=time, signals=signals, states=states, **fields)
-
-
-_ACTUATOR_SCALE = np.array([1.0, 180.0 / np.pi, 1.0])
-"""Stores give the rotation in degrees."""
 
 
 def specific_force(

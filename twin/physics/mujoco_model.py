@@ -1,18 +1,23 @@
-"""Model: a vehicle file made into the MuJoCo model that the native water acts on."""
+"""Model: a vehicle made into the MuJoCo model that the native water acts on."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from twin.errors import InputError, VehicleError, unknown_name
 from twin.frames import flip_vector
-from twin.mission.guidance import GUIDANCE_STATE
 from twin.physics.native import block as b
-from twin.physics.native import plant
-from twin.vehicle.vehicle import ACTUATORS, Vehicle, load_vehicle
+from twin.physics.native.install import install
+from twin.physics.tables import Tables
+from twin.vehicle.laws import LAWS, Ellipsoids
+from twin.vehicle.parts import PARTS
+from twin.vehicle.vehicle import Vehicle, load_vehicle
 
-HYDRODYNAMICS = {"coefficients": b.COEFFICIENTS, "ellipsoid": b.ELLIPSOID}
+COEFFICIENTS = "coefficients"
+"""Hydrodynamics by the vehicle file's own law; else the name of a hull law."""
 INTEGRATORS = {
     "euler": mujoco.mjtIntegrator.mjINT_EULER,
     "rk4": mujoco.mjtIntegrator.mjINT_RK4,
@@ -20,28 +25,29 @@ INTEGRATORS = {
     "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
     "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
 }
-SEAWATER_VISCOSITY = 1.4e-3
-"""[Pa s] dynamic viscosity at about 10 degC; only the ellipsoid law uses it."""
 SHORTEST_STEP, LONGEST_STEP = 1e-4, 1.0
 """[s]"""
 ELLIPSOID_TIMESTEP = 0.02
 """[s] quadratic rotary drag of the ellipsoid law is stiff at inflections: 0.1 s diverges there"""
-JOINTS = {
-    "hull": mujoco.mjtJoint.mjJNT_FREE,
-    "shift": mujoco.mjtJoint.mjJNT_SLIDE,
-    "rotation": mujoco.mjtJoint.mjJNT_HINGE,
-}
-"""The joints that the native code moves, in their order"""
-JOINT_WORDS = {
-    mujoco.mjtJoint.mjJNT_FREE: "free",
-    mujoco.mjtJoint.mjJNT_SLIDE: "slide",
-    mujoco.mjtJoint.mjJNT_HINGE: "hinge",
-}
-JOINT_RULE = (
-    "joints must be the free joint 'hull' on body 'hull', then the slide 'shift' and the hinge "
-    "'rotation' on body 'battery'"
-)
 _FREE_JOINT_ROWS = np.array([0, 1, 3, 6, 10, 15])
+
+
+def hydrodynamics_names() -> tuple[str, ...]:
+    """What `hydrodynamics` may be: the file's own law by "coefficients", or another by name."""
+    return (COEFFICIENTS, *LAWS)
+
+
+def with_hydrodynamics(vehicle: Vehicle, hydrodynamics: str) -> Vehicle:
+    """The vehicle with the hull law of that name.
+
+    Raises:
+      InputError: there is no such law. VehicleError: the file lacks what it needs.
+    """
+    if hydrodynamics == COEFFICIENTS:
+        return vehicle
+    if hydrodynamics not in LAWS:
+        raise InputError(unknown_name("hydrodynamics", hydrodynamics, hydrodynamics_names()))
+    return vehicle.with_law(hydrodynamics)
 
 
 def compile_model(
@@ -51,15 +57,22 @@ def compile_model(
     timestep: float | None = None,
     integrator: str | None = None,
     lean: bool = False,
+    tables: Tables | None = None,
+    reserve: int = 0,
+    log: bool = False,
 ) -> mujoco.MjModel:
     """Compile a vehicle with the parameter block appended, and install the native callbacks.
 
     Args:
       vehicle: a `Vehicle` (its fields win over its XML text) or what `load_vehicle` takes.
-      hydrodynamics: "coefficients" (identified law) or "ellipsoid" (MuJoCo's geometry law).
+      hydrodynamics: "coefficients" (the file's own law) or the name of a hull law, such as
+        "ellipsoid" (MuJoCo's, from the geometry alone).
       timestep: [s], None for the file's.
       integrator: one of INTEGRATORS, None for the file's.
       lean: leave out what only eyes and sensors need; the dynamics are the same.
+      tables: mission, current and density that it is to carry.
+      reserve: numbers that it must have room for in its tables, at least.
+      log: give its `userdata` room for the log of a `Simulation`.
 
     Raises:
       VehicleError: the file does not compile or has another joint or actuator structure.
@@ -67,17 +80,16 @@ def compile_model(
     """
     if isinstance(vehicle, str):
         vehicle = load_vehicle(vehicle)
-    if hydrodynamics not in HYDRODYNAMICS:
-        raise InputError(unknown_name("hydrodynamics", hydrodynamics, HYDRODYNAMICS))
+    vehicle = with_hydrodynamics(vehicle, hydrodynamics)
+    tables = Tables() if tables is None else tables
     try:
         spec = mujoco.MjSpec.from_string(vehicle.xml)
     except ValueError as error:
         raise VehicleError(f"{_label(vehicle)}: {_first_line(error)}") from error
-    _check_joints(spec, vehicle)
     _write_inertia(spec, vehicle)
     if lean:
         _strip(spec)
-    if timestep is None and hydrodynamics == "ellipsoid":
+    if timestep is None and isinstance(vehicle.law, Ellipsoids):
         timestep = min(spec.option.timestep, ELLIPSOID_TIMESTEP)
     if timestep is not None:
         spec.option.timestep = timestep
@@ -90,71 +102,159 @@ def compile_model(
         if integrator not in INTEGRATORS:
             raise InputError(unknown_name("integrator", integrator, INTEGRATORS))
         spec.option.integrator = INTEGRATORS[integrator]
-    spec.nuserdata = b.U_GUIDANCE + GUIDANCE_STATE
-    spec.add_numeric(name=b.NAME, size=b.PARAMETERS, data=np.zeros(b.PARAMETERS))
+    width = len(vehicle.parts)
+    joints = sum(1 for joint in spec.joints if joint.type != mujoco.mjtJoint.mjJNT_FREE)
+    row = b.row_words(7 + joints, 6 + joints, width)
+    spec.nuserdata = b.STATE_WORDS + (b.RING * row if log else 0)
+    words = b.HEADER_WORDS + b.PART_WORDS * width + vehicle.law.values().size
+    words += max(tables.words, reserve)
+    spec.add_numeric(name=b.NAME, size=words, data=np.zeros(1))
     try:
         model = spec.compile()
     except ValueError as error:
         raise VehicleError(f"{_label(vehicle)}: {_first_line(error)}") from error
     _check_structure(model, vehicle)
-    fill_block(model, vehicle, hydrodynamics)
-    plant.install()
+    fill_block(model, vehicle, words, ring=b.RING if log else 0)
+    write_tables(model, tables)
+    install()
     return model
 
 
-def parameter_block(model: mujoco.MjModel) -> np.ndarray:
-    """The live parameter block of a compiled model, shape (PARAMETERS,)."""
-    return model.numeric_data[-b.PARAMETERS :]
+def header(model: mujoco.MjModel) -> Any:
+    """The live header of a compiled model's block, a record of `block.HEADER`.
+
+    Raises:
+      VehicleError: the model carries no block of this program.
+    """
+    values = model.numeric_data
+    if len(values) >= b.HEADER_WORDS:
+        found = values[-b.HEADER_WORDS :].view(b.HEADER)[0]
+        if found["magic"] == b.MAGIC and found["version"] == b.VERSION:
+            return found
+    raise VehicleError(
+        "this MuJoCo model carries no vehicle's parameters, so it would move in vacuum: build it "
+        "with twin.suite.physics.Physics.from_vehicle or "
+        "twin.physics.mujoco_model.compile_model"
+    )
 
 
-def fill_block(model: mujoco.MjModel, vehicle: Vehicle, hydrodynamics: str) -> None:
-    """Write the vehicle's parameters into the model's block."""
-    block = parameter_block(model)
-    block[:] = 0.0
-    block[b.P_MAGIC], block[b.P_VERSION] = b.MAGIC, b.VERSION
-    block[b.P_HYDRODYNAMICS] = HYDRODYNAMICS[hydrodynamics]
+def state(data: mujoco.MjData) -> Any:
+    """The live state that native code keeps in a simulation, a record of `block.STATE`."""
+    return data.userdata[: b.STATE_WORDS].view(b.STATE)[0]
+
+
+def _body(model: mujoco.MjModel) -> np.ndarray:
+    """The block in front of its header, shape (words - HEADER_WORDS,)."""
+    words = int(header(model)["words"])
+    return model.numeric_data[-words : len(model.numeric_data) - b.HEADER_WORDS]
+
+
+def table(model: mujoco.MjModel, name: str) -> np.ndarray:
+    """One of the block's tables, live: "parts", "law_values", "plan", "current", "density"."""
+    place = header(model)[name]
+    start = int(place["start"])
+    return _body(model)[start : start + int(place["size"])]
+
+
+def part_table(model: mujoco.MjModel) -> np.ndarray:
+    """The parts as native code sees them, live, of dtype `block.PART`, shape (parts,)."""
+    return table(model, "parts").view(b.PART)
+
+
+def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int) -> None:
+    """Write the vehicle into the model's block of `words` numbers."""
+    head = model.numeric_data[-b.HEADER_WORDS :].view(b.HEADER)[0]
     hull = model.body("hull").id
-    block[b.P_HULL_BODY] = hull
-    block[b.P_RIGID_MASS] = model.body_subtreemass[hull]
-    block[b.P_NEUTRAL_VOLUME] = vehicle.neutral_volume
-    block[b.P_GRAVITY] = vehicle.gravity
-    block[b.P_REFERENCE_DENSITY] = vehicle.reference_density
-    block[b.P_COMPRESSIBILITY] = vehicle.hull_compressibility
-    block[b.P_LENGTH], block[b.P_DIAMETER] = vehicle.hull_length, vehicle.hull_diameter
-    for start, values in (
-        (b.P_DRAG, vehicle.drag),
-        (b.P_LIFT, vehicle.lift),
-        (b.P_SIDE, vehicle.side_force),
-        (b.P_ROLL, vehicle.roll_moment),
-        (b.P_PITCH, vehicle.pitch_moment),
-        (b.P_YAW, vehicle.yaw_moment),
-        (b.P_LAG, _step_lag(vehicle.actuator_lag, model)),
-        (b.P_RATE, vehicle.actuator_rate),
-        (b.P_ACTUATOR_MIN, vehicle.actuator_min),
-        (b.P_ACTUATOR_MAX, vehicle.actuator_max),
-    ):
-        block[start : start + len(values)] = values
-    block[b.P_LINEAR_ANGLE] = vehicle.linear_angle
-    block[b.P_BLEND_ANGLE] = vehicle.blend_angle
-    block[b.P_MIN_SPEED] = vehicle.rate_damping_min_speed
-    block[b.P_CONTROL_PERIOD] = vehicle.control_period
-    block[b.P_VISCOSITY] = SEAWATER_VISCOSITY
     added_mass = vehicle.added_mass
-    if hydrodynamics == "ellipsoid":
-        geoms = fluid_geoms(model)
-        if not len(geoms):
+    inertia = vehicle.static_inertia + sum(mass.inertia for mass in vehicle.masses)
+    for name, value in {
+        "words": words,
+        **{n: getattr(model, n) for n in ("nq", "nv", "nu", "na", "nbody", "nuserdata")},
+        "hull_body": hull,
+        "rigid_mass": model.body_subtreemass[hull],
+        "neutral_volume": vehicle.neutral_volume,
+        "gravity": vehicle.gravity,
+        "reference_density": vehicle.reference_density,
+        "compressibility": vehicle.hull_compressibility,
+        "length": vehicle.hull_length,
+        "diameter": vehicle.hull_diameter,
+        "added_mass": added_mass,
+        "coupling": float(vehicle.added_mass_coupling),
+        "rotary_inertia": np.diag(inertia) + np.diag(added_mass)[3:],
+        "law": LAWS.code(vehicle.law.kind),
+        "control_period": vehicle.control_period,
+        "log_ring": ring,
+        "version": b.VERSION,
+        "magic": b.MAGIC,
+    }.items():
+        head[name] = value
+    body = _body(model)
+    used = 0
+    for name, values in (
+        ("parts", _part_rows(vehicle, model)),
+        ("law_values", vehicle.law.values()),
+    ):
+        body[used : used + values.size] = values
+        head[name]["start"], head[name]["size"] = used, values.size
+        used += values.size
+    for name in ("plan", "current", "density"):
+        head[name]["start"], head[name]["size"] = used, 0
+
+
+def _part_rows(vehicle: Vehicle, model: mujoco.MjModel) -> np.ndarray:
+    """The parts as numbers, shape (parts * PART_WORDS,)."""
+    rows = np.zeros(len(vehicle.parts), b.PART)
+    for row, part in zip(rows, vehicle.parts, strict=True):
+        kind, values = type(part), part.values()
+        if len(values) > b.VALUES:
             raise VehicleError(
-                f"{_label(vehicle)} has no geom with fluidshape='ellipsoid' on its hull; "
-                "add one or use --hydrodynamics coefficients"
+                f"{_label(vehicle)}: part {part.name!r} has {len(values)} values, at most "
+                f"{b.VALUES} are possible"
             )
-        added_mass = ellipsoid_added_mass(geoms, vehicle.reference_density)
-        block[b.P_FLUID], block[b.P_FLUID_COUNT] = share(geoms), len(geoms)
-    block[b.P_ADDED_MASS : b.P_ADDED_MASS + 36] = added_mass.ravel()
-    rotary = np.diag(vehicle.static_inertia + vehicle.movable_inertia) + np.diag(added_mass)[3:]
-    block[b.P_ROTARY_INERTIA : b.P_ROTARY_INERTIA + 3] = rotary
+        row["kind"], row["one_way"] = PARTS.code(part.kind), float(part.one_way)
+        row["low"], row["high"], row["rate"] = part.low, part.high, part.rate
+        row["lag"] = _step_lag(part.lag, model)
+        row["place"] = part.position
+        row["values"][: len(values)] = values
+        for effect in ("volume", "mass", "wrench"):
+            row[f"gives_{effect}"] = float(getattr(kind, f"native_{effect}") is not None)
+    return rows.view(np.float64).ravel()
 
 
-def _step_lag(lag: np.ndarray, model: mujoco.MjModel) -> np.ndarray:
+def room(model: mujoco.MjModel) -> int:
+    """Numbers that the tables of a run may have together in this model."""
+    return len(_body(model)) - int(header(model)["plan"]["start"])
+
+
+def write_tables(model: mujoco.MjModel, tables: Tables) -> None:
+    """Put the tables of a run into the model, in place of those that it carried.
+
+    Raises:
+      InputError: they are larger than the model's room; compile it with a larger `reserve`.
+    """
+    if tables.words > room(model):
+        raise InputError(
+            f"the tables of this run have {tables.words} numbers, the model has room for "
+            f"{room(model)}; compile it with reserve={tables.words}"
+        )
+    head, body = header(model), _body(model)
+    used = int(head["plan"]["start"])
+    for name in ("plan", "current", "density"):
+        values = getattr(tables, name).ravel()
+        head[name]["size"] = 0  # first: no table may be seen half written
+        head[name]["start"] = used
+        body[used : used + values.size] = values
+        head[name]["size"] = values.size
+        used += values.size
+    head["plan_rows"] = len(tables.plan)
+    head["control"] = tables.control
+    if tables.gains is not None:
+        head["gains"] = tables.gains
+    elif tables.control == b.CONTROL_SCHEDULE:
+        head["control_period"] = model.opt.timestep
+
+
+def _step_lag(lag: float, model: mujoco.MjModel) -> float:
     """The lag [s] with which one explicit step follows the exponential exactly.
 
     MuJoCo advances activations by act + dt * rate, except under RK4, which needs the true lag.
@@ -162,76 +262,28 @@ def _step_lag(lag: np.ndarray, model: mujoco.MjModel) -> np.ndarray:
     if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         return lag
     timestep = model.opt.timestep
-    return timestep / -np.expm1(-timestep / lag)
-
-
-_shared: dict[bytes, np.ndarray] = {}
-
-
-def share(values: np.ndarray) -> float:
-    """Address of an immortal copy of `values` (float64), for small tables that models point to."""
-    values = np.ascontiguousarray(values, float)
-    kept = _shared.setdefault(values.tobytes(), values)
-    return float(kept.ctypes.data)
-
-
-def fluid_geoms(model: mujoco.MjModel) -> np.ndarray:
-    """The hull's ellipsoid fluid geoms, shape (count, FLUID_ROW), hull axes; see native.block."""
-    hull, rows = model.body("hull").id, []
-    for geom in np.flatnonzero(model.geom_bodyid == hull):
-        if model.geom_fluid[geom, 0] == 0:
-            continue
-        rotation = np.zeros(9)
-        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
-        size, kind = model.geom_size[geom], model.geom_type[geom]
-        if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
-            axes = np.full(3, size[0])
-        elif kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
-            axes = np.array([size[0], size[0], size[0] + size[1]])
-        elif kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-            axes = np.array([size[0], size[0], size[1]])
-        else:
-            axes = size.copy()
-        rows.append(np.concatenate([model.geom_pos[geom], rotation, axes, model.geom_fluid[geom]]))
-    return np.array(rows).reshape(-1, b.FLUID_ROW)
-
-
-def ellipsoid_added_mass(geoms: np.ndarray, density: float) -> np.ndarray:
-    """Added mass (6, 6), FRD about the CB, of MuJoCo's virtual masses at each fluid geom."""
-    total = np.zeros((6, 6))
-    for row in geoms:
-        rotation = row[3:12].reshape(3, 3)
-        x, y, z = row[:3]
-        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        # velocity at the geom in its own axes = R^T (v + omega x r); spin = R^T omega
-        jacobian = np.zeros((6, 6))
-        jacobian[:3, :3] = rotation.T
-        jacobian[:3, 3:] = -rotation.T @ cross
-        jacobian[3:, 3:] = rotation.T
-        virtual = density * row[15] * np.concatenate([row[21:24], row[24:27]])
-        total += jacobian.T @ np.diag(virtual) @ jacobian
-    signs = np.concatenate([flip_vector(np.ones(3))] * 2)
-    return total * np.outer(signs, signs)
+    return float(timestep / -np.expm1(-timestep / lag))
 
 
 def _write_inertia(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
     """Make the spec's bodies those of `vehicle`, which may differ from its XML text."""
     signs = np.outer(flip_vector(np.ones(3)), flip_vector(np.ones(3)))
-    battery_offset = np.array([0.0, 0.0, -vehicle.movable_eccentricity])
-    for name, mass, cg, inertia in (
-        ("hull", vehicle.static_mass, flip_vector(vehicle.static_cg), vehicle.static_inertia),
-        ("battery", vehicle.movable_mass, battery_offset, vehicle.movable_inertia),
-    ):
+    blocks = [("hull", vehicle.static_mass, flip_vector(vehicle.static_cg), vehicle.static_inertia)]
+    for mass in vehicle.masses:
+        offset = np.array([0.0, 0.0, -mass.eccentricity])
+        blocks.append((mass.name, mass.mass, offset, mass.inertia))
+    for name, kilograms, cg, inertia in blocks:
         body = spec.body(name)
         i = inertia * signs
-        body.mass, body.ipos = mass, cg
+        body.mass, body.ipos = kilograms, cg
         body.iquat = [1, 0, 0, 0]
         if np.count_nonzero(i - np.diag(np.diag(i))):
             body.fullinertia = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
         else:
             body.inertia = np.diag(i)
-    battery = spec.body("battery")
-    battery.pos = [vehicle.movable_neutral_x, battery.pos[1], battery.pos[2] * 0.0]
+    for mass in vehicle.masses:
+        body = spec.body(mass.name)
+        body.pos = [mass.neutral_x, body.pos[1], body.pos[2] * 0.0]
 
 
 def _strip(spec: mujoco.MjSpec) -> None:
@@ -243,37 +295,35 @@ def _strip(spec: mujoco.MjSpec) -> None:
     for geom in list(spec.geoms):
         if geom.fluid_ellipsoid == 0:
             spec.delete(geom)
+    used = {actuator.target for actuator in spec.actuators}
     for site in list(spec.sites):
-        if site.name != "cb":
+        if site.name not in used:
             spec.delete(site)
 
 
-def _check_joints(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
-    """Before compiling: MuJoCo reports a joint that is missing as a keyframe of the wrong size."""
-    found = {joint.name: joint.type for joint in spec.joints}
-    for name, kind in JOINTS.items():
-        if found.get(name) != kind:
-            word = JOINT_WORDS[kind]
-            example = f'<freejoint name="{name}"/>' if word == "free" else f'type="{word}"'
-            raise VehicleError(
-                f"{_label(vehicle)}: the {word} joint {name!r} ({example}) is missing; {JOINT_RULE}"
-            )
-    if len(spec.joints) != len(JOINTS):
-        names = ", ".join(joint.name or "one without a name" for joint in spec.joints)
-        raise VehicleError(f"{_label(vehicle)}: {JOINT_RULE} and no others; found {names}")
-
-
 def _check_structure(model: mujoco.MjModel, vehicle: Vehicle) -> None:
-    """The native code relies on this order of joints, dofs and actuators."""
-    joints = [model.joint(i).name for i in range(model.njnt)]
-    if joints != list(JOINTS):
-        raise VehicleError(f"{_label(vehicle)}: {JOINT_RULE}; found them as {', '.join(joints)}")
-    actuators = [model.actuator(i).name for i in range(model.nu)]
-    if actuators != list(ACTUATORS) or model.na != 3:
+    """The native code relies on the hull coming first and on one activation for each part."""
+    first = model.joint(0) if model.njnt else None
+    if (
+        first is None
+        or first.type[0] != mujoco.mjtJoint.mjJNT_FREE
+        or (model.body(int(first.bodyid[0])).name != "hull")
+    ):
         raise VehicleError(
-            f"{_label(vehicle)}: actuators must be {', '.join(ACTUATORS)} in this order, "
-            f"each with one activation state (dyntype='user' actdim='1'); found "
-            f"{', '.join(actuators)} with {model.na} activations"
+            f"{_label(vehicle)}: the first joint must be the free joint of body 'hull' "
+            '(<freejoint name="hull"/>)'
+        )
+    names = tuple(model.actuator(i).name for i in range(model.nu))
+    if names != vehicle.part_names or model.na != model.nu:
+        raise VehicleError(
+            f"{_label(vehicle)}: each actuator must be a part with one activation state "
+            f"(dyntype='user' actdim='1'); found {', '.join(names)} with {model.na} activations"
+        )
+    if model.njnt != 1 + sum((m.slide is not None) + (m.hinge is not None) for m in vehicle.masses):
+        joints = ", ".join(model.joint(i).name or "one without a name" for i in range(model.njnt))
+        raise VehicleError(
+            f"{_label(vehicle)}: joints other than the hull's must be slides or hinges of moving "
+            f"masses, each with an actuator; found {joints}"
         )
     if not np.array_equal(model.M_rowadr[:6], _FREE_JOINT_ROWS):
         raise VehicleError(f"{_label(vehicle)}: body 'hull' must be the first moving body")

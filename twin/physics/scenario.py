@@ -13,6 +13,8 @@ from typing import Any
 from twin.errors import InputError
 from twin.mission import Mission
 from twin.mission.schedule import Schedule
+from twin.physics.ballast import Ballast
+from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 from twin.water.current.base import Current, current_from_dict
 from twin.water.current.origin import Origin
@@ -23,34 +25,17 @@ SAMPLE_PERIOD = 0.5
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Start:
-    """Where and how a simulation begins."""
-
-    north: float = 0.0
-    """[m]"""
-    east: float = 0.0
-    """[m]"""
-    depth: float = 0.0
-    """[m], of the CB"""
-    roll: float = 0.0
-    """[rad]"""
-    pitch: float = 0.0
-    """[rad]"""
-    heading: float = 0.0
-    """[rad]"""
-    v_rel: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Surge, sway, heave through the water [m/s]; zero drifts with the water."""
-    rates: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Roll, pitch, yaw rate [rad/s], body FRD"""
-    actuators: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """shift [m], rotation [rad], pump [cm3]"""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class Scenario:
     """Everything that one simulated mission depends on."""
 
     vehicle: Vehicle = dataclasses.field(default_factory=load_vehicle)
+    """The vehicle that is really out there."""
+    believed: Vehicle | None = None
+    """The vehicle that guidance is trimmed for; None: the real one."""
+    ballast: Ballast | None = None
+    """How the vehicle was weighed; None: neutral in water of the reference density."""
+    encoder_zeros: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    """Position of a part when its encoder says 0, by name and in the part's unit; 0 if left out."""
     plan: Mission | Schedule | None = None
     """Closed-loop mission, open-loop schedule, or None (commands come from a controller)."""
     duration: float | None = None
@@ -76,6 +61,8 @@ class Scenario:
         for name, kinds in (
             ("vehicle", Vehicle),
             ("plan", (Mission, Schedule, NoneType)),
+            ("believed", (Vehicle, NoneType)),
+            ("ballast", (Ballast, NoneType)),
             ("start", (Start, NoneType)),
             ("current", (Current, NoneType)),
             ("density", (DensityProfile, NoneType)),
@@ -86,6 +73,17 @@ class Scenario:
                 raise InputError(
                     f"scenario: {name} is {value!r}; give a {name.capitalize()} object"
                 )
+        for name, value in self.encoder_zeros.items():
+            self.vehicle.part(name)
+            if not math.isfinite(value):
+                raise InputError(f"scenario: encoder_zeros[{name!r}] = {value} must be finite")
+        if self.believed is not None and self.believed.part_names != self.vehicle.part_names:
+            raise InputError(
+                f"scenario: believed vehicle {self.believed.name!r} has other parts than "
+                f"{self.vehicle.name!r}: {', '.join(self.believed.part_names)}"
+            )
+        if self.start is not None:
+            self.start.positions(self.vehicle)
         if not (math.isfinite(self.sample_period) and self.sample_period > 0):
             raise InputError(f"sample period {self.sample_period} s must be positive and finite")
 
@@ -98,11 +96,16 @@ class Scenario:
             and self.plan.duration_s is None
         )
 
+    @property
+    def believed_vehicle(self) -> Vehicle:
+        """The vehicle that guidance is trimmed for."""
+        return self.vehicle if self.believed is None else self.believed
+
     def run_time(self) -> float:
         """Longest duration [s]; raises InputError when neither scenario nor mission gives one."""
         duration = self.duration
         if duration is None and isinstance(self.plan, Mission):
-            duration = self.plan.time_limit_s(self.vehicle)
+            duration = self.plan.time_limit_s(self.believed_vehicle)
         if duration is None:
             raise InputError("give a duration: neither the scenario nor its plan has one")
         if not (math.isfinite(duration) and duration > 0):
@@ -130,6 +133,9 @@ class Scenario:
                 "mjcf": self.vehicle.xml,
                 "changes": self.vehicle.changes(),
             },
+            "believed": None if self.believed is None else self.believed.changes(),
+            "ballast": None if self.ballast is None else dataclasses.asdict(self.ballast),
+            "encoder_zeros": dict(self.encoder_zeros),
             "plan": plan,
             "duration": self.duration,
             "start": None if self.start is None else dataclasses.asdict(self.start),
@@ -154,8 +160,12 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
         mission = data["plan"]["kind"] == "mission"
         plan = Mission.from_dict(fields) if mission else Schedule(**fields)
     current = data["current"]
+    believed, ballast = data.get("believed"), data.get("ballast")
     return Scenario(
         vehicle=vehicle.with_changes(entry["changes"]),
+        believed=None if believed is None else vehicle.with_changes(believed),
+        ballast=None if ballast is None else Ballast(**ballast),
+        encoder_zeros=data.get("encoder_zeros", {}),
         plan=plan,
         duration=data["duration"],
         start=None if data["start"] is None else Start(**data["start"]),

@@ -1,4 +1,4 @@
-"""Simulate: fly one mission or many, natively, and return their trajectories."""
+"""Simulation: one mission or many flown natively, and their trajectories."""
 
 from __future__ import annotations
 
@@ -11,17 +11,19 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError, SimulationUnstable
+from twin.errors import InputError, SimulationUnstable, TwinError
 from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector, quaternion_to_matrix
 from twin.mission import Mission, guidance
 from twin.mission.controller import Command, Controller, Observation
-from twin.mission.schedule import Schedule
-from twin.physics.mujoco_model import compile_model, parameter_block
+from twin.physics.mujoco_model import compile_model, header, part_table, state
 from twin.physics.native import block as b
-from twin.physics.outcome import collect
+from twin.physics.outcome import trajectory_of
 from twin.physics.quiet import quiet_mujoco
-from twin.physics.scenario import Scenario, Start
+from twin.physics.scenario import Scenario
+from twin.physics.start import Start
+from twin.physics.tables import Tables, tables_of
 from twin.records.trajectory import Trajectory
+from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -37,32 +39,51 @@ END_CHECK_PERIOD = 30.0
 
 
 class Simulation:
-    """One scenario in MuJoCo: its model, its data and the tables that native code reads.
+    """One scenario in MuJoCo: its model and its data.
 
-    `model` and `data` are ordinary MuJoCo objects; `mujoco.mj_step(model, data)` runs the water,
-    the guidance and the log natively. Keep the Simulation alive as long as its model is stepped:
-    the model's parameter block points into tables that it owns.
+    `model` and `data` are ordinary MuJoCo objects that own everything they need: they outlive the
+    Simulation, can be copied, pickled and stepped by `mujoco.mj_step(model, data)`, which runs
+    the water, the guidance and the log natively. The log keeps the last `block.RING` samples in
+    `data.userdata`; `step` collects them in time, and so does `rows` after steps of one's own.
     """
 
-    def __init__(self, scenario: Scenario, *, lean: bool = True):
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        lean: bool = True,
+        tables: Tables | None = None,
+        reserve: int = 0,
+    ):
+        """Compile the scenario.
+
+        Args:
+          scenario: what is flown.
+          lean: leave out what only eyes and sensors need; the dynamics are the same.
+          tables: of this scenario, if they have been made already.
+          reserve: numbers that the model's tables must have room for, at least.
+        """
         self.scenario = scenario
-        vehicle = scenario.vehicle
+        self.duration = scenario.run_time()
+        self.tables = tables_of(scenario, self.duration) if tables is None else tables
         self.model = compile_model(
-            vehicle,
+            scenario.vehicle,
             hydrodynamics=scenario.hydrodynamics,
             timestep=scenario.timestep,
             integrator=scenario.integrator,
             lean=lean,
+            tables=self.tables,
+            reserve=reserve,
+            log=True,
         )
-        self.duration = scenario.run_time()
         self._check_integration()
-        self.rows = np.zeros((self._samples(), b.ROW))
-        self._kept: list[Any] = []
-        self.current_program: Array | None = None
-        if scenario.current is not None:  # once: a gridded one reads its file
-            self.current_program = scenario.current.compile(self.duration, scenario.origin)
-        self._write_block()
-        self.data = mujoco.MjData(self.model)
+        model = self.model
+        self._row = b.log_row(model.nq, model.nv, model.nu)
+        self._collected = np.zeros(self._samples(), self._row)
+        self._count = 0
+        self._write_header()
+        apply_real_vehicle(model, scenario)
+        self.data = mujoco.MjData(model)
         self.reset()
 
     def _check_integration(self) -> None:
@@ -108,35 +129,67 @@ class Simulation:
         one fills in its acceleration."""
         return math.ceil(self.duration / self.model.opt.timestep - 1e-9) + 2
 
-    def _keep(self, values: Array) -> float:
-        values = np.ascontiguousarray(values, float)
-        self._kept.append(values)
-        return float(values.ctypes.data)
-
-    def _write_block(self) -> None:
-        scenario, block = self.scenario, parameter_block(self.model)
-        plan = scenario.plan
-        if isinstance(plan, Mission):
-            table, gains = plan.compile(scenario.vehicle)
-            block[b.P_CONTROL] = b.CONTROL_MISSION
-            block[b.P_GAINS : b.P_GAINS + len(gains)] = gains
-            block[b.P_TABLE], block[b.P_TABLE_ROWS] = self._keep(table), len(table)
-        elif isinstance(plan, Schedule):
-            table = plan.table()
-            block[b.P_CONTROL] = b.CONTROL_SCHEDULE
-            block[b.P_CONTROL_PERIOD] = self.model.opt.timestep
-            block[b.P_TABLE], block[b.P_TABLE_ROWS] = self._keep(table), len(table)
-        if self.current_program is not None:
-            program = self.current_program
-            block[b.P_CURRENT], block[b.P_CURRENT_SIZE] = self._keep(program), len(program)
-        if scenario.density is not None:
-            program = scenario.density.compile()
-            block[b.P_DENSITY], block[b.P_DENSITY_SIZE] = self._keep(program), len(program)
+    def _write_header(self) -> None:
+        head = header(self.model)
         # RK4 evaluates between steps and is centred by itself
         staged = self.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-        block[b.P_CENTRED] = float(scenario.centred and not staged)
-        block[b.P_LOG], block[b.P_LOG_ROWS] = float(self.rows.ctypes.data), len(self.rows)
-        block[b.P_LOG_PERIOD] = scenario.sample_period
+        head["centred"] = float(self.scenario.centred and not staged)
+        head["log_samples"], head["log_period"] = self._samples(), self.scenario.sample_period
+
+    # --- the log ------------------------------------------------------------------------------
+
+    @property
+    def rows(self) -> NDArray[Any]:
+        """The samples so far, records of `block.log_row`; the last one may still be open."""
+        self.collect(self.data.userdata)
+        return self.collected
+
+    @property
+    def collected(self) -> NDArray[Any]:
+        """The samples that `collect` has taken out of the ring."""
+        return self._collected[: self._count]
+
+    @property
+    def steps_per_collection(self) -> int:
+        """Steps after which the ring of samples must have been collected."""
+        per_sample = max(1, round(self.scenario.sample_period / self.model.opt.timestep))
+        return (b.RING - 1) * per_sample
+
+    def collect(self, userdata: Array) -> None:
+        """Take the samples that came since the last call out of the ring.
+
+        Args:
+          userdata: of the simulation that was stepped, shape (model.nuserdata,).
+
+        Raises:
+          TwinError: it was stepped too far without a collection, so that samples are lost.
+        """
+        ours = userdata[: b.STATE_WORDS].view(b.STATE)[0]
+        logged = min(int(ours["logged"]), len(self._collected))
+        ring = userdata[b.STATE_WORDS :].view(self._row)
+        if logged < self._count:  # it was reset
+            self._count = 0
+        # the last one collected may have been open then
+        first = max(self._count - 1, 0)
+        if logged - first > len(ring):
+            raise TwinError(
+                f"{logged - first - len(ring)} samples of this run are lost: it was stepped by "
+                f"more than {self.steps_per_collection} steps at once; use Simulation.step, or "
+                "read Simulation.rows in between"
+            )
+        places = np.arange(first, logged)
+        self._collected[places] = ring[places % len(ring)]
+        self._count = logged
+
+    def step(self, steps: int = 1) -> None:
+        """Advance by `steps` physics steps; the log stays whole however many they are."""
+        while steps > 0:
+            count = min(steps, self.steps_per_collection)
+            mujoco.mj_step(self.model, self.data, nstep=count)
+            self.collect(self.data.userdata)
+            steps -= count
+
+    # --- the run ------------------------------------------------------------------------------
 
     def start(self) -> Start:
         """The scenario's start, or the mission's: at rest in the water at its depth and heading.
@@ -155,15 +208,18 @@ class Simulation:
     def reset(self) -> None:
         """Back to the start, with an empty log."""
         mujoco.mj_resetData(self.model, self.data)
-        self.rows[:] = 0.0
-        set_start(self.data, self.start(), self._current_at_start())
-        if parameter_block(self.model)[b.P_CENTRED]:
+        set_start(self.model, self.data, self.start(), self._current_at_start(), self._vehicle)
+        if header(self.model)["centred"]:
             stagger(self.model, self.data)
-            self.rows[:] = 0.0
+        self._count = 0
+
+    @property
+    def _vehicle(self) -> Vehicle:
+        return self.scenario.vehicle
 
     def _current_at_start(self) -> Array:
-        program, start = self.current_program, self.start()
-        if program is None:
+        program, start = self.tables.current, self.start()
+        if not program.size:
             return np.zeros(3)
         from twin.water.current.sampler import sample
 
@@ -184,6 +240,12 @@ class Simulation:
           SimulationUnstable: with the trajectory up to that time as `partial`.
         """
         if controller is not None:
+            if self.scenario.plan is not None:
+                raise InputError(
+                    "the scenario has a plan and the run a controller: only one of them can "
+                    "command the vehicle; leave plan out of the scenario (its duration then says "
+                    "how long), or call run() without a controller"
+                )
             self._run_controlled(controller)
         else:
             remaining = self.steps
@@ -192,7 +254,7 @@ class Simulation:
                 per_call = max(1, round(END_CHECK_PERIOD / self.model.opt.timestep))
             while remaining > 0 and not self.failed and not self.flown:
                 count = min(remaining, per_call)
-                mujoco.mj_step(self.model, self.data, nstep=count)
+                self.step(count)
                 remaining -= count
         return self.trajectory(mission)
 
@@ -201,24 +263,24 @@ class Simulation:
         per_tick = max(1, round(vehicle.control_period / timestep))
         done = 0
         while done < self.steps and not self.failed:
-            command = controller(observe(self.model, self.data))
+            command = controller(observe(self.data, vehicle))
             if not isinstance(command, Command):
                 raise InputError(f"the controller returned {command!r}; it must return a Command")
-            self.data.ctrl[:] = command.as_array()
+            self.data.ctrl[:] = command.as_array(vehicle)
             count = min(per_tick, self.steps - done)
-            mujoco.mj_step(self.model, self.data, nstep=count)
+            self.step(count)
             done += count
 
     @property
     def flown(self) -> bool:
         """True when an open-ended mission has been flown to its end."""
-        done = self.data.userdata[b.U_GUIDANCE + guidance.DONE]
+        done = state(self.data)["guidance"][guidance.DONE]
         return self.scenario.open_ended and bool(done)
 
     @property
     def failed(self) -> bool:
         """True once the state has left the finite numbers."""
-        return bool(self.data.userdata[b.U_FAILED])
+        return bool(state(self.data)["failed"])
 
     def trajectory(self, mission: int | None = None) -> Trajectory:
         """The samples so far.
@@ -226,7 +288,8 @@ class Simulation:
         Raises:
           SimulationUnstable: the run went unstable; `partial` holds the finite samples.
         """
-        return collect(self, self.data.userdata, mission)
+        self.collect(self.data.userdata)
+        return trajectory_of(self.scenario, self.model, self.collected, state(self.data), mission)
 
 
 def stagger(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -242,13 +305,14 @@ def stagger(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     change = np.linalg.solve(mass[:6, :6], data.qfrc_smooth[:6]) * model.opt.timestep
     data.qvel[:6] -= 0.5 * change
     data.ctrl[:], data.userdata[:] = command, 0.0
-    data.userdata[b.U_TWIST : b.U_TWIST + 6] = data.qvel[:6]
-    data.userdata[b.U_EARLIER : b.U_EARLIER + 6] = data.qvel[:6] - change
-    data.userdata[b.U_TIME] = data.time
-    data.userdata[b.U_KNOWN] = 1.0
+    ours = state(data)
+    ours["twist"], ours["earlier"] = data.qvel[:6], data.qvel[:6] - change
+    ours["time"], ours["known"] = data.time, 1.0
 
 
-def set_start(data: mujoco.MjData, start: Start, current: Array) -> None:
+def set_start(
+    model: mujoco.MjModel, data: mujoco.MjData, start: Start, current: Array, vehicle: Vehicle
+) -> None:
     """Write a start into MuJoCo's data; `current` NED [m/s] is the water's velocity there."""
     quaternion = euler_to_quaternion(start.roll, start.pitch, start.heading)
     velocity = quaternion_to_matrix(quaternion) @ np.array(start.v_rel) + current
@@ -256,12 +320,39 @@ def set_start(data: mujoco.MjData, start: Start, current: Array) -> None:
     data.qpos[3:7] = flip_quaternion(quaternion)
     data.qvel[:3] = flip_vector(velocity)
     data.qvel[3:6] = flip_vector(start.rates)
-    data.act[:] = data.ctrl[:] = start.actuators
-    data.qpos[7:9] = start.actuators[:2]
+    positions = start.positions(vehicle)
+    data.act[:] = data.ctrl[:] = positions
+    for index, place in joint_places(model):
+        data.qpos[place] = positions[index]
 
 
-def observe(model: mujoco.MjModel, data: mujoco.MjData) -> Observation:
-    """What a Python controller sees now: pose, rates and actuator positions, in NED and FRD."""
+def joint_places(model: mujoco.MjModel) -> list[tuple[int, int]]:
+    """(index of the part, place in qpos) of every part that drives a joint."""
+    found = []
+    for index in range(model.nu):
+        if model.actuator_trntype[index] == mujoco.mjtTrn.mjTRN_JOINT:
+            joint = int(model.actuator_trnid[index, 0])
+            found.append((index, int(model.jnt_qposadr[joint])))
+    return found
+
+
+def apply_real_vehicle(model: mujoco.MjModel, scenario: Scenario) -> None:
+    """Put the ballasting and the encoders' zero errors of a scenario into its model."""
+    head, rows = header(model), part_table(model)
+    if scenario.ballast is not None:
+        head["neutral_volume"] = scenario.ballast.neutral_volume(scenario.vehicle, scenario.density)
+    driven = dict(joint_places(model))
+    for name, zero in scenario.encoder_zeros.items():
+        index = scenario.vehicle.part_names.index(name)
+        if index in driven:
+            # at the encoder's zero the joint then sits at the offset
+            model.qpos0[driven[index]] -= zero
+        else:
+            rows[index]["zero"] = zero
+
+
+def observe(data: mujoco.MjData, vehicle: Vehicle) -> Observation:
+    """What a Python controller sees now: pose, rates and positions of the parts, NED and FRD."""
     from twin.frames import quaternion_to_euler
 
     roll, pitch, heading = quaternion_to_euler(flip_quaternion(data.qpos[3:7]))
@@ -275,9 +366,7 @@ def observe(model: mujoco.MjModel, data: mujoco.MjData) -> Observation:
         roll_rate=float(p),
         pitch_rate=float(q),
         yaw_rate=float(r),
-        shift=float(data.act[0]),
-        rotation=float(data.act[1]),
-        pump=float(data.act[2]),
+        parts=dict(zip(vehicle.part_names, data.act.tolist(), strict=True)),
     )
 
 

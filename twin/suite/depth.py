@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from dm_control.utils import rewards
 
-from twin.physics.scenario import Start
+from twin.physics.start import Start
 from twin.suite.environment import Environment, build
 from twin.suite.physics import Physics
 from twin.suite.task import (

@@ -24,8 +24,8 @@ from twin.frames import flip_vector
 from twin.physics.mujoco_model import compile_model, fluid_geoms, parameter_block, share
 from twin.physics.native import block as b
 from twin.physics.native import plant
-from twin.physics.scenario import Start
 from twin.physics.simulation import set_start, stagger
+from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 from twin.water.current.base import Current
 from twin.water.current.origin import Origin

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError, VehicleError
 from twin.mission.glide import SteadyGlide, steady_glide
-from twin.physics.scenario import Start
+from twin.physics.start import Start
 from twin.suite.physics import Physics
 from twin.vehicle.vehicle import ACTUATORS, Vehicle
 

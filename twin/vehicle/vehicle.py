@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from twin.errors import VehicleError, unknown_name
 from twin.frames import flip_vector
-from twin.vehicle.assets import assets_folder
 from twin.vehicle.assembly import read_masses, read_parts, read_steering
+from twin.vehicle.assets import assets_folder
 from twin.vehicle.laws import LAWS, FlowFrame, HullLaw
 from twin.vehicle.mjcf import MjcfReader
 from twin.vehicle.moving_mass import MovingMass
@@ -75,6 +75,8 @@ class Vehicle:
     """Position of the turning part per heading error: gain, over s, times s; per rad."""
     control_period: float
     """[s]"""
+    cruise_speed: float = 0.0
+    """[m/s] through the water that a propeller drives it at when a mission does not say"""
     steering: Mapping[str, str]
     """Name of the part that guidance uses for each of CONTROLS that the vehicle has."""
 
@@ -244,7 +246,9 @@ class Vehicle:
         original = parse_vehicle(self.xml, self.path)
         if self.law.kind != original.law.kind:
             original = original.with_law(self.law.kind)
-        found = _differences(self, original, leave=("name", "path", "xml", "law", "parts", "masses"))
+        found = _differences(
+            self, original, leave=("name", "path", "xml", "law", "parts", "masses")
+        )
         if self.law.kind != parse_vehicle(self.xml, self.path).law.kind:
             found["hull_law"] = self.law.kind
         found.update(_differences(self.law, original.law))
@@ -387,5 +391,6 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         pitch_pid=numeric("pitch_pid", 3) if "pitch" in steering else (0.0, 0.0, 0.0),
         heading_pid=numeric("heading_pid", 3) if "heading" in steering else (0.0, 0.0, 0.0),
         control_period=number("control_period"),
+        cruise_speed=number("cruise_speed") if "speed" in steering else 0.0,
         steering=steering,
     )

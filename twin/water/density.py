@@ -7,6 +7,7 @@ Equation of state: TEOS-10 through `gsw` (McDougall and Barker, 2011).
 
 from __future__ import annotations
 
+import math
 import dataclasses
 
 import numpy as np
@@ -50,7 +51,9 @@ def density_at(program, depth):  # type: ignore[no-untyped-def]
     """
     if depth != depth:
         return depth
-    last = int(program[0]) - 1
+    last = min(int(program[0]), program.size - PROGRAM_HEADER) - 1
+    if last < 0:
+        return math.nan  # no profile at all
     if depth <= 0.0 or last == 0:
         return program[PROGRAM_HEADER]
     x = depth / program[1]

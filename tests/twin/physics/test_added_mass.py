@@ -19,7 +19,8 @@ from twin.fossen import FossenModel, FossenState
 from twin.mission.schedule import Schedule
 from twin.physics.mujoco_model import INTEGRATORS
 from twin.physics.native import plant
-from twin.physics.scenario import Scenario, Start
+from twin.physics.scenario import Scenario
+from twin.physics.start import Start
 from twin.physics.simulation import simulate
 from twin.vehicle.vehicle import load_vehicle
 

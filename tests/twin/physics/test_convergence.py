@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from twin.mission.schedule import Schedule
-from twin.physics.scenario import Scenario, Start
+from twin.physics.scenario import Scenario
+from twin.physics.start import Start
 from twin.physics.simulation import simulate
 from twin.vehicle.vehicle import load_vehicle
 

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from twin import suite
 from twin.errors import InputError, VehicleError
-from twin.physics.scenario import Start
+from twin.physics.start import Start
 from twin.suite.consumption import Consumption, cost_of_transport
 from twin.suite.task import with_marker
 from twin.suite.waypoints import RADIUS

@@ -1,17 +1,41 @@
-"""Access: MuJoCo's structs and our parameter block, as native code sees them."""
+"""Access: MuJoCo's structs and our block, as native code sees them.
+
+A model is ours when its numeric data end in a header of ours. Everything that native code then
+reads or writes through it is checked first: the sizes that the header was made for are the
+model's, every table lies inside the block. What does not fit is an error of MuJoCo's (a
+`FatalError`, in a batch a `SimulationError`), never a wild read or write.
+"""
 
 from __future__ import annotations
+
+import ctypes
 
 import numba
 from numba import types
 
-from twin.compiled import inline, jit  # noqa: F401  (jit: for the other modules of this folder)
+from twin.compiled import inline, jit
 from twin.physics.native import block as b
 from twin.physics.native import struct_offsets as at
-from twin.physics.native.memory import as_f8_pointer, load_f8, load_i8
+from twin.physics.native.memory import as_f8_pointer, as_void_pointer, load_i8
 
 layout_table = types.ExternalFunction("glider_twin_layout", types.int64())
-"""Address of the table of struct offsets that `layout.publish` made."""
+"""Address of the table of struct offsets that `struct_offsets.publish` made."""
+mismatch_text = types.ExternalFunction("glider_twin_mismatch", types.int64())
+"""Address of MISMATCH."""
+mju_error = types.ExternalFunction("mju_error", types.void(types.int64))
+
+MISMATCH = ctypes.create_string_buffer(
+    b"glider-twin: this model was changed after it was compiled, so that its sizes or tables are "
+    b"not those of its parameter block; compile the vehicle again "
+    b"(twin.physics.mujoco_model.compile_model)"
+)
+
+HEADER_BYTES = b.HEADER.itemsize
+HEADER_WORDS = b.HEADER_WORDS
+STATE_WORDS = b.STATE_WORDS
+PART_WORDS = b.PART_WORDS
+MAGIC, VERSION = b.MAGIC, b.VERSION
+HEADER, STATE, PART = b.HEADER, b.STATE, b.PART
 
 
 @inline
@@ -21,18 +45,87 @@ def field(table, struct, slot):
 
 
 @inline
-def block_address(table, model):
-    """Address of the model's parameter block, 0 when it is not one of ours."""
+def array(address, size):
+    """The `size` float64 values at `address`, as an array without a copy."""
+    return numba.carray(as_f8_pointer(address), size)
+
+
+@inline
+def header_at(address):
+    """The header at `address`."""
+    return numba.carray(as_void_pointer(address), 1, HEADER)[0]
+
+
+@inline
+def state_of(table, data):
+    """The STATE at the start of `mjData.userdata`."""
+    return numba.carray(as_void_pointer(field(table, data, at.D_USERDATA)), 1, STATE)[0]
+
+
+@inline
+def _inside(part, words):
+    """Whether a table lies inside the block; false for numbers that are no sizes."""
+    return part["start"] >= 0.0 and part["size"] >= 0.0 and part["start"] + part["size"] <= words
+
+
+@jit
+def header_address(table, model):
+    """Address of the header of a model of ours; 0 for other models.
+
+    Raises MuJoCo's error when the block does not fit the model that carries it.
+    """
     count = field(table, model, at.M_NUMERIC_COUNT)
-    if count < b.PARAMETERS:
+    if count < HEADER_WORDS:
         return 0
-    address = field(table, model, at.M_NUMERIC_DATA) + 8 * (count - b.PARAMETERS)
-    if load_f8(address) != b.MAGIC or load_f8(address + 8) != b.VERSION:
+    address = field(table, model, at.M_NUMERIC_DATA) + 8 * count - HEADER_BYTES
+    head = header_at(address)
+    if head.magic != MAGIC or head.version != VERSION:
+        return 0
+    words = head.words
+    body = words - HEADER_WORDS
+    fits = (
+        HEADER_WORDS <= words <= count
+        and head.nq == field(table, model, at.M_NQ)
+        and head.nv == field(table, model, at.M_NV)
+        and head.nu == field(table, model, at.M_NU)
+        and head.na == field(table, model, at.M_NA)
+        and head.nbody == field(table, model, at.M_NBODY)
+        and head.nuserdata == field(table, model, at.M_NUSERDATA)
+        and 1.0 <= head.hull_body < head.nbody
+        and head.nq >= 7.0
+        and head.nv >= 6.0
+        and head.nu == head.na
+        and _inside(head.law_values, body)
+        and _inside(head.parts, body)
+        and head.parts["size"] == PART_WORDS * head.nu
+        and _inside(head.current, body)
+        and _inside(head.density, body)
+        and _inside(head.plan, body)
+        and 0.0 <= head.plan_rows <= head.plan["size"]
+        and head.log_ring >= 0.0
+        and STATE_WORDS + head.log_ring * (16.0 + head.nq + head.nv + 2.0 * head.nu)
+        <= head.nuserdata
+    )
+    if not fits:
+        mju_error(mismatch_text())
         return 0
     return address
 
 
 @inline
-def array(address, size):
-    """The `size` float64 values at `address`, as an array without a copy."""
-    return numba.carray(as_f8_pointer(address), size)
+def block_start(address, head):
+    """Address of the block's first number."""
+    return address + HEADER_BYTES - 8 * int(head.words)
+
+
+@inline
+def table_of(start, part):
+    """A table of the block as an array."""
+    return array(start + 8 * int(part["start"]), int(part["size"]))
+
+
+@inline
+def part_at(start, head, index):
+    """The part with this index; the caller checks that there is one."""
+    address = start + 8 * (int(head.parts["start"]) + PART_WORDS * index)
+    return numba.carray(as_void_pointer(address), 1, PART)[0]

@@ -1,73 +1,139 @@
-"""The parameter block and the state block through which Python talks to native code.
+"""The block and the state through which Python talks to native code, as named structured types.
 
-Parameters sit at the end of `mjModel.numeric_data`, in a `<numeric>` that loading appends; so
-they belong to the model, and `mujoco.batch` can give each simulation its own. State that must
-follow a simulation (guidance, logging, the water at the vehicle) sits in `mjData.userdata`, so
-saving, copying and resetting MuJoCo states carries it along. Units are SI, axes FRD and NED.
+Everything that native code reads belongs to MuJoCo. A model carries its block at the end of
+`mjModel.numeric_data`, in a `<numeric>` that compiling appends: first the tables (parts, hull law,
+mission, current, density), then the HEADER, which says where they are. So a model can be copied,
+pickled, saved, loaded in another process and given to `mujoco.batch` like any other.
+
+State that must follow a simulation sits in `mjData.userdata`: first the STATE, then the last log
+rows in a ring. Units are SI, axes FRD and NED. All fields are float64.
 """
 
 from __future__ import annotations
 
+import numpy as np
+
+from twin.mission.guidance import GAINS, GUIDANCE_STATE
+from twin.vehicle.parts.base import VALUES
+
 NAME = "glider_twin_block"
 MAGIC = 7.316e-217  # a value no vehicle parameter has
-VERSION = 1.0
+VERSION = 2.0
 
-# --- parameters -------------------------------------------------------------------------------
-P_MAGIC, P_VERSION = 0, 1
-P_HYDRODYNAMICS = 2  # COEFFICIENTS or ELLIPSOID
-P_HULL_BODY = 3  # body id
-P_RIGID_MASS = 4  # [kg] hull and everything it carries
-P_NEUTRAL_VOLUME = 5  # [m3]
-P_GRAVITY = 6  # [m/s2]
-P_REFERENCE_DENSITY = 7  # [kg/m3]
-P_COMPRESSIBILITY = 8  # [1/Pa]
-P_LENGTH, P_DIAMETER = 9, 10  # [m]
-P_DRAG, P_LIFT, P_SIDE, P_ROLL, P_PITCH, P_YAW = 11, 13, 15, 16, 18, 21
-P_LINEAR_ANGLE, P_BLEND_ANGLE, P_MIN_SPEED = 23, 24, 25
-P_ADDED_MASS = 26  # 36 values, row major, FRD about the CB
-P_LAG, P_RATE = 62, 65  # 3 each
-P_CONTROL = 68  # CONTROL_NONE, CONTROL_MISSION or CONTROL_SCHEDULE
-P_CONTROL_PERIOD = 69  # [s]
-P_GAINS = 70  # 7 values, as twin.mission.guidance expects
-P_TABLE, P_TABLE_ROWS = 78, 79  # address and rows of the mission table or schedule
-P_CURRENT, P_CURRENT_SIZE = 80, 81  # address and length of the compiled current
-P_DENSITY, P_DENSITY_SIZE = 82, 83  # address and length of the compiled density profile
-P_LOG, P_LOG_ROWS, P_LOG_PERIOD = 84, 85, 86  # address and capacity; [s], 0 = no log
-P_FLUID, P_FLUID_COUNT = 87, 88  # address and number of ellipsoid fluid geoms
-P_VISCOSITY = 89  # [Pa s], ellipsoid model only
-P_ACTUATOR_MIN, P_ACTUATOR_MAX = 90, 93  # 3 each
-P_CENTRED = 96  # 1: water at the time-centred velocity, see plant.remember_velocity
-P_ROTARY_INERTIA = 97  # 3: roll, pitch, yaw inertia with added mass [kg m2]
-PARAMETERS = 100
-
-COEFFICIENTS, ELLIPSOID = 0.0, 1.0
 CONTROL_NONE, CONTROL_MISSION, CONTROL_SCHEDULE = 0.0, 1.0, 2.0
 
-# --- state ------------------------------------------------------------------------------------
-U_TICKS = 0  # control ticks done
-U_LOGGED = 1  # log rows begun
-U_OPEN = 2  # 1 while the last log row awaits its acceleration
-U_FAILED = 3  # 1 once the state left the finite numbers
-U_FAIL_TIME = 4  # [s]
-U_CURRENT = 5  # NED [m/s], 3 values
-U_CURRENT_RATE = 8  # along the path, NED [m/s2], 3 values
-U_DENSITY = 11  # [kg/m3] at the CB
-U_IMMERSION = 12  # mean immersed fraction
-U_NET_MASS = 13  # [kg] fully immersed
-U_COMMAND = 14  # 3 values
-U_TIME = 17  # [s] of the last evaluation with P_CENTRED
-U_TWIST = 18  # qvel[0:6] then
-U_EARLIER = 24  # qvel[0:6] one step before that
-U_KNOWN = 30  # 1 once the three above hold something
-U_GUIDANCE = 31  # twin.mission.guidance state follows
+TABLE = np.dtype([("start", "f8"), ("size", "f8")])
+"""A table inside the block: first number, counted from the block's, and how many numbers."""
 
-# --- one log row ------------------------------------------------------------------------------
-R_TIME = 0
-R_QPOS, R_QVEL, R_ACT, R_CTRL = 1, 10, 18, 21  # 9, 8, 3, 3 values as MuJoCo has them
-R_CURRENT, R_DENSITY, R_IMMERSION, R_NET_MASS = 24, 27, 28, 29
-R_PITCH_SETPOINT, R_HEADING_SETPOINT, R_SEGMENT = 30, 31, 32
-R_ACCELERATION = 33  # 6 values: d(qvel)/dt over the step after the sample
-ROW = 39
+PART = np.dtype(
+    [
+        ("kind", "f8"),  # code in the registry of parts
+        ("low", "f8"),
+        ("high", "f8"),  # travel
+        ("lag", "f8"),  # [s]
+        ("rate", "f8"),  # per second
+        ("one_way", "f8"),  # 1: never rises again
+        ("zero", "f8"),  # position when its encoder says 0, of parts without a joint
+        ("gives_volume", "f8"),
+        ("gives_mass", "f8"),
+        ("gives_wrench", "f8"),  # 1: it has such a kernel
+        ("place", "f8", (3,)),  # [m] FRD about the CB
+        ("values", "f8", (VALUES,)),  # as its kernels read them
+    ]
+)
 
-FLUID_ROW = 27
-"""Per fluid geom, hull axes: position 3, rotation 9, semi-axes 3, MuJoCo's 12 coefficients."""
+HEADER = np.dtype(
+    [
+        ("words", "f8"),  # numbers of the whole block, this header included
+        # what the model must be for native code to touch it
+        ("nq", "f8"),
+        ("nv", "f8"),
+        ("nu", "f8"),
+        ("na", "f8"),
+        ("nbody", "f8"),
+        ("nuserdata", "f8"),
+        ("hull_body", "f8"),
+        # the vehicle
+        ("rigid_mass", "f8"),  # [kg] hull and everything it carries
+        ("neutral_volume", "f8"),  # [m3]
+        ("gravity", "f8"),  # [m/s2]
+        ("reference_density", "f8"),  # [kg/m3]
+        ("compressibility", "f8"),  # [1/Pa]
+        ("length", "f8"),  # [m]
+        ("diameter", "f8"),  # [m]
+        ("added_mass", "f8", (6, 6)),  # FRD about the CB
+        ("coupling", "f8"),  # 1: the added mass's own coupling acts, 0: it is in the law
+        ("rotary_inertia", "f8", (3,)),  # roll, pitch, yaw with added mass [kg m2]
+        ("law", "f8"),  # code in the registry of hull laws
+        ("law_values", TABLE),
+        ("parts", TABLE),
+        # water
+        ("current", TABLE),
+        ("density", TABLE),
+        # control
+        ("control", "f8"),  # CONTROL_NONE, CONTROL_MISSION or CONTROL_SCHEDULE
+        ("control_period", "f8"),  # [s]
+        ("gains", "f8", (GAINS,)),
+        ("plan", TABLE),  # mission table or schedule
+        ("plan_rows", "f8"),
+        # log and integration
+        ("log_period", "f8"),  # [s], 0: no log
+        ("log_samples", "f8"),  # of the whole run
+        ("log_ring", "f8"),  # rows that userdata holds
+        ("centred", "f8"),  # 1: water at the time-centred velocity
+        ("version", "f8"),
+        ("magic", "f8"),
+    ]
+)
+
+STATE = np.dtype(
+    [
+        ("ticks", "f8"),  # control ticks done
+        ("logged", "f8"),  # log rows begun
+        ("open", "f8"),  # 1 while the last log row awaits its acceleration
+        ("failed", "f8"),  # 1 once the state left the finite numbers
+        ("fail_time", "f8"),  # [s]
+        ("current", "f8", (3,)),  # NED [m/s]
+        ("current_rate", "f8", (3,)),  # along the path, NED [m/s2]
+        ("density", "f8"),  # [kg/m3] at the CB
+        ("immersion", "f8"),  # mean immersed fraction
+        ("net_mass", "f8"),  # [kg] fully immersed
+        ("time", "f8"),  # [s] of the last time-centred evaluation
+        ("twist", "f8", (6,)),  # qvel[0:6] then
+        ("earlier", "f8", (6,)),  # qvel[0:6] one step before that
+        ("known", "f8"),  # 1 once the three above hold something
+        ("guidance", "f8", (GUIDANCE_STATE,)),
+    ]
+)
+
+HEADER_WORDS = HEADER.itemsize // 8
+STATE_WORDS = STATE.itemsize // 8
+PART_WORDS = PART.itemsize // 8
+RING = 256
+"""Log rows that a simulation's `userdata` holds."""
+
+
+def log_row(nq: int, nv: int, nu: int) -> np.dtype:
+    """One row of the log of a model with these widths."""
+    return np.dtype(
+        [
+            ("time", "f8"),  # [s]
+            ("qpos", "f8", (nq,)),
+            ("qvel", "f8", (nv,)),
+            ("act", "f8", (nu,)),
+            ("ctrl", "f8", (nu,)),  # as MuJoCo has them
+            ("current", "f8", (3,)),
+            ("density", "f8"),
+            ("immersion", "f8"),
+            ("net_mass", "f8"),
+            ("pitch_setpoint", "f8"),
+            ("heading_setpoint", "f8"),
+            ("segment", "f8"),
+            ("acceleration", "f8", (6,)),  # d(qvel)/dt over the step after the sample
+        ]
+    )
+
+
+def row_words(nq: int, nv: int, nu: int) -> int:
+    """Numbers of a log row."""
+    return log_row(nq, nv, nu).itemsize // 8

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from twin.physics.native import block as b
-from twin.physics.native.access import inline, jit
+from twin.compiled import inline, jit
 
 
 @jit
-def add_added_mass(block, mass, rotation):
+def add_added_mass(added_mass, mass, rotation):
     """Add J^T M_A J to the free joint's block of the lower-triangular mass matrix.
 
     The free joint's linear velocities are in the world frame, its angular ones in hull axes, so
@@ -17,10 +16,9 @@ def add_added_mass(block, mass, rotation):
     r00, r01, r02 = rotation[0], rotation[1], rotation[2]
     r10, r11, r12 = rotation[3], rotation[4], rotation[5]
     r20, r21, r22 = rotation[6], rotation[7], rotation[8]
-    m = b.P_ADDED_MASS
     # A R^T with A in hull axes: x keeps its sign, y and z flip together
-    a00, a01, a02 = block[m], -block[m + 1], -block[m + 2]
-    a11, a12, a22 = block[m + 7], block[m + 8], block[m + 14]
+    a00, a01, a02 = added_mass[0, 0], -added_mass[0, 1], -added_mass[0, 2]
+    a11, a12, a22 = added_mass[1, 1], added_mass[1, 2], added_mass[2, 2]
     t00, t01, t02 = _times(a00, a01, a02, r00, r01, r02, r10, r11, r12, r20, r21, r22)
     t10, t11, t12 = _times(a01, a11, a12, r00, r01, r02, r10, r11, r12, r20, r21, r22)
     t20, t21, t22 = _times(a02, a12, a22, r00, r01, r02, r10, r11, r12, r20, r21, r22)
@@ -32,19 +30,51 @@ def add_added_mass(block, mass, rotation):
     mass[5] += r20 * t02 + r21 * t12 + r22 * t22
     # C R^T, rotational rows against translational columns, and the rotational corner
     for i in range(3):
-        k = m + 18 + 6 * i
+        k = 3 + i
         sign = 1.0 if i == 0 else -1.0
-        c0, c1, c2 = sign * block[k], -sign * block[k + 1], -sign * block[k + 2]
+        c0, c1, c2 = sign * added_mass[k, 0], -sign * added_mass[k, 1], -sign * added_mass[k, 2]
         x, y, z = _times(c0, c1, c2, r00, r01, r02, r10, r11, r12, r20, r21, r22)
         start = (3 + i) * (4 + i) // 2
         mass[start] += x
         mass[start + 1] += y
         mass[start + 2] += z
-        mass[start + 3] += sign * block[k + 3]
+        mass[start + 3] += sign * added_mass[k, 3]
         if i > 0:
-            mass[start + 4] -= sign * block[k + 4]
+            mass[start + 4] -= sign * added_mass[k, 4]
         if i > 1:
-            mass[start + 5] -= sign * block[k + 5]
+            mass[start + 5] -= sign * added_mass[k, 5]
+
+
+@jit
+def add_point_mass(extra, place, mass, rotation):
+    """Add a point mass [kg], fixed to the hull at `place` (FRD), to the free joint's block.
+
+    It moves with R place in the world, so its Jacobian is (1, -R S(place)): hull axes for the
+    rates.
+    """
+    x, y, z = place[0], -place[1], -place[2]
+    mass[0] += extra
+    mass[2] += extra
+    mass[5] += extra
+    # rotational rows against translational columns: m S(place) R^T, row by row
+    for i in range(3):
+        s0, s1, s2 = 0.0, 0.0, 0.0
+        if i == 0:
+            s1, s2 = -z, y
+        elif i == 1:
+            s0, s2 = z, -x
+        else:
+            s0, s1 = -y, x
+        begin = (3 + i) * (4 + i) // 2
+        for j in range(3):
+            turned = s0 * rotation[3 * j] + s1 * rotation[3 * j + 1] + s2 * rotation[3 * j + 2]
+            mass[begin + j] += extra * turned
+    mass[9] += extra * (y * y + z * z)
+    mass[13] -= extra * x * y
+    mass[14] += extra * (x * x + z * z)
+    mass[18] -= extra * x * z
+    mass[19] -= extra * y * z
+    mass[20] += extra * (x * x + y * y)
 
 
 @inline

@@ -58,3 +58,13 @@ def as_f8_pointer(typingctx, address):
         return _pointer(builder, args[0], _F64)
 
     return types.CPointer(types.float64)(types.int64), codegen
+
+
+@intrinsic
+def as_void_pointer(typingctx, address):
+    """`address` as a pointer that `numba.carray` turns into an array of a given type."""
+
+    def codegen(context, builder, signature, args):
+        return builder.inttoptr(args[0], ir.IntType(8).as_pointer())
+
+    return types.voidptr(types.int64), codegen

@@ -1,49 +1,67 @@
-"""Log: the samples of a run, written inside MuJoCo's step."""
+"""Sample log: the samples of a run, written inside MuJoCo's step into the ring in `userdata`."""
 
 from __future__ import annotations
 
+from twin.compiled import jit
 from twin.mission.guidance import HEADING_SETPOINT, PITCH_SETPOINT, SEGMENT
 from twin.physics.native import block as b
 from twin.physics.native import struct_offsets as at
-from twin.physics.native.access import array, field, jit
+from twin.physics.native.access import array, field
 from twin.physics.native.memory import load_f8, load_i8
+
+STATE_WORDS = b.STATE_WORDS
 
 
 @jit
-def run_log(block, table, model, data, time, state):
-    """Begin a log row when one is due; close the previous one with its acceleration."""
-    qvel = array(field(table, data, at.D_QVEL), 8)
+def run_log(head, table, model, data, time, state):
+    """Begin a log row when one is due; close the previous one with its acceleration.
+
+    The row of sample k is row k modulo the ring: the last `log_ring` samples are there. The order
+    of the numbers is that of `block.log_row`.
+    """
+    nq, nv, nu, ring = int(head.nq), int(head.nv), int(head.nu), int(head.log_ring)
+    if ring < 1 or not 0.0 <= state.logged <= head.log_samples:
+        return
+    width = 16 + nq + nv + 2 * nu
+    first = field(table, data, at.D_USERDATA) + 8 * STATE_WORDS
+    qvel = array(field(table, data, at.D_QVEL), nv)
     timestep = load_f8(model + load_i8(table + 8 * at.M_TIMESTEP))
-    logged = int(state[b.U_LOGGED])
-    first = int(block[b.P_LOG])
-    if state[b.U_OPEN] == 1.0:
-        last = array(first + 8 * b.ROW * (logged - 1), b.ROW)
-        elapsed = time - last[b.R_TIME]
+    logged = int(state.logged)
+    if state.open == 1.0 and logged > 0:
+        last = array(first + 8 * width * ((logged - 1) % ring), width)
+        elapsed = time - last[0]
         if elapsed > 0.5 * timestep:
             for i in range(6):
-                last[b.R_ACCELERATION + i] = (qvel[i] - last[b.R_QVEL + i]) / elapsed
-            state[b.U_OPEN] = 0.0
-    due = logged * block[b.P_LOG_PERIOD]
-    if logged >= int(block[b.P_LOG_ROWS]) or time < due - 0.5 * timestep:
+                last[width - 6 + i] = (qvel[i] - last[1 + nq + i]) / elapsed
+            state.open = 0.0
+    due = logged * head.log_period
+    if logged >= head.log_samples or time < due - 0.5 * timestep:
         return
-    row = array(first + 8 * b.ROW * logged, b.ROW)
-    qpos = array(field(table, data, at.D_QPOS), 9)
-    act = array(field(table, data, at.D_ACT), 3)
-    control = array(field(table, data, at.D_CTRL), 3)
-    row[b.R_TIME] = time
-    for i in range(9):
-        row[b.R_QPOS + i] = qpos[i]
-    for i in range(8):
-        row[b.R_QVEL + i] = qvel[i]
+    row = array(first + 8 * width * (logged % ring), width)
+    qpos = array(field(table, data, at.D_QPOS), nq)
+    act = array(field(table, data, at.D_ACT), nu)
+    control = array(field(table, data, at.D_CTRL), nu)
+    row[0] = time
+    k = 1
+    for i in range(nq):
+        row[k + i] = qpos[i]
+    k += nq
+    for i in range(nv):
+        row[k + i] = qvel[i]
+    k += nv
+    for i in range(nu):
+        row[k + i] = act[i]
+        row[k + nu + i] = control[i]
+    k += 2 * nu
     for i in range(3):
-        row[b.R_ACT + i] = act[i]
-        row[b.R_CTRL + i] = control[i]
-        row[b.R_CURRENT + i] = state[b.U_CURRENT + i]
-    row[b.R_DENSITY] = state[b.U_DENSITY]
-    row[b.R_IMMERSION] = state[b.U_IMMERSION]
-    row[b.R_NET_MASS] = state[b.U_NET_MASS]
-    row[b.R_PITCH_SETPOINT] = state[b.U_GUIDANCE + PITCH_SETPOINT]
-    row[b.R_HEADING_SETPOINT] = state[b.U_GUIDANCE + HEADING_SETPOINT]
-    row[b.R_SEGMENT] = state[b.U_GUIDANCE + SEGMENT]
-    state[b.U_LOGGED] += 1.0
-    state[b.U_OPEN] = 1.0
+        row[k + i] = state.current[i]
+    row[k + 3] = state.density
+    row[k + 4] = state.immersion
+    row[k + 5] = state.net_mass
+    row[k + 6] = state.guidance[PITCH_SETPOINT]
+    row[k + 7] = state.guidance[HEADING_SETPOINT]
+    row[k + 8] = state.guidance[SEGMENT]
+    for i in range(6):
+        row[k + 9 + i] = 0.0
+    state.logged += 1.0
+    state.open = 1.0

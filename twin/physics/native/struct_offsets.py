@@ -29,9 +29,19 @@ from twin.errors import LayoutError
 M_NUMERIC_COUNT, M_NUMERIC_DATA, M_TIMESTEP = 0, 1, 2
 D_TIME, D_QPOS, D_QVEL, D_ACT, D_CTRL, D_USERDATA = 3, 4, 5, 6, 7, 8
 D_XFRC_APPLIED, D_XPOS, D_XMAT, D_XIPOS, D_MASS = 9, 10, 11, 12, 13
-SLOTS = 14
+M_NQ, M_NV, M_NU, M_NA, M_NBODY, M_NUSERDATA = 14, 15, 16, 17, 18, 19
+SLOTS = 20
 
-_MODEL_FIELDS = {M_NUMERIC_COUNT: "nnumericdata", M_NUMERIC_DATA: "numeric_data"}
+_MODEL_FIELDS = {
+    M_NUMERIC_COUNT: "nnumericdata",
+    M_NUMERIC_DATA: "numeric_data",
+    M_NQ: "nq",
+    M_NV: "nv",
+    M_NU: "nu",
+    M_NA: "na",
+    M_NBODY: "nbody",
+    M_NUSERDATA: "nuserdata",
+}
 _DATA_FIELDS = {
     D_TIME: "time",
     D_QPOS: "qpos",
@@ -112,7 +122,7 @@ def prove(table: np.ndarray, numeric_size: int, user_size: int) -> None:
         <worldbody><body><freejoint/><inertial pos="0.1 0 0" mass="3" diaginertia="1 1 1"/>
         <body><joint name="j" type="slide"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>
         </body></body></worldbody>
-        <actuator><general joint="j" dyntype="integrator"/></actuator></mujoco>"""
+        <actuator><general joint="j" dyntype="integrator"/><motor joint="j"/></actuator></mujoco>"""
     )
     data = mujoco.MjData(model)
     data.time = time
@@ -128,6 +138,8 @@ def prove(table: np.ndarray, numeric_size: int, user_size: int) -> None:
     for owner, fields, label in ((model, _MODEL_FIELDS, "mjModel"), (data, _DATA_FIELDS, "mjData")):
         for slot, name in fields.items():
             value = getattr(owner, name)
+            if isinstance(value, int):
+                checks.append((f"{label}.{name}", word(owner, slot, ctypes.c_int64), value))
             if isinstance(value, np.ndarray):
                 address = word(owner, slot, ctypes.c_size_t)
                 checks.append((f"{label}.{name}", address, value.ctypes.data))
@@ -155,6 +167,15 @@ def publish() -> np.ndarray:
     prove(table, 389, 4409)
     _define_address("glider_twin_layout", table.ctypes.data)
     return table
+
+
+def publish_text(name: str, text: ctypes.Array) -> None:
+    """Let native code find the characters of an immortal buffer by `name`."""
+    _TEXTS.append(text)
+    _define_address(name, ctypes.addressof(text))
+
+
+_TEXTS: list[Any] = []
 
 
 def library_path() -> Path:

@@ -22,9 +22,9 @@ import itertools
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from twin.compiled import inline, jit
 from twin.errors import VehicleError, unknown_name
 from twin.vehicle.laws.base import HullLaw
 
@@ -39,7 +39,7 @@ TERM = 5
 """Numbers of a term in the values: axis, first and second velocity, kind, coefficient."""
 
 
-@njit(error_model="numpy")
+@jit
 def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
     """The terms one after the other; an axis or velocity beyond the sixth adds nothing."""
     x, y, z, l, m, n = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -69,7 +69,7 @@ def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
     return x, y, z, l, m, n
 
 
-@njit(error_model="numpy", inline="always")
+@inline
 def _pick(index, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
     if index == 0:
         return u
@@ -86,7 +86,7 @@ def _pick(index, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
     return 0.0
 
 
-@njit(error_model="numpy")
+@jit
 def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
     """Step times dK/dp, dM/dq, dN/dr."""
     k, m, n = 0.0, 0.0, 0.0
@@ -114,7 +114,7 @@ def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore
     return timestep * k, timestep * m, timestep * n
 
 
-@njit(error_model="numpy")
+@jit
 def fossen_wrench(c, density, nu_r):  # type: ignore[no-untyped-def]
     """(6,): -D(nu_r) nu_r with the matrix D gathered first (Fossen 2011, section 6.4)."""
     damping = np.zeros((6, 6))
@@ -181,7 +181,9 @@ class BodyAxes(HullLaw):
             (name, reader.numeric(name, 1)[0]) for name in reader.numerics if name in NAMES
         )
         if not found:
-            reader.fail("the hull law 'body-axes'", "given by derivatives such as <numeric name='Xuu' .../>")
+            reader.fail(
+                "the hull law 'body-axes'", "given by derivatives such as <numeric name='Xuu' .../>"
+            )
         return cls(derivatives=found)
 
     def problems(self) -> list[tuple[str, str]]:
@@ -189,12 +191,16 @@ class BodyAxes(HullLaw):
         found = []
         seen: dict[tuple[str, ...], str] = {}
         for name, value in self.derivatives:
-            own = len(name) == 3 and name[1] == name[2] and VELOCITIES[AXES.index(name[0])] == name[1]
+            own = (
+                len(name) == 3 and name[1] == name[2] and VELOCITIES[AXES.index(name[0])] == name[1]
+            )
             if own and value > 0.0:
                 found.append((name, "at most 0: drag never drives"))
             key = (name[0], *sorted(name[1:]))
             if key in seen:
-                found.append((f"{name} and {seen[key]}", "one derivative: they are the same product"))
+                found.append(
+                    (f"{name} and {seen[key]}", "one derivative: they are the same product")
+                )
             seen[key] = name
         return found
 

@@ -13,9 +13,9 @@ import math
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from twin.compiled import inline, jit
 from twin.vehicle.laws.base import HullLaw
 
 if TYPE_CHECKING:
@@ -32,14 +32,14 @@ SEAWATER_VISCOSITY = 1.4e-3
 """[Pa s] dynamic viscosity at about 10 degC."""
 
 
-@njit(error_model="numpy")
+@jit
 def _largest_moment(along, side1, side2):  # type: ignore[no-untyped-def]
     """Moment integral of a disc of the larger side radius swept along an axis (MuJoCo's bound)."""
     widest = max(side1, side2)
     return 8.0 / 15.0 * math.pi * along * widest**4
 
 
-@njit(error_model="numpy")
+@jit
 def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
     """Viscous and circulatory force [N] and moment [N m]; added mass is in the mass matrix."""
     viscosity = c[0]
@@ -102,7 +102,7 @@ def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
     return fx, -fy, -fz, mx, -my, -mz
 
 
-@njit(error_model="numpy", inline="always")
+@inline
 def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
     """Step times the damping over speed squared that the file's coefficients have.
 
@@ -114,7 +114,7 @@ def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore
     return c[1] * stiff, c[2] * stiff, c[3] * stiff
 
 
-@njit(error_model="numpy")
+@jit
 def _ellipsoid_force(g, density, viscosity, flow, spin):  # type: ignore[no-untyped-def]
     """(force, moment) on one ellipsoid in its own axes, moving with `flow`, turning with `spin`."""
     axes = g[12:15]
@@ -147,7 +147,7 @@ def _ellipsoid_force(g, density, viscosity, flow, spin):  # type: ignore[no-unty
     return force, -drag * spin
 
 
-@njit(error_model="numpy")
+@jit
 def fossen_wrench(c, density, nu_r):  # type: ignore[no-untyped-def]
     """(6,): the forces of all ellipsoids about the CB, body FRD."""
     flip = np.array([1.0, -1.0, -1.0])

@@ -19,9 +19,9 @@ import math
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from twin.compiled import inline, jit
 from twin.vehicle.laws.base import HullLaw
 
 if TYPE_CHECKING:
@@ -37,14 +37,14 @@ LINEAR, BLEND, SLOWEST = 12, 13, 14
 # --- the MuJoCo twin's ------------------------------------------------------------------------
 
 
-@njit(error_model="numpy", inline="always")
+@inline
 def _blend(angle, linear, full):  # type: ignore[no-untyped-def]
     """0 inside the identified range, 1 where the cross-flow law holds: a cubic step between."""
     x = min(max((abs(angle) - linear) / (full - linear), 0.0), 1.0)
     return x * x * (3.0 - 2.0 * x)
 
 
-@njit(error_model="numpy")
+@jit
 def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
     """Force [N] and moment [N m] at v_rel (u, v, w), rates (p, q, r)."""
     speed2 = u * u + v * v + w * w
@@ -94,7 +94,7 @@ def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
     return x, y, z, l, m, n
 
 
-@njit(error_model="numpy", inline="always")
+@inline
 def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
     """Step times K_p, K_q, K_r V^2."""
     stiff = timestep * (u * u + v * v + w * w)
@@ -104,7 +104,7 @@ def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore
 # --- the Fossen model's -----------------------------------------------------------------------
 
 
-@njit(error_model="numpy")
+@jit
 def flow_functions(angle, linear_angle, blend_angle):  # type: ignore[no-untyped-def]
     """Stand for angle, angle^2 and 1, and equal them inside the identified range.
 
@@ -122,7 +122,7 @@ def flow_functions(angle, linear_angle, blend_angle):  # type: ignore[no-untyped
     return odd, square, one, s
 
 
-@njit(error_model="numpy")
+@jit
 def fossen_wrench(c, density, nu_r):  # type: ignore[no-untyped-def]
     """-D(nu_r) nu_r: force [N] and moment [N m] about the CB, shape (6,), body FRD.
 

@@ -6,9 +6,9 @@ import dataclasses
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numba
 import numpy as np
 
+from twin.compiled import inline, jit
 from twin.vehicle.parts.base import Part, Quantity
 
 if TYPE_CHECKING:
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
 
 
-@numba.njit(error_model="numpy", inline="always")
+@inline
 def native_mass(values, position):  # type: ignore[no-untyped-def]
     """Mass [kg] that is missing, negative: the hull of the file carries the weight."""
     return -values[0] * (1.0 - position)
 
 
-@numba.njit(error_model="numpy")
+@jit
 def fossen_mass(values, position):  # type: ignore[no-untyped-def]
     """[kg] that the vehicle carries less than its file says."""
     return values[0] * (position - 1.0)

@@ -14,9 +14,9 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numba
 import numpy as np
 
+from twin.compiled import jit
 from twin.vehicle.parts.base import Part, Quantity
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ AREA, LIFT, STALL, LIFT_STALLED, DRAG0, DRAG, DRAG_STALLED, IN_HULL = range(8)
 AXIS = 8  # and the two that follow
 
 
-@numba.njit(error_model="numpy")
+@jit
 def _section(values, along, across, density):  # type: ignore[no-untyped-def]
     """Force (along the chord, along its normal) [N] at the flow (along, across) [m/s]."""
     square = along * along + across * across
@@ -50,7 +50,7 @@ def _section(values, along, across, density):  # type: ignore[no-untyped-def]
     return pressure * (lift * sine - drag * cosine), pressure * (-lift * cosine - drag * sine)
 
 
-@numba.njit(error_model="numpy")
+@jit
 def _deflected(values, place, position, u, v, w, p, q, r, density):  # type: ignore[no-untyped-def]
     """Force [N] in body axes of the fin turned by `position` [rad]."""
     ax, ay, az = values[AXIS], values[AXIS + 1], values[AXIS + 2]
@@ -67,10 +67,14 @@ def _deflected(values, place, position, u, v, w, p, q, r, density):  # type: ign
     along = fu * cx + fv * cy + fw * cz
     across = fu * nx + fv * ny + fw * nz
     tangential, normal = _section(values, along, across, density)
-    return tangential * cx + normal * nx, tangential * cy + normal * ny, tangential * cz + normal * nz
+    return (
+        tangential * cx + normal * nx,
+        tangential * cy + normal * ny,
+        tangential * cz + normal * nz,
+    )
 
 
-@numba.njit(error_model="numpy")
+@jit
 def native_wrench(values, place, position, u, v, w, p, q, r, density, depth):  # type: ignore[no-untyped-def]
     """Force of the fin at its place and its moment about the CB."""
     x, y, z = _deflected(values, place, position, u, v, w, p, q, r, density)
@@ -83,7 +87,7 @@ def native_wrench(values, place, position, u, v, w, p, q, r, density, depth):  #
     return x, y, z, l, m, n
 
 
-@numba.njit(error_model="numpy")
+@jit
 def _coefficients(values, attack):  # type: ignore[no-untyped-def]
     """(C_L, C_D) at an angle of attack within +-90 deg."""
     a, stall = abs(attack), values[STALL]
@@ -94,7 +98,7 @@ def _coefficients(values, attack):  # type: ignore[no-untyped-def]
     return np.sign(attack) * max(fallen, 0.0), c_d
 
 
-@numba.njit(error_model="numpy")
+@jit
 def _fossen_force(values, place, position, nu_r, density):  # type: ignore[no-untyped-def]
     """(3,) by angles: drag against the flow in the plane of the section, lift across it."""
     span = values[AXIS : AXIS + 3]
@@ -122,7 +126,7 @@ def _fossen_force(values, place, position, nu_r, density):  # type: ignore[no-un
     return 0.5 * density * values[AREA] * speed**2 * (-c_d * direction - c_l * across)
 
 
-@numba.njit(error_model="numpy")
+@jit
 def fossen_wrench(values, place, position, nu_r, density, depth):  # type: ignore[no-untyped-def]
     """(6,): force and moment about the CB."""
     force = _fossen_force(values, place, position, nu_r, density)

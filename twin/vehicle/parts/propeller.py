@@ -12,9 +12,9 @@ import dataclasses
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numba
 import numpy as np
 
+from twin.compiled import jit
 from twin.vehicle.parts.base import Part, Quantity
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 DIAMETER, THRUST, TORQUE, ADVANCE = 0, 1, 2, 3  # places in the values
 
 
-@numba.njit(error_model="numpy")
+@jit
 def native_wrench(values, place, position, u, v, w, p, q, r, density, depth):  # type: ignore[no-untyped-def]
     """Thrust along the hull at its place and the reaction of its torque, about the CB."""
     diameter = values[DIAMETER]
@@ -41,7 +41,7 @@ def native_wrench(values, place, position, u, v, w, p, q, r, density, depth):  #
     return thrust, 0.0, 0.0, -torque, place[2] * thrust, -place[1] * thrust
 
 
-@numba.njit(error_model="numpy")
+@jit
 def fossen_wrench(values, place, position, nu_r, density, depth):  # type: ignore[no-untyped-def]
     """(6,): T along the screw's axis with T_nn n|n| + T_nu |n| u_a (Fossen 2011, eq. 9.5)."""
     d = values[DIAMETER]

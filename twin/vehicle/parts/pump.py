@@ -6,9 +6,9 @@ import dataclasses
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numba
 import numpy as np
 
+from twin.compiled import inline, jit
 from twin.vehicle.parts.base import Part, Quantity
 
 if TYPE_CHECKING:
@@ -19,13 +19,13 @@ NET_MASS = (0.15, 0.45)
 """[kg] magnitude of the net buoyancy that a random manoeuvre draws"""
 
 
-@numba.njit(error_model="numpy", inline="always")
+@inline
 def native_volume(values, position):  # type: ignore[no-untyped-def]
     """Volume [cm3] above that at its neutral position."""
     return position - values[0]
 
 
-@numba.njit(error_model="numpy")
+@jit
 def fossen_volume(values, position):  # type: ignore[no-untyped-def]
     """Volume [cm3] that it adds to the neutral one."""
     return position - values[0]

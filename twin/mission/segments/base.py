@@ -1,0 +1,78 @@
+"""What every kind of mission segment says of itself, and the part of its table row that all share.
+
+Depths are m, positive down; pitch is a magnitude in deg (nose down in a dive, nose up in a
+climb); headings are deg true; net mass is a magnitude in kg (heavy in a dive, light in a climb). A
+segment ends at the first of its limits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.mission import guidance as g
+
+if TYPE_CHECKING:
+    from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+SURFACED_MARGIN_M = 0.5
+"""[m] added to half the hull's length: a vehicle that hangs at the surface by one end counts as
+surfaced at any pitch, and waves or a pressure offset of this size do not hide it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segment:
+    """What all segments share. A kind of one's own gives `kind`, `row` and `expected`."""
+
+    kind: ClassVar[str] = ""
+    """Name in mission files."""
+
+    @property
+    def limited(self) -> bool:
+        """Whether the segment ends by itself."""
+        return True
+
+    def row(self, vehicle: Vehicle, label: str) -> Array:
+        """What guidance flies: one row for `vehicle`, from `blank_row` on.
+
+        Raises:
+          MissionError: a value beyond the vehicle; `label` names the segment.
+        """
+        raise NotImplementedError
+
+    def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
+        """Upper estimate of its time [s] from `depth` [m], and the depth [m] it may end at.
+
+        Raises:
+          MissionError: as `row`, or the time cannot be known.
+        """
+        raise NotImplementedError
+
+
+def blank_row(vehicle: Vehicle) -> Array:
+    """A row without limits, shape (SEGMENT_COLUMNS + 3 parts,), whose three commands rest."""
+    row = np.full(g.SEGMENT_COLUMNS, np.nan)
+    row[g.ABORT_DEPTH] = np.inf
+    row[g.SURFACE_DEPTH] = 0.5 * vehicle.hull_length + SURFACED_MARGIN_M
+    row[g.TURN_LIMIT] = 0.0
+    pitching = vehicle.steered("pitch")
+    row[g.PITCH_LOW], row[g.PITCH_HIGH] = (
+        (0.0, 0.0) if pitching is None else (pitching.low, pitching.high)
+    )
+    return np.concatenate([row, *[vehicle.rest] * 3])
+
+
+def command_of(vehicle: Vehicle, row: Array, which: int) -> Array:
+    """One of the row's three commands, shape (parts,), to be written in place."""
+    first = g.SEGMENT_COLUMNS + which * len(vehicle.parts)
+    return row[first : first + len(vehicle.parts)]
+
+
+def limit(value: float | None) -> float:
+    """A limit as rows have it: NaN for none."""
+    return np.nan if value is None else float(value)

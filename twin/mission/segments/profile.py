@@ -1,0 +1,135 @@
+"""Profile: dives and climbs between two depths, what a saw-tooth and a spiral share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.mission import fields as check
+from twin.mission import guidance as g
+from twin.mission.segments.base import Segment, blank_row, command_of, limit
+from twin.mission.way import (
+    DEFAULT_NET_MASS_KG,
+    TIME_MARGIN,
+    Way,
+    check_net_mass,
+    reject_missing,
+    way,
+)
+
+if TYPE_CHECKING:
+    from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+DEFAULT_MIN_DEPTH_M = 5.0
+"""Deep enough that the overshoot of an inflection (2 m for the Sea-Wing) stays submerged."""
+SHALLOWEST_M = 1.0
+"""A climb to less than this would end afloat: the hull breaks the surface before its CB arrives."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Profile(Segment):
+    """Dives and climbs between two depths; the base of `SawTooth` and `Spiral`."""
+
+    max_depth_m: float
+    """A dive turns into a climb here [m]."""
+    min_depth_m: float = DEFAULT_MIN_DEPTH_M
+    """A climb turns into a dive here [m]."""
+    pitch_deg: float = 35.0
+    """Pitch magnitude [deg], above 0 and below 60."""
+    climb_pitch_deg: float | None = None
+    """Pitch magnitude of the climb [deg]; None: that of the dive."""
+    net_mass_kg: float = DEFAULT_NET_MASS_KG
+    """Net buoyancy mass of the dive [kg], positive; the climb is this much light. Of vehicles
+    with a pump."""
+    climb_net_mass_kg: float | None = None
+    """Magnitude for the climb [kg]; None: that of the dive."""
+    speed_m_s: float | None = None
+    """Speed through the water [m/s] of a vehicle with a propeller; None: its cruising speed."""
+    yos: float | None = None
+    """Limit: number of dives with their climbs, in halves (0.5 is one dive)."""
+    duration_s: float | None = None
+    """Limit: time [s]."""
+    until_depth_m: float | None = None
+    """Limit: the segment ends when the glider passes this depth [m]."""
+
+    def __post_init__(self) -> None:
+        kind = self.kind
+        check.within(kind, "min_depth_m", self.min_depth_m, "m", SHALLOWEST_M)
+        check.within(kind, "max_depth_m", self.max_depth_m, "m", 0.0, open_low=True)
+        if self.min_depth_m >= self.max_depth_m:
+            rule = f"less than max_depth_m = {self.max_depth_m:g} m"
+            check.fail(kind, "min_depth_m", self.min_depth_m, rule)
+        check.pitch(kind, "pitch_deg", self.pitch_deg)
+        check.net_mass(kind, "net_mass_kg", self.net_mass_kg)
+        if self.climb_pitch_deg is not None:
+            check.pitch(kind, "climb_pitch_deg", self.climb_pitch_deg)
+        if self.climb_net_mass_kg is not None:
+            check.net_mass(kind, "climb_net_mass_kg", self.climb_net_mass_kg)
+        if self.speed_m_s is not None:
+            check.limit(kind, "speed_m_s", self.speed_m_s, "m/s")
+        if self.yos is not None:
+            check.limit(kind, "yos", self.yos, "")
+            if (2 * self.yos) % 1:
+                check.fail(kind, "yos", self.yos, "a multiple of 0.5")
+        if self.duration_s is not None:
+            check.limit(kind, "duration_s", self.duration_s, "s")
+        if self.until_depth_m is not None:
+            low, high = self.min_depth_m, self.max_depth_m
+            check.within(kind, "until_depth_m", self.until_depth_m, "m", low, high)
+
+    @property
+    def limited(self) -> bool:
+        """Whether the segment ends by itself."""
+        return not (self.yos is None and self.duration_s is None and self.until_depth_m is None)
+
+    def _ways(self, vehicle: Vehicle, label: str) -> tuple[Way, Way]:
+        """How the vehicle dives and climbs; raises MissionError when it cannot."""
+        reject_missing(vehicle, label, self)
+        climb_pitch, climb_mass = "climb_pitch_deg", "climb_net_mass_kg"
+        if self.climb_pitch_deg is None:
+            climb_pitch = "pitch_deg"
+        if self.climb_net_mass_kg is None:
+            climb_mass = "net_mass_kg"
+        heavy, light = self.net_mass_kg, -getattr(self, climb_mass)
+        if vehicle.steered("buoyancy") is not None:
+            check_net_mass(vehicle, label, "net_mass_kg", heavy)
+            check_net_mass(vehicle, label, climb_mass, light)
+        return (
+            way(vehicle, label, "pitch_deg", -self.pitch_deg, heavy, self.speed_m_s),
+            way(vehicle, label, climb_pitch, getattr(self, climb_pitch), light, self.speed_m_s),
+        )
+
+    def row(self, vehicle: Vehicle, label: str) -> Array:
+        """Turning depths, pitches and the steady commands of both ways."""
+        row = blank_row(vehicle)
+        dive, climb = self._ways(vehicle, label)
+        row[g.MIN_DEPTH], row[g.MAX_DEPTH] = self.min_depth_m, self.max_depth_m
+        row[g.DIVE_PITCH], row[g.CLIMB_PITCH] = dive.pitch, climb.pitch
+        command_of(vehicle, row, g.DIVE_COMMAND)[:] = dive.command
+        command_of(vehicle, row, g.CLIMB_COMMAND)[:] = climb.command
+        row[g.YO_LIMIT] = limit(self.yos)
+        row[g.DURATION] = limit(self.duration_s)
+        row[g.UNTIL_DEPTH] = limit(self.until_depth_m)
+        return row
+
+    def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
+        """Its limit in time, or its depth ranges at the steady vertical speeds with a margin."""
+        dive, climb = self._ways(vehicle, label)
+        yo = (self.max_depth_m - self.min_depth_m) * (
+            1.0 / dive.vertical_speed - 1.0 / climb.vertical_speed
+        )
+        slowest = min(dive.vertical_speed, -climb.vertical_speed)
+        approach = abs(depth - self.min_depth_m) / slowest
+        times = []
+        if self.duration_s is not None:
+            times.append(self.duration_s)
+        if self.yos is not None:
+            times.append(TIME_MARGIN * (approach + self.yos * yo))
+        if self.until_depth_m is not None:
+            times.append(TIME_MARGIN * (approach + 1.5 * yo))
+        return min(times), self.max_depth_m

@@ -1,0 +1,30 @@
+"""The registry of mission segments, and what a kind must have to be one."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from twin.errors import MissionError
+from twin.mission.segments.base import Segment
+from twin.registry import Registry
+
+
+def _lacks(kind: type[Segment]) -> str:
+    """What a kind of segment lacks."""
+    if not (isinstance(kind, type) and issubclass(kind, Segment)):
+        return "the base class twin.mission.Segment"
+    if not dataclasses.is_dataclass(kind):
+        return "`@dataclass(frozen=True, kw_only=True)`: its fields are the keys of mission files"
+    for name in ("row", "expected"):
+        if getattr(kind, name) is getattr(Segment, name):
+            return f"the method `{name}`"
+    return ""
+
+
+SEGMENTS: Registry[type[Segment]] = Registry(
+    "kind of segment",
+    group="glider_twin.segments",
+    name=lambda kind: getattr(kind, "kind", ""),
+    check=_lacks,
+    error=MissionError,
+)

@@ -1,0 +1,179 @@
+"""Way: how a vehicle goes down or up in a steady manner, by weight, by propeller or by both.
+
+Also the checks of a segment's values against the vehicle that is to fly it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import MissionError, unknown_name
+from twin.mission.cruise import cruise_rate
+from twin.mission.fields import fail
+from twin.mission.glide import steady_glide
+from twin.vehicle.parts import BatterySlide
+
+if TYPE_CHECKING:
+    from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+DEFAULT_NET_MASS_KG = 0.3
+"""[kg] of a dive and of a climb when the mission does not say"""
+TIME_MARGIN = 1.5
+"""A mission may take this much longer than its steady ways: inflections, turns, down-currents."""
+SLACK = 1e-9
+"""Relative rounding by which a value may exceed a part's travel."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Way:
+    """A steady dive or climb."""
+
+    pitch: float
+    """[rad], positive nose up"""
+    vertical_speed: float
+    """[m/s], positive down"""
+    command: Array
+    """Positions of the parts, shape (parts,), that hold it without any loop."""
+
+
+def way(
+    vehicle: Vehicle,
+    label: str,
+    field: str,
+    pitch_deg: float,
+    net_mass: float,
+    speed: float | None,
+) -> Way:
+    """The steady way at a pitch, driven by a propeller where the vehicle has one.
+
+    Args:
+      pitch_deg: signed [deg]. net_mass: signed [kg], positive heavy; vehicles without a pump have
+        none. speed: [m/s] through the water, None: the cruising speed; of propelled vehicles.
+
+    Raises:
+      MissionError: the vehicle cannot fly it; names the segment and the field.
+    """
+    pitch = math.radians(pitch_deg)
+    command = vehicle.rest
+    pump = vehicle.steered_index("buoyancy")
+    if pump is not None:
+        command[pump] = vehicle.pump_for_net_mass(net_mass)
+    driving = vehicle.steered_index("speed")
+    if driving is not None:
+        speed = vehicle.cruise_speed if speed is None else speed
+        try:
+            command[driving] = cruise_rate(vehicle, speed)
+        except MissionError as error:
+            raise MissionError(f"{label}: {error}") from None
+        return Way(pitch=pitch, vertical_speed=-speed * math.sin(pitch), command=command)
+    if pump is None:
+        raise MissionError(
+            f"{label}: vehicle {vehicle.name!r} has neither a pump nor a propeller: nothing "
+            "drives it"
+        )
+    try:
+        glide = steady_glide(vehicle, pitch, net_mass)
+    except MissionError as error:
+        raise MissionError(f"{label}: {field} = {abs(pitch_deg):g}: {error}") from None
+    pitching = vehicle.steered("pitch")
+    if isinstance(pitching, BatterySlide):
+        low, high = float(pitching.low), float(pitching.high)
+        if not low <= glide.shift <= high:
+            rule = (
+                f"a shallower pitch (it needs the battery at {glide.shift:.4f} m, and vehicle "
+                f"{vehicle.name!r} moves it from {low:g} to {high:g} m)"
+            )
+            fail(label, field, abs(pitch_deg), rule)
+        command[vehicle.part_names.index(pitching.name)] = glide.shift
+    return Way(pitch=pitch, vertical_speed=glide.vertical_speed, command=command)
+
+
+def reject_missing(vehicle: Vehicle, label: str, segment: Any) -> None:
+    """Raise MissionError for a field that speaks of a part which the vehicle has not.
+
+    A field that keeps its default says nothing.
+    """
+    slides = isinstance(vehicle.steered("pitch"), BatterySlide)
+    for field in dataclasses.fields(segment):
+        for ending, there, part in (
+            ("net_mass_kg", vehicle.steered("buoyancy") is not None, "pump"),
+            ("speed_m_s", vehicle.steered("speed") is not None, "propeller"),
+            ("rotation_deg", vehicle.steered("heading") is not None, "part that turns it"),
+            ("shift_m", slides, "battery slide"),
+        ):
+            if field.name.endswith(ending) and not there:
+                value = getattr(segment, field.name)
+                if value is not None and value != field.default:
+                    raise MissionError(
+                        f"{label}: {field.name} = {value:g}: vehicle {vehicle.name!r} has no {part}"
+                        f" (its parts: {', '.join(vehicle.part_names)}); leave {field.name} out"
+                    )
+
+
+def heading(degrees: float | None) -> float:
+    """A heading in a table row [rad]; NaN: the one at entry."""
+    return math.nan if degrees is None else math.radians(degrees % 360.0)
+
+
+def turn_limit(vehicle: Vehicle, degrees: float) -> float:
+    """Symmetric limit [rad] of the heading loop inside the travel of the turning part."""
+    part = vehicle.steered("heading")
+    if part is None:
+        return 0.0
+    travel = min(-part.low, part.high)
+    return float(min(math.radians(degrees), max(travel, 0.0)))
+
+
+def _check_travel(
+    label: str, field: str, value: float, unit: str, low: float, high: float, vehicle: Vehicle
+) -> None:
+    slack = SLACK * (high - low)
+    if not low - slack <= value <= high + slack:
+        rule = f"{low:g} to {high:g} {unit} (travel of vehicle {vehicle.name!r})"
+        fail(label, field, value, rule)
+
+
+def checked_shift(vehicle: Vehicle, label: str, shift: float) -> float:
+    """`shift` [m] inside the travel of what pitches the vehicle."""
+    part = vehicle.steered("pitch")
+    assert part is not None
+    _check_travel(label, "shift_m", shift, "m", float(part.low), float(part.high), vehicle)
+    return shift
+
+
+def checked_rotation(vehicle: Vehicle, label: str, field: str, degrees: float) -> float:
+    """[rad] of `degrees` inside the travel of what turns the vehicle."""
+    part = vehicle.steered("heading")
+    assert part is not None
+    low, high = math.degrees(part.low), math.degrees(part.high)
+    _check_travel(label, field, degrees, "deg", low, high, vehicle)
+    return math.radians(degrees)
+
+
+def checked_part(vehicle: Vehicle, label: str, name: str, value: float) -> int:
+    """Place of the part of that name, whose travel must hold `value` in its own unit."""
+    if name not in vehicle.part_names:
+        known = vehicle.part_names
+        raise MissionError(f"{label}: parts: {unknown_name('part', name, known)}")
+    part = vehicle.part(name)
+    _check_travel(label, f"parts.{name}", value, part.unit, part.low, part.high, vehicle)
+    return vehicle.part_names.index(name)
+
+
+def check_net_mass(vehicle: Vehicle, label: str, field: str, net_mass: float) -> None:
+    """`net_mass` [kg] with its sign is within the pump's reach; messages speak of magnitudes."""
+    pump = vehicle.steered("buoyancy")
+    assert pump is not None
+    heaviest = vehicle.net_mass_for_pump(float(pump.low))
+    lightest = -vehicle.net_mass_for_pump(float(pump.high))
+    reach, direction = (heaviest, "heavy") if net_mass > 0 else (lightest, "light")
+    if abs(net_mass) > reach * (1.0 + SLACK):
+        rule = f"at most {reach:g} kg {direction} (pump of vehicle {vehicle.name!r})"
+        fail(label, field, abs(net_mass), rule)

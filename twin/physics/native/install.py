@@ -1,0 +1,89 @@
+"""Install: the compiled callbacks put into MuJoCo, and taken out again."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import threading
+from typing import Any
+
+import llvmlite.binding as llvm
+import mujoco
+from numba import types
+
+from twin.compiled import cfunc, generation
+from twin.errors import TwinError
+from twin.physics.native import effects, plant
+from twin.physics.native import struct_offsets as at
+from twin.physics.native.access import MISMATCH
+
+_VOID = types.void(types.int64, types.int64)
+_PROTOTYPES = {
+    "passive": ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p),
+    "control": ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p),
+    "act_dyn": ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int),
+}
+_lock = threading.RLock()
+_installed: dict[str, Any] = {}
+_addresses: dict[str, int] = {}
+
+
+@functools.cache
+def _compile(_: int) -> dict[str, Any]:
+    """The three C functions of one `generation`; older ones stay, others may be running them."""
+    at.publish()
+    at.publish_text("glider_twin_mismatch", MISMATCH)
+    llvm.load_library_permanently(str(at.library_path()))
+
+    @cfunc(_VOID)
+    def glider_twin_water(model, data):  # type: ignore[no-untyped-def]
+        plant.water(model, data)
+
+    @cfunc(_VOID)
+    def glider_twin_control(model, data):  # type: ignore[no-untyped-def]
+        plant.control(model, data)
+
+    @cfunc(types.float64(types.int64, types.int64, types.int32))
+    def glider_twin_actuate(model, data, index):  # type: ignore[no-untyped-def]
+        return plant.actuate(model, data, index)
+
+    return {
+        "passive": glider_twin_water,
+        "control": glider_twin_control,
+        "act_dyn": glider_twin_actuate,
+    }
+
+
+def install() -> None:
+    """Install the callbacks in this process; calling it again changes nothing.
+
+    After a kind of current, part or hull law was registered they are compiled again with it.
+
+    Raises:
+      LayoutError: MuJoCo's structs are not where the callbacks would look.
+      TwinError: another library's callback is in the way.
+    """
+    with _lock:
+        effects.refresh()
+        compiled = _compile(generation())
+        for name, function in compiled.items():
+            present = getattr(mujoco, f"get_mjcb_{name}")()
+            ours = _installed.get(name)
+            if present is not None and present is not ours:
+                raise TwinError(
+                    f"mjcb_{name} is already taken by {present!r}; MuJoCo has one per process: "
+                    f"clear it with mujoco.set_mjcb_{name}(None) before loading a vehicle"
+                )
+            if _addresses.get(name) != function.address:
+                ours = _PROTOTYPES[name](function.address)
+                _installed[name], _addresses[name] = ours, function.address
+            if present is not ours:
+                getattr(mujoco, f"set_mjcb_{name}")(ours)
+
+
+def uninstall() -> None:
+    """Take the callbacks out again; vehicles in this process then move in vacuum."""
+    with _lock:
+        for name, ours in _installed.items():
+            if getattr(mujoco, f"get_mjcb_{name}")() is ours:
+                getattr(mujoco, f"set_mjcb_{name}")(None)

@@ -1,0 +1,66 @@
+"""Tables: what a scenario's native code reads, gathered before its model is compiled.
+
+The tables travel inside the model (`twin.physics.native.block`), so their sizes must be known when
+it is compiled; a fleet gives all its models the size of the largest.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.mission import Mission
+from twin.mission.schedule import Schedule
+from twin.physics.native import block as b
+
+if TYPE_CHECKING:
+    from twin.physics.scenario import Scenario
+
+Array = NDArray[np.float64]
+
+_NONE = np.zeros(0)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Tables:
+    """The tables of one run; empty ones are not there."""
+
+    plan: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
+    """mission table or schedule, shape (rows, columns)"""
+    control: float = b.CONTROL_NONE
+    """what the plan is: one of the block's CONTROL_*"""
+    gains: Array | None = None
+    """of a mission, shape (GAINS,)"""
+    current: Array = dataclasses.field(default_factory=lambda: _NONE)
+    """compiled current, see `Current.compile`"""
+    density: Array = dataclasses.field(default_factory=lambda: _NONE)
+    """compiled profile, see `DensityProfile.compile`"""
+
+    @property
+    def words(self) -> int:
+        """Numbers of all tables."""
+        return int(self.plan.size + self.current.size + self.density.size)
+
+
+def tables_of(scenario: Scenario, duration: float) -> Tables:
+    """The tables of a scenario that flies for `duration` [s]; reads gridded currents.
+
+    Raises:
+      MissionError, CurrentError: the plan or the current cannot be flown.
+    """
+    plan, control, gains = np.zeros((0, 0)), b.CONTROL_NONE, None
+    if isinstance(scenario.plan, Mission):
+        plan, gains = scenario.plan.compile(scenario.believed_vehicle)
+        control = b.CONTROL_MISSION
+    elif isinstance(scenario.plan, Schedule):
+        scenario.plan.check(scenario.vehicle)
+        plan, control = scenario.plan.table(), b.CONTROL_SCHEDULE
+    current = density = _NONE
+    if scenario.current is not None:
+        current = scenario.current.compile(duration, scenario.origin)
+    if scenario.density is not None:
+        density = scenario.density.compile()
+    return Tables(plan=plan, control=control, gains=gains, current=current, density=density)
