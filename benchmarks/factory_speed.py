@@ -93,9 +93,9 @@ def python_callback() -> tuple[float, float]:
     model = compile_model(vehicle, lean=True)
     plant.uninstall()
     hull = model.body("hull").id
-    k_d0, k_d = vehicle.drag
-    k_l0, k_alpha = vehicle.lift
-    k_m0, k_m, k_q = vehicle.pitch_moment
+    k_d0, k_d = vehicle.flow_frame.drag
+    k_l0, k_alpha = vehicle.flow_frame.lift
+    k_m0, k_m, k_q = vehicle.flow_frame.pitch_moment
 
     def water(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         rotation = data.xmat[hull].reshape(3, 3)
@@ -106,13 +106,13 @@ def python_callback() -> tuple[float, float]:
         drag, lift = (k_d0 + k_d * alpha**2) * speed, (k_l0 + k_alpha * alpha) * speed
         force = np.array([
             -drag * np.cos(alpha) + lift * np.sin(alpha),
-            vehicle.side_force[0] * beta * speed,
+            vehicle.flow_frame.side_force[0] * beta * speed,
             -drag * np.sin(alpha) - lift * np.cos(alpha),
         ])  # fmt: skip
         moment = speed * np.array([
-            vehicle.roll_moment[0] * beta + vehicle.roll_moment[1] * p,
+            vehicle.flow_frame.roll_moment[0] * beta + vehicle.flow_frame.roll_moment[1] * p,
             k_m0 + k_m * alpha + k_q * q,
-            vehicle.yaw_moment[0] * beta + vehicle.yaw_moment[1] * r,
+            vehicle.flow_frame.yaw_moment[0] * beta + vehicle.flow_frame.yaw_moment[1] * r,
         ])  # fmt: skip
         data.xfrc_applied[hull, :3] = rotation @ (force * [1.0, -1.0, -1.0])
         data.xfrc_applied[hull, 2] += (vehicle.mass - 0.3) * vehicle.gravity

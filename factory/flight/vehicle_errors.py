@@ -65,12 +65,12 @@ def spread_vehicle(nominal: Vehicle, parameters: Parameters) -> Vehicle:
     cg = [0.0, MILLIMETRE * value("vehicle.cg_y_mm"), MILLIMETRE * value("vehicle.cg_z_mm")]
     actuators = ("shift", "rotation", "pump")
     return nominal.replace(
-        drag=scaled(nominal.drag, "k_d0", "k_d"),
-        lift=scaled(nominal.lift, "k_l0", "k_alpha"),
-        side_force=scaled(nominal.side_force, "k_beta"),
-        roll_moment=scaled(nominal.roll_moment, "k_mr", "k_p"),
-        pitch_moment=scaled(nominal.pitch_moment, "k_m0", "k_m", "k_q"),
-        yaw_moment=scaled(nominal.yaw_moment, "k_my", "k_r"),
+        drag=scaled(nominal.flow_frame.drag, "k_d0", "k_d"),
+        lift=scaled(nominal.flow_frame.lift, "k_l0", "k_alpha"),
+        side_force=scaled(nominal.flow_frame.side_force, "k_beta"),
+        roll_moment=scaled(nominal.flow_frame.roll_moment, "k_mr", "k_p"),
+        pitch_moment=scaled(nominal.flow_frame.pitch_moment, "k_m0", "k_m", "k_q"),
+        yaw_moment=scaled(nominal.flow_frame.yaw_moment, "k_my", "k_r"),
         added_mass=added_mass,
         static_cg=nominal.static_cg + np.array(cg),
         hull_compressibility=nominal.hull_compressibility + value("vehicle.compressibility"),

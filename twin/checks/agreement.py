@@ -33,12 +33,6 @@ SPEED_LIMIT, ATTITUDE_LIMIT, POSITION_LIMIT = 1e-3, 0.1, 0.3
 """Agreement asked for: RMS speed [m/s], RMS attitude [deg], position [% of distance]"""
 START_DEPTH = 1000.0
 """[m] far from the surface"""
-NET_MASS = (0.15, 0.45)
-"""[kg] magnitude of the net buoyancy drawn for a leg"""
-SHIFT = (0.008, 0.03)
-"""[m] magnitude of the battery shift drawn for a leg, forward when heavy"""
-ROTATION = 60.0
-"""[deg] largest battery rotation drawn"""
 LEG = (60.0, 150.0)
 """[s] time between actuator steps"""
 SHEAR = 0.2
@@ -82,15 +76,15 @@ class Difference:
 def draw_manoeuvre(vehicle: Vehicle, seed: int, duration: float = DURATION) -> Manoeuvre:
     """Actuator steps every 60 to 150 s, dives, climbs and spirals mixed, sheared current."""
     rng = np.random.default_rng([seed, 2013])
-    reach = min(1.0, vehicle.actuator_max[2] / abs(vehicle.pump_for_net_mass(NET_MASS[1])))
+    order = sorted(range(len(vehicle.parts)), key=lambda k: vehicle.parts[k].turn)
     time, times, commands = 0.0, [], []
     heavy = 1.0
     while time < duration:
-        net_mass = heavy * rng.uniform(*NET_MASS) * reach
-        shift = heavy * rng.uniform(*SHIFT) * (vehicle.actuator_max[0] / 0.05)
-        rotation = math.radians(rng.uniform(-ROTATION, ROTATION)) * rng.integers(0, 2)
+        command = np.zeros(len(vehicle.parts))
+        for k in order:
+            command[k] = vehicle.parts[k].manoeuvre(rng, heavy, vehicle)
         times.append(time)
-        commands.append((shift, rotation, vehicle.pump_for_net_mass(net_mass)))
+        commands.append(tuple(command.tolist()))
         # commands are issued on the vehicle's control ticks, as its guidance does
         time += vehicle.control_period * round(rng.uniform(*LEG) / vehicle.control_period)
         heavy = heavy if rng.random() < 0.5 else -heavy
@@ -135,7 +129,7 @@ def fly_both(
         attitude=(start.roll, start.pitch, start.heading),
         v_rel=start.v_rel,
         rates=start.rates,
-        actuators=start.actuators,
+        actuators=start.positions(vehicle),
     )
     return simulate(scenario), fossen.simulate(state, manoeuvre.schedule, duration)
 

@@ -58,7 +58,7 @@ class Trim(JsonOption):
             console.warn(
                 f"angle of attack {result.angle_of_attack_deg:.1f} deg or sideslip "
                 f"{result.sideslip_deg:.1f} deg is outside the identified range of "
-                f"{math.degrees(vehicle.linear_angle):.0f} deg: trust the trend, not the figures"
+                f"{math.degrees(vehicle.law.valid_angle):.0f} deg: trust the trend, not the figures"
             )
         console.answer(**figures)
         radius = result.turn_radius_m

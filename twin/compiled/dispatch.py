@@ -43,9 +43,10 @@ def dispatch(
 
     def write() -> Written:
         table = kernels() if callable(kernels) else kernels
-        several = isinstance(fallback, tuple)
         names: dict[str, Any] = {
-            "_fallback": tuple(map(float, fallback)) if several else float(fallback)
+            "_fallback": tuple(map(float, fallback))
+            if isinstance(fallback, tuple)
+            else float(fallback)
         }
         lines = []
         for code, kernel in sorted(table.items()):

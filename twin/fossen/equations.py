@@ -23,10 +23,15 @@ from numpy.typing import NDArray
 
 from twin.compiled import jit
 from twin.fossen.forces import (
+    PART_COLUMNS,
     Parameters,
     damping_wrench,
+    density_at,
     displaced_mass,
-    movable_position,
+    mass_position,
+    part_mass,
+    parts_wrench,
+    pumped,
     restoring,
 )
 from twin.fossen.matrices import (
@@ -66,26 +71,37 @@ def actuator_position(start: float, command: float, lag: float, rate: float, ela
 
 @jit
 def actuators_after(start: Array, command: Array, law: Array, elapsed: float) -> Array:
-    """Positions (shift, rotation, pump) after `elapsed` [s]; `law` rows: min, max, lag, rate."""
-    position = np.empty(3)
-    for i in range(3):
-        free = actuator_position(start[i], command[i], law[2, i], law[3, i], elapsed)
+    """Positions of the parts after `elapsed` [s]; `law` rows: min, max, lag, rate, one way."""
+    position = np.empty(start.size)
+    for i in range(start.size):
+        wanted = min(command[i], start[i]) if law[4, i] != 0.0 else command[i]
+        free = actuator_position(start[i], wanted, law[2, i], law[3, i], elapsed)
         position[i] = min(max(free, law[0, i]), law[1, i])
     return position
 
 
 @jit
-def mass_distribution(p: Parameters, shift: float, rotation: float):  # type: ignore[no-untyped-def]
-    """(CG (3,) [m], I_b (3, 3) [kg m2] about the CB) with the movable block held in place."""
-    movable = movable_position(p, shift, rotation)
-    cg = (p.static_mass * p.static_cg + p.movable_mass * movable) / p.mass
-    inertia = (
-        p.static_inertia
-        + point_mass_inertia(p.static_mass, p.static_cg)
-        + rolled_inertia(p.movable_inertia, rotation)
-        + point_mass_inertia(p.movable_mass, movable)
-    )
-    return cg, inertia
+def mass_distribution(p: Parameters, positions: Array):  # type: ignore[no-untyped-def]
+    """(mass [kg], first moment (3,) [kg m], I_b (3, 3) [kg m2]) about the CB, the masses held."""
+    total = p.static_mass
+    moment = p.static_mass * p.static_cg
+    inertia = p.static_inertia + point_mass_inertia(p.static_mass, p.static_cg)
+    for k in range(p.masses.shape[0]):
+        row = p.masses[k]
+        place = mass_position(row, positions)
+        rotation = positions[int(row[4])] if row[4] >= 0.0 else 0.0
+        own = row[5:].copy().reshape((3, 3))
+        total += row[0]
+        moment = moment + row[0] * place
+        inertia = inertia + rolled_inertia(own, rotation) + point_mass_inertia(row[0], place)
+    for k in range(p.parts.shape[0]):
+        row = p.parts[k]
+        extra = part_mass(int(row[0]), row[PART_COLUMNS:], positions[k])
+        if extra != 0.0:
+            total += extra
+            moment = moment + extra * row[1:4]
+            inertia = inertia + point_mass_inertia(extra, row[1:4].copy())
+    return total, moment, inertia
 
 
 @jit
@@ -94,22 +110,32 @@ def acceleration(  # type: ignore[no-untyped-def]
     down: Array,
     depth: float,
     nu_r: Array,
-    shift: float,
-    rotation: float,
+    positions: Array,
     displaced: float,
     current_rate: Array,
 ):
     """dnu_r/dt, shape (6,).
 
-    `down` (3,) is the NED down axis in body axes, `displaced` [kg] the mass of displaced water
-    of the immersed hull, `current_rate` (3,) the body components of dV_c/dt [m/s2].
+    `down` (3,) is the NED down axis in body axes, `positions` (parts,) those of the parts,
+    `displaced` [kg] the mass of displaced water of the immersed hull, `current_rate` (3,) the body
+    components of dV_c/dt [m/s2].
     """
-    cg, inertia = mass_distribution(p, shift, rotation)
-    m_rb = rigid_body_mass(p.mass, cg, inertia)
-    coriolis = rigid_body_coriolis(p.mass, cg, inertia, nu_r[3:])
-    coriolis += added_mass_coriolis(p.added_mass, nu_r)
-    g, immersion = restoring(p, down, depth, p.mass * cg, displaced)
+    mass, moment, inertia = mass_distribution(p, positions)
+    cg = moment / mass
+    m_rb = rigid_body_mass(mass, cg, inertia)
+    coriolis = rigid_body_coriolis(mass, cg, inertia, nu_r[3:])
+    if p.coupling != 0.0:  # else the hull law holds it
+        coriolis += added_mass_coriolis(p.added_mass, nu_r)
+    g, immersion = restoring(p, down, depth, mass, moment, displaced)
     force = immersion * damping_wrench(p, nu_r) - g - times(coriolis, nu_r)
+    force += parts_wrench(p, positions, nu_r, density_at(p, depth), depth, down)
+    # buoyancy of pumped volume acts where it is: its lever x up
+    volume, lever = pumped(p, positions)
+    if lever[0] != 0.0 or lever[1] != 0.0 or lever[2] != 0.0:
+        weight = immersion * displaced * p.gravity / (p.neutral_volume + 1e-6 * volume) * 1e-6
+        force[3] -= weight * (lever[1] * down[2] - lever[2] * down[1])
+        force[4] -= weight * (lever[2] * down[0] - lever[0] * down[2])
+        force[5] -= weight * (lever[0] * down[1] - lever[1] * down[0])
     for i in range(6):
         for j in range(3):
             force[i] -= m_rb[i, j] * current_rate[j]
@@ -118,7 +144,7 @@ def acceleration(  # type: ignore[no-untyped-def]
 
 @jit
 def derivative(p: Parameters, program: Array, t: float, y: Array, actuators: Array) -> Array:
-    """dy/dt at time `t` [s] for actuator positions (shift [m], rotation [rad], pump [cm3])."""
+    """dy/dt at time `t` [s] for positions of the parts, (parts,)."""
     rotation = rotation_from_quaternion(y[3:7])
     nu_r = y[7:13]
     v_water = times(rotation, nu_r[:3])
@@ -139,9 +165,8 @@ def derivative(p: Parameters, program: Array, t: float, y: Array, actuators: Arr
         rotation[2].copy(),
         y[2],
         nu_r,
-        actuators[0],
-        actuators[1],
-        displaced_mass(p, y[2], actuators[2]),
+        actuators,
+        displaced_mass(p, y[2], pumped(p, actuators)[0]),
         transposed_times(rotation, rate),
     )
     return dy
@@ -160,13 +185,13 @@ def integrate(  # type: ignore[no-untyped-def]
 ):
     """Classical fixed-step RK4 from breakpoint to breakpoint.
 
-    `breakpoints` (n,) [s] are all sample and command times, `commands` (n - 1, 3) hold between
+    `breakpoints` (n,) [s] are all sample and command times, `commands` (n - 1, parts) hold between
     them; each interval is cut in equal steps of at most `dt`, so that no step straddles a
-    command. Returns (states (n, 13), actuators (n, 3), rows that are finite).
+    command. Returns (states (n, 13), actuators (n, parts), rows that are finite).
     """
     n = breakpoints.size
     states = np.empty((n, 13))
-    positions = np.empty((n, 3))
+    positions = np.empty((n, actuators0.size))
     y = y0.copy()
     held = actuators0.copy()
     states[0] = y

@@ -1,18 +1,21 @@
-"""Forces of the Fossen model: the coefficient wrench, the restoring forces, the net buoyancy.
+"""Forces of the Fossen model: hull, parts, restoring forces, net buoyancy.
 
-Body axes FRD about the CB, SI units. Coefficients and signs: S. Zhang, J. Yu, A. Zhang, F. Zhang,
-Ocean Engineering 60 (2013) 1-13; they carry the density of sea water. Outside the identified
-range of the flow angles the terms blend into the sines and cosines of the whole circle.
+Body axes FRD about the CB, SI units. What a hull law and a kind of part do is in their own files
+(`twin.vehicle.laws`, `twin.vehicle.parts`), in code that the MuJoCo twin does not share.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.compiled import jit
+from twin.compiled import generate, jit
+from twin.compiled.dispatch import Written
+from twin.vehicle.laws import LAWS
+from twin.vehicle.parts import PARTS
 
 if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
@@ -21,6 +24,11 @@ Array = NDArray[np.float64]
 
 STRIPS = 9
 """equal-volume strips along the hull that carry the buoyancy at the surface"""
+MASS_COLUMNS = 14
+"""of a moving mass: mass, place ahead, place below, slide, hinge (index of the part, -1: none),
+inertia 9"""
+PART_COLUMNS = 5
+"""of a part: code of its kind, place 3, number of values; then its values"""
 
 
 class Parameters(NamedTuple):
@@ -36,26 +44,16 @@ class Parameters(NamedTuple):
     static_mass: float
     static_cg: Array
     static_inertia: Array
-    movable_mass: float
-    movable_inertia: Array
-    movable_neutral_x: float
-    movable_eccentricity: float
+    masses: Array
+    """(masses, MASS_COLUMNS)"""
+    parts: Array
+    """(parts, PART_COLUMNS + most values of one)"""
     added_mass: Array
-    k_d0: float
-    k_d: float
-    k_l0: float
-    k_alpha: float
-    k_beta: float
-    k_mr: float
-    k_p: float
-    k_m0: float
-    k_m: float
-    k_q: float
-    k_my: float
-    k_r: float
-    linear_angle: float
-    blend_angle: float
-    rate_damping_min_speed: float
+    coupling: float
+    """1: the added mass's own coupling acts, 0: it is in the law"""
+    law: float
+    """code in the registry of hull laws"""
+    law_values: Array
     density_depth: Array
     density_value: Array
 
@@ -66,12 +64,20 @@ def parameters_of(vehicle: Vehicle, density_depth: Array, density_value: Array) 
     def array(values: object) -> Array:
         return np.array(values, dtype=np.float64, order="C")
 
-    k_d0, k_d = vehicle.drag
-    k_l0, k_alpha = vehicle.lift
-    (k_beta,) = vehicle.side_force
-    k_mr, k_p = vehicle.roll_moment
-    k_m0, k_m, k_q = vehicle.pitch_moment
-    k_my, k_r = vehicle.yaw_moment
+    masses = np.zeros((len(vehicle.masses), MASS_COLUMNS))
+    for row, mass in zip(masses, vehicle.masses, strict=True):
+        drives = [
+            -1.0 if name is None else float(vehicle.part_names.index(name))
+            for name in (mass.slide, mass.hinge)
+        ]
+        row[:5] = mass.mass, mass.neutral_x, mass.eccentricity, *drives
+        row[5:] = np.ravel(mass.inertia)
+    widest = max((len(part.values()) for part in vehicle.parts), default=0)
+    parts = np.zeros((len(vehicle.parts), PART_COLUMNS + widest))
+    for row, part in zip(parts, vehicle.parts, strict=True):
+        values = part.values()
+        row[:PART_COLUMNS] = PARTS.code(part.kind), *part.position, len(values)
+        row[PART_COLUMNS : PART_COLUMNS + len(values)] = values
     return Parameters(
         gravity=float(vehicle.gravity),
         reference_density=float(vehicle.reference_density),
@@ -83,29 +89,117 @@ def parameters_of(vehicle: Vehicle, density_depth: Array, density_value: Array) 
         static_mass=float(vehicle.static_mass),
         static_cg=array(vehicle.static_cg),
         static_inertia=array(vehicle.static_inertia),
-        movable_mass=float(vehicle.movable_mass),
-        movable_inertia=array(vehicle.movable_inertia),
-        movable_neutral_x=float(vehicle.movable_neutral_x),
-        movable_eccentricity=float(vehicle.movable_eccentricity),
+        masses=masses,
+        parts=parts,
         added_mass=array(vehicle.added_mass),
-        k_d0=float(k_d0),
-        k_d=float(k_d),
-        k_l0=float(k_l0),
-        k_alpha=float(k_alpha),
-        k_beta=float(k_beta),
-        k_mr=float(k_mr),
-        k_p=float(k_p),
-        k_m0=float(k_m0),
-        k_m=float(k_m),
-        k_q=float(k_q),
-        k_my=float(k_my),
-        k_r=float(k_r),
-        linear_angle=float(vehicle.linear_angle),
-        blend_angle=float(vehicle.blend_angle),
-        rate_damping_min_speed=float(vehicle.rate_damping_min_speed),
+        coupling=float(vehicle.added_mass_coupling),
+        law=float(LAWS.code(vehicle.law.kind)),
+        law_values=array(vehicle.law.values()),
         density_depth=array(density_depth),
         density_value=array(density_value),
     )
+
+
+def _branches(kernels: Callable[[], dict[int, object]], call: str, nothing: str) -> Written:
+    """Source of a function that calls the kernel of `code`; see `twin.compiled.generate`."""
+    names: dict[str, object] = {"np": np}
+    lines = []
+    for code, kernel in sorted(kernels().items()):
+        names[f"kernel_{code}"] = kernel
+        lines.append(f"if code == {code}: return kernel_{code}({call})")
+    return "\n".join([*lines, f"return {nothing}"]), names
+
+
+def _law_kernels() -> dict[int, object]:
+    return {LAWS.code(kind): LAWS[kind].fossen_wrench for kind in LAWS}
+
+
+def _part_kernels(effect: str) -> Callable[[], dict[int, object]]:
+    return lambda: {
+        PARTS.code(kind): getattr(PARTS[kind], f"fossen_{effect}")
+        for kind in PARTS
+        if getattr(PARTS[kind], f"fossen_{effect}") is not None
+    }
+
+
+law_wrench = generate(
+    "law_wrench",
+    ("code", "values", "density", "nu_r"),
+    lambda: _branches(_law_kernels, "values, density, nu_r", "np.zeros(6)"),
+    module=__name__,
+)
+"""(code, values, density, nu_r) -> force and moment of the hull, (6,)."""
+
+part_wrench = generate(
+    "part_wrench",
+    ("code", "values", "place", "position", "nu_r", "density", "depth"),
+    lambda: _branches(
+        _part_kernels("wrench"), "values, place, position, nu_r, density, depth", "np.zeros(6)"
+    ),
+    module=__name__,
+)
+"""(code, values, place, position, nu_r, density, depth) -> force and moment of a part, (6,)."""
+
+part_volume = generate(
+    "part_volume",
+    ("code", "values", "position"),
+    lambda: _branches(_part_kernels("volume"), "values, position", "0.0"),
+    module=__name__,
+)
+"""(code, values, position) -> volume that a part displaces [cm3]."""
+
+part_mass = generate(
+    "part_mass",
+    ("code", "values", "position"),
+    lambda: _branches(_part_kernels("mass"), "values, position", "0.0"),
+    module=__name__,
+)
+"""(code, values, position) -> point mass [kg] that a part adds at its place."""
+
+
+@jit
+def damping_wrench(p: Parameters, nu_r: Array) -> Array:
+    """-D(nu_r) nu_r of the hull: force [N] and moment [N m] about the CB, shape (6,), body FRD."""
+    return law_wrench(int(p.law), p.law_values, p.reference_density, nu_r)
+
+
+@jit
+def parts_wrench(
+    p: Parameters, positions: Array, nu_r: Array, density: float, depth: float, down: Array
+) -> Array:
+    """Force and moment of all parts about the CB, shape (6,); `down` (3,) in body axes."""
+    total = np.zeros(6)
+    for k in range(p.parts.shape[0]):
+        row = p.parts[k]
+        place = row[1:4]
+        there = depth + place[0] * down[0] + place[1] * down[1] + place[2] * down[2]
+        values = row[PART_COLUMNS:]
+        total += part_wrench(int(row[0]), values, place, positions[k], nu_r, density, there)
+    return total
+
+
+@jit
+def pumped(p: Parameters, positions: Array):  # type: ignore[no-untyped-def]
+    """(volume [cm3], its first moment (3,) [cm3 m] about the CB) that the parts displace."""
+    volume, lever = 0.0, np.zeros(3)
+    for k in range(p.parts.shape[0]):
+        row = p.parts[k]
+        own = part_volume(int(row[0]), row[PART_COLUMNS:], positions[k])
+        volume += own
+        lever += own * row[1:4]
+    return volume, lever
+
+
+@jit
+def mass_position(row: Array, positions: Array) -> Array:
+    """CG of a moving mass [m], shape (3,), body FRD; a positive hinge moves it to port."""
+    shift = positions[int(row[3])] if row[3] >= 0.0 else 0.0
+    rotation = positions[int(row[4])] if row[4] >= 0.0 else 0.0
+    r = np.empty(3)
+    r[0] = row[1] + shift
+    r[1] = -row[2] * np.sin(rotation)
+    r[2] = row[2] * np.cos(rotation)
+    return r
 
 
 @jit
@@ -113,78 +207,6 @@ def smoothstep(x: float) -> float:
     """3 x^2 - 2 x^3 between 0 and 1, constant outside."""
     x = min(max(x, 0.0), 1.0)
     return x * x * (3.0 - 2.0 * x)
-
-
-@jit
-def flow_functions(angle: float, linear_angle: float, blend_angle: float):  # type: ignore[no-untyped-def]
-    """Stand-ins for angle, angle^2 and 1 that equal them inside the identified range.
-
-    Returns (odd, square, one, weight): beyond `blend_angle` they are sin cos, sin^2 and cos, the
-    shapes of a plate in cross flow, so that the forces stay bounded on the whole circle; the
-    weight of those shapes rises from 0 at `linear_angle` to 1.
-    """
-    s = smoothstep((abs(angle) - linear_angle) / (blend_angle - linear_angle))
-    sine, cosine = np.sin(angle), np.cos(angle)
-    odd = (1.0 - s) * angle + s * sine * cosine
-    square = (1.0 - s) * angle * angle + s * sine * sine
-    one = (1.0 - s) + s * cosine
-    return odd, square, one, s
-
-
-@jit
-def damping_wrench(p: Parameters, nu_r: Array) -> Array:
-    """-D(nu_r) nu_r: force [N] and moment [N m] about the CB, shape (6,), body FRD.
-
-    The flow frame's force (-D, SF, -L) and moment (T1, T2, T3) both turn to the body by R_BC of
-    angle of attack and sideslip (Zhang et al. 2013). Outside the identified range the rate moments
-    pass over to body axes: turned by R_BC, those of roll and yaw would drive the rates in
-    reversed flow instead of damping them.
-    """
-    u, v, w = nu_r[0], nu_r[1], nu_r[2]
-    speed2 = u * u + v * v + w * w
-    speed = np.sqrt(speed2)
-    alpha = np.arctan2(w, u)
-    beta = 0.0
-    if speed > 0.0:
-        beta = np.arcsin(min(max(v / speed, -1.0), 1.0))
-    alpha_odd, alpha_square, one, alpha_weight = flow_functions(
-        alpha, p.linear_angle, p.blend_angle
-    )
-    beta_odd, _, _, beta_weight = flow_functions(beta, p.linear_angle, p.blend_angle)
-    weight = max(alpha_weight, beta_weight)
-    rate2 = max(speed, p.rate_damping_min_speed) ** 2
-    damping = np.empty(3)
-    damping[0] = p.k_p * nu_r[3] * rate2
-    damping[1] = p.k_q * nu_r[4] * rate2
-    damping[2] = p.k_r * nu_r[5] * rate2
-
-    flow = np.empty(6)
-    flow[0] = -(p.k_d0 + p.k_d * alpha_square) * speed2
-    flow[1] = p.k_beta * beta_odd * speed2
-    flow[2] = -(p.k_l0 * one + p.k_alpha * alpha_odd) * speed2
-    flow[3] = p.k_mr * beta_odd * speed2 + (1.0 - weight) * damping[0]
-    flow[4] = (p.k_m0 * one + p.k_m * alpha_odd) * speed2 + (1.0 - weight) * damping[1]
-    flow[5] = p.k_my * beta_odd * speed2 + (1.0 - weight) * damping[2]
-
-    ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
-    body = np.empty(6)
-    for k in (0, 3):
-        body[k] = ca * cb * flow[k] - ca * sb * flow[k + 1] - sa * flow[k + 2]
-        body[k + 1] = sb * flow[k] + cb * flow[k + 1]
-        body[k + 2] = sa * cb * flow[k] - sa * sb * flow[k + 1] + ca * flow[k + 2]
-    for i in range(3):
-        body[3 + i] += weight * damping[i]
-    return body
-
-
-@jit
-def movable_position(p: Parameters, shift: float, rotation: float) -> Array:
-    """Centre of the movable block [m], shape (3,), body FRD; +rotation [rad] moves it to port."""
-    r = np.empty(3)
-    r[0] = p.movable_neutral_x + shift
-    r[1] = -p.movable_eccentricity * np.sin(rotation)
-    r[2] = p.movable_eccentricity * np.cos(rotation)
-    return r
 
 
 @jit
@@ -196,12 +218,20 @@ def strip_immersion(p: Parameters, depth: float, slope: float, strip: int):  # t
 
 
 @jit
-def restoring(p: Parameters, down: Array, depth: float, moment: Array, displaced_mass: float):  # type: ignore[no-untyped-def]
+def restoring(  # type: ignore[no-untyped-def]
+    p: Parameters,
+    down: Array,
+    depth: float,
+    carried: float,
+    first_moment: Array,
+    displaced_mass: float,
+):
     """(g(eta), immersion): restoring vector, shape (6,), on the left of Fossen's equation.
 
-    `down` (3,) is the NED down axis in body axes, `depth` [m] that of the CB, `moment` [kg m]
-    the first moment of the masses about the CB, `displaced_mass` [kg] = density * volume when
-    fully immersed. Weight acts at the masses, buoyancy on the strips. Fossen 2011, section 4.1.
+    `down` (3,) is the NED down axis in body axes, `depth` [m] that of the CB, `carried` [kg] the
+    mass of the vehicle, `first_moment` [kg m] that of its masses about the CB, `displaced_mass`
+    [kg] = density * volume when fully immersed. Weight acts at the masses, buoyancy on the
+    strips. Fossen 2011, section 4.1.
     """
     g = np.zeros(6)
     immersed = 0.0
@@ -213,11 +243,11 @@ def restoring(p: Parameters, down: Array, depth: float, moment: Array, displaced
     immersion = immersed / STRIPS
     arm = displaced_mass * p.gravity * lever / STRIPS
     for i in range(3):
-        g[i] = p.gravity * (displaced_mass * immersion - p.mass) * down[i]
+        g[i] = p.gravity * (displaced_mass * immersion - carried) * down[i]
     # Weight: first moment x down; buoyancy: (arm, 0, 0) x (-down).
-    g[3] = -p.gravity * (moment[1] * down[2] - moment[2] * down[1])
-    g[4] = -p.gravity * (moment[2] * down[0] - moment[0] * down[2]) - arm * down[2]
-    g[5] = -p.gravity * (moment[0] * down[1] - moment[1] * down[0]) + arm * down[1]
+    g[3] = -p.gravity * (first_moment[1] * down[2] - first_moment[2] * down[1])
+    g[4] = -p.gravity * (first_moment[2] * down[0] - first_moment[0] * down[2]) - arm * down[2]
+    g[5] = -p.gravity * (first_moment[0] * down[1] - first_moment[1] * down[0]) + arm * down[1]
     return g, immersion
 
 
@@ -236,11 +266,11 @@ def density_at(p: Parameters, depth: float) -> float:
 
 
 @jit
-def displaced_mass(p: Parameters, depth: float, pump: float) -> float:
-    """Mass of the water that the fully immersed hull displaces [kg]; pump in cm3.
+def displaced_mass(p: Parameters, depth: float, volume: float) -> float:
+    """Mass of the water that the fully immersed hull displaces [kg]; `volume` of parts in cm3.
 
     The hull shrinks in proportion to the pressure of water of the reference density.
     """
     pressure = p.reference_density * p.gravity * depth
-    volume = (p.neutral_volume + 1e-6 * pump) * (1.0 - p.hull_compressibility * pressure)
-    return density_at(p, depth) * volume
+    whole = (p.neutral_volume + 1e-6 * volume) * (1.0 - p.hull_compressibility * pressure)
+    return density_at(p, depth) * whole

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -23,7 +23,7 @@ from twin.fossen.state import FossenState, FossenTrajectory
 from twin.fossen.steady import SteadyMotion, SteadyProblem, stable_motion
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
 from twin.mission.schedule import Schedule
-from twin.physics.steady_motion import Trim, check_trim_request
+from twin.physics.steady_motion import Trim, trim_positions
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.sampler import sample
 
@@ -69,6 +69,7 @@ class FossenModel:
                 vehicle.actuator_max,
                 vehicle.actuator_lag,
                 vehicle.actuator_rate,
+                [float(part.one_way) for part in vehicle.parts],
             ],
             dtype=np.float64,
         )
@@ -98,6 +99,7 @@ class FossenModel:
                 raise InputError(f"{name} must be above 0 s, not {value!r}")
         if method not in METHODS:
             raise InputError(unknown_name("integration method", method, METHODS))
+        schedule.check(self.vehicle)
         times, commands = np.asarray(schedule.times), np.asarray(schedule.commands)
         start = float(initial_state.time)
         if times[0] > start:
@@ -120,7 +122,8 @@ class FossenModel:
             )
         )
         low, high = self._law[0], self._law[1]
-        actuators0 = np.clip(np.asarray(initial_state.actuators), low, high)
+        given = np.asarray(initial_state.actuators, dtype=np.float64)
+        actuators0 = np.clip(given if given.size else self.vehicle.rest, low, high)
         run = integrate if method == "rk4" else _integrate_reference
         states, actuators, done = run(
             self.parameters,
@@ -165,20 +168,36 @@ class FossenModel:
             velocity_ned=through_water + current,
         )
 
-    def steady_motion(self, shift: float, rotation: float, net_mass: float) -> SteadyMotion:
-        """The stable steady motion at `shift` [m], `rotation` [rad], `net_mass` [kg].
+    def steady_motion(
+        self,
+        shift: float = 0.0,
+        rotation: float = 0.0,
+        net_mass: float = 0.0,
+        *,
+        positions: Mapping[str, float] | None = None,
+    ) -> SteadyMotion:
+        """The stable steady motion at fixed positions of the parts.
 
-        Deep, in water of the reference density; of several stable motions the one with the
-        smallest angle of attack. Raises NoSteadyState saying why when there is none and InputError
-        outside the actuators' travel.
+        Args: see `twin.physics.steady_motion.trim_positions`. Deep, in water of the reference
+        density; of several stable motions the one with the smallest angle of attack. Raises
+        NoSteadyState saying why when there is none and InputError outside the travel of a part.
         """
-        check_trim_request(self.vehicle, shift, rotation, net_mass)
-        problem = SteadyProblem(self.parameters, float(shift), float(rotation), float(net_mass))
-        return stable_motion(problem, self.vehicle.linear_angle)
+        wanted = trim_positions(self.vehicle, shift, rotation, net_mass, positions)
+        turning = self.vehicle.steered_index("heading")
+        driven = self.vehicle.steered("speed") is not None
+        problem = SteadyProblem(self.parameters, wanted, turning, driven)
+        return stable_motion(problem, self.vehicle.law.valid_angle)
 
-    def trim(self, shift: float, rotation: float, net_mass: float) -> Trim:
+    def trim(
+        self,
+        shift: float = 0.0,
+        rotation: float = 0.0,
+        net_mass: float = 0.0,
+        *,
+        positions: Mapping[str, float] | None = None,
+    ) -> Trim:
         """Figures of `steady_motion`: arguments, choice and errors are the same."""
-        return self.steady_motion(shift, rotation, net_mass).trim
+        return self.steady_motion(shift, rotation, net_mass, positions=positions).trim
 
 
 def _density_table(vehicle: Vehicle, density: Density | None) -> tuple[Array, Array]:
@@ -213,7 +232,7 @@ def _integrate_reference(
     from scipy.integrate import solve_ivp
 
     states = np.empty((breakpoints.size, y0.size))
-    positions = np.empty((breakpoints.size, 3))
+    positions = np.empty((breakpoints.size, actuators0.size))
     states[0], positions[0] = y0, actuators0
     changes = np.flatnonzero(np.any(np.diff(commands, axis=0) != 0.0, axis=1)) + 1
     bounds = [0, *changes.tolist(), breakpoints.size - 1]

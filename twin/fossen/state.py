@@ -35,8 +35,8 @@ class FossenState:
     """velocity of the CB through the water [m/s], shape (3,), body FRD"""
     rates: ArrayLike = (0.0, 0.0, 0.0)
     """p, q, r [rad/s], shape (3,), body FRD"""
-    actuators: ArrayLike = (0.0, 0.0, 0.0)
-    """shift [m], rotation [rad], pump [cm3], shape (3,)"""
+    actuators: ArrayLike = ()
+    """positions of the parts, shape (parts,), in their units; empty: at rest"""
 
     def __post_init__(self) -> None:
         finite("time", self.time, ())

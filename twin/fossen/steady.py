@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import NoSteadyState
-from twin.fossen.equations import acceleration
-from twin.fossen.forces import Parameters, damping_wrench
+from twin.fossen.equations import acceleration, mass_distribution
+from twin.fossen.forces import Parameters, damping_wrench, pumped
 from twin.physics.steady_motion import DISTINCT_ROOTS, Trim, solve_steady_state
 
 Array = NDArray[np.float64]
@@ -74,19 +74,33 @@ def down_axis(roll: float, pitch: float) -> Array:
 
 
 class SteadyProblem:
-    """The steady equations at fixed `shift` [m], `rotation` [rad] and `net_mass` [kg]."""
+    """The steady equations at fixed positions of the parts, shape (parts,)."""
 
-    def __init__(self, p: Parameters, shift: float, rotation: float, net_mass: float):
+    def __init__(self, p: Parameters, positions: Array, turning: int | None, driven: bool):
+        """`turning` is the index of the part that turns the vehicle; `driven`: by a propeller."""
         self.p = p
-        self.shift = shift
-        self.rotation = rotation
-        self.net_mass = net_mass
+        self.positions = np.asarray(positions, dtype=np.float64)
+        self.turning = turning
+        self.driven = driven
+        carried = mass_distribution(p, self.positions)[0] - p.mass
+        volume = pumped(p, self.positions)[0]
+        self.net_mass = float(carried - p.reference_density * 1e-6 * volume)
+        """[kg] at reference density, positive heavy"""
+        self._displaced = float(p.mass + p.reference_density * 1e-6 * volume)
+
+    @property
+    def rotation(self) -> float:
+        """Position of the part that turns it; 0 without one."""
+        return 0.0 if self.turning is None else float(self.positions[self.turning])
+
+    def text(self) -> str:
+        """The positions as a message names them."""
+        return ", ".join(f"{value:g}" for value in self.positions)
 
     def _acceleration(self, nu_r: Array, down: Array) -> Array:
-        displaced = self.p.mass - self.net_mass
         no_current = np.zeros(3)
         return acceleration(
-            self.p, down, DEEP, nu_r, self.shift, self.rotation, displaced, no_current
+            self.p, down, DEEP, nu_r, self.positions, self._displaced, no_current
         )
 
     @staticmethod
@@ -154,9 +168,30 @@ class SteadyProblem:
             previous = (float(alpha), moment)
         return found
 
+    def cruises(self) -> list[Array]:
+        """Guesses for every straight way under a propeller, at several pitches."""
+        fast, slow = 20.0, 0.0
+        for _ in range(60):
+            middle = 0.5 * (fast + slow)
+            ahead = self._acceleration(
+                np.array([middle, 0.0, 0.0, 0.0, 0.0, 0.0]), down_axis(0.0, 0.0)
+            )
+            fast, slow = (fast, middle) if ahead[0] > 0.0 else (middle, slow)
+        return [
+            np.array([slow, 0.0, 0.0, 0.0, math.radians(pitch), 0.0])
+            for pitch in (0.0, -10.0, 10.0, -30.0, 30.0)
+        ]
+
+    def straight_guesses(self) -> list[Array]:
+        """Guesses for every straight motion, driven or gliding."""
+        return self.cruises() if self.driven else self.straight_roots()
+
     def with_rotation(self, rotation: float) -> SteadyProblem:
-        """The same problem at another rotation [rad]."""
-        return SteadyProblem(self.p, self.shift, rotation, self.net_mass)
+        """The same problem with what turns the vehicle elsewhere."""
+        positions = self.positions.copy()
+        if self.turning is not None:
+            positions[self.turning] = rotation
+        return SteadyProblem(self.p, positions, self.turning, self.driven)
 
 
 def _settled(problem: SteadyProblem, straight: Array) -> Array | None:
@@ -241,13 +276,13 @@ def steady_motions(problem: SteadyProblem, linear_angle: float) -> list[SteadyMo
 
     Raises NoSteadyState when the net mass is zero or no motion is found.
     """
-    if abs(problem.net_mass) < NEUTRAL:
+    if abs(problem.net_mass) < NEUTRAL and not problem.driven:
         raise NoSteadyState(
             "net mass 0 kg: a neutrally buoyant glider has no force to glide with; "
             "give a net mass above or below 0"
         )
     straight_problem = problem.with_rotation(0.0)
-    straight = solve_steady_state(straight_problem.residual, straight_problem.straight_roots())
+    straight = solve_steady_state(straight_problem.residual, straight_problem.straight_guesses())
     if problem.rotation == 0.0:
         guesses = straight + [g for x in straight for g in _spiral_guesses(x)]
     else:
@@ -261,8 +296,8 @@ def steady_motions(problem: SteadyProblem, linear_angle: float) -> list[SteadyMo
         motions = _motions(problem, guesses, linear_angle)
     if not motions:
         raise NoSteadyState(
-            f"no steady motion at shift {problem.shift:g} m, rotation "
-            f"{math.degrees(problem.rotation):g} deg, net mass {problem.net_mass:g} kg: "
+            f"no steady motion with the parts at {problem.text()}, net mass "
+            f"{problem.net_mass:g} kg: "
             "move the shift forward to dive or aft to climb, or turn the rotation less"
         )
     motions.sort(key=lambda m: (not m.stable, abs(m.trim.angle_of_attack_deg)))
@@ -279,8 +314,8 @@ def stable_motion(problem: SteadyProblem, linear_angle: float) -> SteadyMotion:
     growth = float(np.max(best.eigenvalues.real))
     fault = "flies tail first" if best.stable else f"grows by {growth:.3g} 1/s"
     raise NoSteadyState(
-        f"no stable forward motion at shift {problem.shift:g} m, rotation "
-        f"{math.degrees(problem.rotation):g} deg, net mass {problem.net_mass:g} kg: the one at "
+        f"no stable forward motion with the parts at {problem.text()}, net mass "
+        f"{problem.net_mass:g} kg: the one at "
         f"pitch {best.trim.pitch_deg:.1f} deg, angle of attack "
         f"{best.trim.angle_of_attack_deg:.1f} deg {fault}; "
         "move the shift forward to dive or aft to climb, or turn the rotation less"

@@ -64,12 +64,12 @@ def balance(
         side = -c_a * s_b * total[0] + c_b * total[1] - s_a * s_b * total[2]
         normal = -s_a * total[0] + c_a * total[2]
         gliding = along > 0
-        square = np.where(gliding, along, np.nan) / (vehicle.drag[0] + vehicle.drag[1] * alpha**2)
-        limit = vehicle.blend_angle
+        square = np.where(gliding, along, np.nan) / (vehicle.flow_frame.drag[0] + vehicle.flow_frame.drag[1] * alpha**2)
+        limit = vehicle.flow_frame.blend_angle
         with np.errstate(invalid="ignore"):
-            slope = (normal / square - vehicle.lift[0]) / vehicle.lift[1]
+            slope = (normal / square - vehicle.flow_frame.lift[0]) / vehicle.flow_frame.lift[1]
             alpha = np.clip(np.nan_to_num(slope), -limit, limit)
-            drift = -side / square / vehicle.side_force[0]
+            drift = -side / square / vehicle.flow_frame.side_force[0]
             beta = np.clip(np.nan_to_num(drift), -limit, limit)
         speed = np.sqrt(np.nan_to_num(square))
     gliding = gliding & (np.abs(alpha) < limit) & (np.abs(beta) < limit)

@@ -40,7 +40,7 @@ LEAST_SHARE = 0.2
 def righting_arm(calibration: Calibration) -> float:
     """Depth of the centre of gravity below the centre of buoyancy [m]."""
     v = calibration.vehicle
-    below = v.static_mass * v.static_cg[2] + v.movable_mass * v.movable_eccentricity
+    below = v.static_mass * v.static_cg[2] + v.battery.mass * v.battery.eccentricity
     return float(below / v.mass)
 
 
@@ -48,7 +48,7 @@ def with_righting_arm(calibration: Calibration, arm: float) -> Calibration:
     """The hull's centre of gravity moved so that the whole has this righting arm [m]."""
     v = calibration.vehicle
     cg = v.static_cg.copy()
-    cg[2] = (arm * v.mass - v.movable_mass * v.movable_eccentricity) / v.static_mass
+    cg[2] = (arm * v.mass - v.battery.mass * v.battery.eccentricity) / v.static_mass
     return calibration.replace(vehicle=v.replace(static_cg=cg))
 
 
@@ -58,8 +58,8 @@ PITCHING = (
         unit="mm",
         meaning="battery position less the vehicle file's, at encoder zero",
         spread=10.0,  # encoders are zeroed in the workshop, the centre of gravity is trimmed at sea
-        get=lambda c: c.vehicle.movable_neutral_x / MILLI,
-        set=lambda c, x: c.replace(vehicle=c.vehicle.replace(movable_neutral_x=MILLI * x)),
+        get=lambda c: c.vehicle.battery.neutral_x / MILLI,
+        set=lambda c, x: c.replace(vehicle=c.vehicle.replace(battery={"neutral_x": MILLI * x})),
     ),
     Parameter(
         name="righting_arm",
@@ -87,7 +87,7 @@ def battery_shift(calibration: Calibration, shift: Array, pump: Array) -> Array:
     at its true place turn the log's, (time,) each."""
     vehicle = calibration.vehicle
     lever = calibration.pump_position * CUBIC_CM * vehicle.reference_density
-    return shift - lever * pump / vehicle.movable_mass
+    return shift - lever * pump / vehicle.battery.mass
 
 
 def balanced(logs: Sequence[Log], calibration: Calibration) -> Calibration:
@@ -104,12 +104,12 @@ def balanced(logs: Sequence[Log], calibration: Calibration) -> Calibration:
             continue
         motion = motion_of(log, calibration)
         pitch = calibration.true_pitch(log.pitch)
-        constant, slope, _ = vehicle.pitch_moment
+        constant, slope, _ = vehicle.flow_frame.pitch_moment
         moment = (constant + slope * motion.angle_of_attack) * motion.speed**2
-        fixed = vehicle.static_mass * vehicle.static_cg[0] + vehicle.movable_mass * log.shift
+        fixed = vehicle.static_mass * vehicle.static_cg[0] + vehicle.battery.mass * log.shift
         weight = np.sqrt(log.period / INDEPENDENT) / MOMENT_NOISE
         columns = [
-            np.full_like(pitch, vehicle.movable_mass),
+            np.full_like(pitch, vehicle.battery.mass),
             np.tan(pitch) * vehicle.mass,
             -CUBIC_CM * vehicle.reference_density * log.pump,
         ]
@@ -124,5 +124,5 @@ def balanced(logs: Sequence[Log], calibration: Calibration) -> Calibration:
     matrix = np.concatenate([*rows, np.diag(1.0 / spread)])
     found, *_ = np.linalg.lstsq(matrix, np.concatenate([*right, known / spread]), rcond=None)
     arm = max(float(found[1]), LEAST_SHARE * known[1])
-    out = calibration.replace(vehicle=vehicle.replace(movable_neutral_x=float(found[0])))
+    out = calibration.replace(vehicle=vehicle.replace(battery={"neutral_x": float(found[0])}))
     return with_righting_arm(out, arm).replace(pump_position=float(found[2]))

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from twin.compiled import inline, jit
 from twin.errors import InputError
-from twin.fossen.forces import flow_functions
+from twin.vehicle.laws.flow_frame import flow_functions
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -97,8 +97,8 @@ def fly(
     mass = vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]
     coefficients = np.array(
         [
-            *(vehicle.drag[0], vehicle.drag[1], vehicle.lift[0], vehicle.lift[1]),
-            *(vehicle.side_force[0], vehicle.linear_angle, vehicle.blend_angle),
+            *(vehicle.flow_frame.drag[0], vehicle.flow_frame.drag[1], vehicle.flow_frame.lift[0], vehicle.flow_frame.lift[1]),
+            *(vehicle.flow_frame.side_force[0], vehicle.flow_frame.linear_angle, vehicle.flow_frame.blend_angle),
         ]
     )
     inputs = np.stack([vehicle.gravity * net_mass, immersion, roll, pitch, *rates], axis=1)

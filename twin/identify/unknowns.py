@@ -61,12 +61,12 @@ def _vehicle(calibration: Calibration, **changes: object) -> Calibration:
 def _set_drag(calibration: Calibration, value: float) -> Calibration:
     """All forces grow together (see the module), so that a bank's sideslip stays what it was."""
     vehicle = calibration.vehicle
-    scale = value / vehicle.drag[0]
+    scale = value / vehicle.flow_frame.drag[0]
     return _vehicle(
         calibration,
-        drag=(value, vehicle.drag[1] * scale),
-        lift=(vehicle.lift[0] * scale, vehicle.lift[1] * scale),
-        side_force=(vehicle.side_force[0] * scale,),
+        drag=(value, vehicle.flow_frame.drag[1] * scale),
+        lift=(vehicle.flow_frame.lift[0] * scale, vehicle.flow_frame.lift[1] * scale),
+        side_force=(vehicle.flow_frame.side_force[0] * scale,),
     )
 
 
@@ -76,7 +76,7 @@ def _set_mass(calibration: Calibration, value: float) -> Calibration:
     scale = value / vehicle.mass
     return _vehicle(
         calibration,
-        static_mass=value - vehicle.movable_mass,
+        static_mass=value - vehicle.battery.mass,
         static_inertia=vehicle.static_inertia * scale,
         added_mass=vehicle.added_mass * scale,
     )
@@ -84,12 +84,12 @@ def _set_mass(calibration: Calibration, value: float) -> Calibration:
 
 def _set_lift(calibration: Calibration, ratio: float) -> Calibration:
     vehicle = calibration.vehicle
-    return _vehicle(calibration, lift=(vehicle.lift[0], ratio * vehicle.drag[0]))
+    return _vehicle(calibration, lift=(vehicle.flow_frame.lift[0], ratio * vehicle.flow_frame.drag[0]))
 
 
 def _set_induced(calibration: Calibration, ratio: float) -> Calibration:
     vehicle = calibration.vehicle
-    return _vehicle(calibration, drag=(vehicle.drag[0], ratio * vehicle.drag[0]))
+    return _vehicle(calibration, drag=(vehicle.flow_frame.drag[0], ratio * vehicle.flow_frame.drag[0]))
 
 
 def _set_cycle(index: int) -> Callable[[Calibration, float], Calibration]:
@@ -123,7 +123,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         meaning="parasite drag K_D0; lift, side force and induced drag keep their ratios to it",
         spread=1.0,  # a factor of 2.7 either way: in effect free
         logarithmic=True,
-        get=lambda c: c.vehicle.drag[0],
+        get=lambda c: c.vehicle.flow_frame.drag[0],
         set=_set_drag,
     ),
     Parameter(
@@ -143,7 +143,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         spread=0.25,  # published Slocum models: 48 and 62
         logarithmic=True,
         channel="fixes",
-        get=lambda c: c.vehicle.lift[1] / c.vehicle.drag[0],
+        get=lambda c: c.vehicle.flow_frame.lift[1] / c.vehicle.flow_frame.drag[0],
         set=_set_lift,
     ),
     Parameter(
@@ -153,7 +153,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         spread=0.7,  # published Slocum models: 12 and 70
         logarithmic=True,
         channel="request",
-        get=lambda c: c.vehicle.drag[1] / c.vehicle.drag[0],
+        get=lambda c: c.vehicle.flow_frame.drag[1] / c.vehicle.flow_frame.drag[0],
         set=_set_induced,
     ),
     Parameter(

@@ -23,11 +23,17 @@ from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
 PROVENANCE = "identification"
 """Name of the `<text>` element."""
-WRITTEN = (
-    *("reference_density", "hull_compressibility", "mass", "drag", "lift", "side_force"),
-    *("movable_neutral_x", "static_cg"),
-)
-"""Fields of a vehicle that identification may change."""
+WRITTEN = {
+    "reference_density": lambda v: v.reference_density,
+    "hull_compressibility": lambda v: v.hull_compressibility,
+    "mass": lambda v: v.mass,
+    "drag": lambda v: v.flow_frame.drag,
+    "lift": lambda v: v.flow_frame.lift,
+    "side_force": lambda v: v.flow_frame.side_force,
+    "neutral_x of the battery": lambda v: v.battery.neutral_x,
+    "static_cg": lambda v: v.static_cg,
+}
+"""What identification may change, by name."""
 DIGITS = 10
 """Significant digits of a written number: far finer than any parameter is known."""
 
@@ -43,16 +49,16 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
     original = parse_vehicle(xml, vehicle.path)
     xml = _numeric(xml, "reference_density", [vehicle.reference_density], vehicle)
     xml = _numeric(xml, "hull_compressibility", [vehicle.hull_compressibility], vehicle)
-    xml = _numeric(xml, "drag", vehicle.drag, vehicle)
-    xml = _numeric(xml, "lift", vehicle.lift, vehicle)
-    xml = _numeric(xml, "side_force", vehicle.side_force, vehicle)
+    xml = _numeric(xml, "drag", vehicle.flow_frame.drag, vehicle)
+    xml = _numeric(xml, "lift", vehicle.flow_frame.lift, vehicle)
+    xml = _numeric(xml, "side_force", vehicle.flow_frame.side_force, vehicle)
     if vehicle.mass != original.mass:
         xml = _numeric(xml, "added_mass", vehicle.added_mass.ravel(), vehicle)
         xml = _hull_inertial(xml, vehicle, vehicle.mass / original.mass)
     if vehicle.static_cg[2] != original.static_cg[2]:
         xml = _hull_place(xml, vehicle)
-    if vehicle.movable_neutral_x != original.movable_neutral_x:
-        xml = _battery_place(xml, vehicle, vehicle.movable_neutral_x - original.movable_neutral_x)
+    if vehicle.battery.neutral_x != original.battery.neutral_x:
+        xml = _battery_place(xml, vehicle, vehicle.battery.neutral_x - original.battery.neutral_x)
     for name in (HULL_NUMERIC, PUMP_NUMERIC, SENSOR_NUMERIC):
         xml = re.sub(rf"[ \t]*<numeric name={name!r}[^>]*/>\n?".replace("'", '"'), "", xml)
     xml = re.sub(rf'[ \t]*<text name="{PROVENANCE}"[^>]*/>\n?', "", xml)
@@ -160,8 +166,8 @@ def _battery_place(xml: str, vehicle: Vehicle, moved: float) -> str:
 def _check(xml: str, vehicle: Vehicle) -> None:
     """What was written must read back as the vehicle that was meant."""
     again = parse_vehicle(xml, vehicle.path)
-    for name in WRITTEN:
-        mine, theirs = (np.atleast_1d(getattr(v, name)) for v in (vehicle, again))
+    for name, value in WRITTEN.items():
+        mine, theirs = (np.atleast_1d(value(v)) for v in (vehicle, again))
         if (np.abs(mine - theirs) > 1e-8 * np.maximum(np.abs(mine), 1.0)).any():
             raise VehicleError(
                 f"vehicle file {vehicle.path}: {name} reads back as {theirs}, not {mine}"

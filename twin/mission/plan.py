@@ -152,7 +152,7 @@ class Mission:
         self.compile(vehicle)
 
     def compile(self, vehicle: Vehicle) -> tuple[Array, Array]:
-        """Table (segments + 1, SEGMENT_COLUMNS + 3 parts) and gains (GAINS,) for `twin.mission.guidance`.
+        """Table (segments + 1, SEGMENT_COLUMNS + 3 parts) and gains (GAINS,) for guidance.
 
         Raises:
           MissionError: a segment is beyond the vehicle.

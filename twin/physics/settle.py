@@ -7,6 +7,7 @@ only removes what is left of the transient. The Fossen model finds its own indep
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -21,10 +22,10 @@ from twin.frames import (
     quaternion_to_euler,
     quaternion_to_matrix,
 )
-from twin.physics.mujoco_model import compile_model
-from twin.physics.native import block as b
+from twin.physics.mujoco_model import compile_model, state
 from twin.physics.quiet import quiet_mujoco
-from twin.physics.steady_motion import Trim, check_trim_request, solve_steady_state
+from twin.physics.simulation import joint_places
+from twin.physics.steady_motion import Trim, solve_steady_state, trim_positions
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -48,16 +49,22 @@ SAME_MOTION = 0.02
 class LockedGlider:
     """Accelerations of the twin with the battery locked, straight from MuJoCo."""
 
-    def __init__(self, vehicle: Vehicle, hydrodynamics: str, actuators: Array):
+    def __init__(self, vehicle: Vehicle, hydrodynamics: str, positions: Array):
         self.model = compile_model(
             vehicle.replace(hull_compressibility=0.0), hydrodynamics=hydrodynamics, lean=True
         )
         self.data = mujoco.MjData(self.model)
-        self.data.act[:] = self.data.ctrl[:] = actuators
+        self.data.act[:] = self.data.ctrl[:] = positions
         self.data.qpos[2] = -DEPTH
-        self.data.qpos[7:9] = actuators[:2]
-        self._battery = actuators[:2].copy()
+        self._joints = [(place, positions[index]) for index, place in joint_places(self.model)]
+        self._hold()
         self._mass = np.zeros((self.model.nv, self.model.nv))
+
+    def _hold(self) -> None:
+        """Put the moving masses where their parts are, without the servos' sag."""
+        for place, position in self._joints:
+            self.data.qpos[place] = position
+        self.data.qvel[6:] = 0.0
 
     def residual(self, x: Array) -> Array:
         """Body-fixed accelerations, shape (6,), of (u, v, w, roll, pitch, turn rate)."""
@@ -68,7 +75,7 @@ class LockedGlider:
         data = self.data
         data.qpos[3:7] = flip_quaternion(euler_to_quaternion(roll, pitch, 0.0))
         data.qvel[:3], data.qvel[3:6] = flip_vector(velocity), flip_vector(rates)
-        data.qpos[7:9], data.qvel[6:] = self._battery, 0.0  # without the servo's sag
+        self._hold()
         mujoco.mj_forward(self.model, data)
         mujoco.mj_fullM(self.model, data, self._mass)
         force = data.qfrc_smooth[:6]
@@ -89,37 +96,43 @@ class LockedGlider:
 
 def trim(
     vehicle: Vehicle,
-    shift: float,
-    rotation: float,
-    net_mass: float,
+    shift: float = 0.0,
+    rotation: float = 0.0,
+    net_mass: float = 0.0,
     *,
+    positions: Mapping[str, float] | None = None,
     hydrodynamics: str = "coefficients",
 ) -> Trim:
-    """The steady motion that the twin settles into at fixed actuators.
+    """The steady motion that the twin settles into at fixed positions of its parts.
 
     Args:
       shift: [m]. rotation: [rad]. net_mass: [kg], positive = heavy.
+      positions: of parts by name, in their units; see `steady_motion.trim_positions`.
 
     Raises:
-      InputError: outside the actuators' travel. NoSteadyState: it does not settle, and how.
+      InputError: outside the parts' travel. NoSteadyState: it does not settle, and how.
     """
-    check_trim_request(vehicle, shift, rotation, net_mass)
-    if abs(net_mass) < NEUTRAL:
+    wanted = trim_positions(vehicle, shift, rotation, net_mass, positions)
+    driven = vehicle.steered_index("speed")
+    driving = driven is not None and abs(wanted[driven]) > 0.0
+    pump = vehicle.steered_index("buoyancy")
+    heavy = 0.0 if pump is None else vehicle.net_mass_for_pump(wanted[pump])
+    if abs(heavy) < NEUTRAL and not driving:
         raise NoSteadyState(
             "net mass 0 kg: a neutrally buoyant glider has no force to glide with; "
             "give a net mass above or below 0"
         )
-    actuators = np.array([shift, rotation, vehicle.pump_for_net_mass(net_mass)])
-    glider = LockedGlider(vehicle, hydrodynamics, actuators)
+    glider = LockedGlider(vehicle, hydrodynamics, wanted)
     with quiet_mujoco():
-        settled = _fly_until_settled(glider, math.copysign(1.0, net_mass))
-    request = (
-        f"shift {shift:g} m, rotation {math.degrees(rotation):g} deg, net mass {net_mass:g} kg"
+        settled = _fly_until_settled(glider, 0.0 if driving else math.copysign(1.0, heavy))
+    request = ", ".join(
+        f"{part.name} {part.text(value)}" for part, value in zip(vehicle.parts, wanted, strict=True)
     )
-    if glider.data.userdata[b.U_FAILED]:
+    ours = state(glider.data)
+    if ours["failed"]:
         raise NoSteadyState(
             f"no steady state at {request}: the simulation went unstable at "
-            f"{glider.data.userdata[b.U_FAIL_TIME]:.1f} s; check the vehicle's parameters, "
+            f"{ours['fail_time']:.1f} s; check the vehicle's parameters, "
             "integrator and timestep"
         )
     if settled is None:
@@ -143,7 +156,7 @@ def trim(
         )
     x = roots[0]
     return Trim.from_motion(
-        v_rel=x[:3], roll=x[3], pitch=x[4], turn_rate=x[5], linear_angle=vehicle.linear_angle
+        v_rel=x[:3], roll=x[3], pitch=x[4], turn_rate=x[5], linear_angle=vehicle.law.valid_angle
     )
 
 
@@ -156,7 +169,7 @@ def _fly_until_settled(glider: LockedGlider, sinking: float) -> Array | None:
     data.qvel[:3] = flip_vector(velocity)
     steps = round(WINDOW / model.opt.timestep)
     before = np.full(6, np.inf)
-    while data.time < PATIENCE and not data.userdata[b.U_FAILED]:
+    while data.time < PATIENCE and not state(data)["failed"]:
         mujoco.mj_step(model, data, nstep=steps)
         now = glider.motion()
         if np.abs(now - before).max() < SETTLED:

@@ -7,7 +7,7 @@ their steady states can be compared field by field.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
+from twin.vehicle.parts import BatterySlide
 
 if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
@@ -70,7 +71,7 @@ class Trim:
 
         `v_rel` [m/s], shape (3,), body FRD, through the water; `roll`, `pitch` [rad];
         `turn_rate` [rad/s] about the vertical; `linear_angle` [rad] bounds the identified
-        range (`Vehicle.linear_angle`).
+        range (`HullLaw.valid_angle`).
         """
         u, v, w = (float(component) for component in np.asarray(v_rel, dtype=float))
         roll, pitch, turn_rate = float(roll), float(pitch), float(turn_rate)
@@ -95,29 +96,64 @@ class Trim:
         )
 
 
-def check_trim_request(vehicle: Vehicle, shift: float, rotation: float, net_mass: float) -> None:
-    """Raise InputError when `shift` [m], `rotation` [rad] or `net_mass` [kg] is not reachable.
+def trim_positions(
+    vehicle: Vehicle,
+    shift: float = 0.0,
+    rotation: float = 0.0,
+    net_mass: float = 0.0,
+    positions: Mapping[str, float] | None = None,
+) -> NDArray[np.float64]:
+    """Positions of the parts, shape (parts,), that a request for a steady motion means.
 
-    The net mass is bounded by the pump: net mass = - reference density * pumped volume.
+    Args:
+      shift: [m] of a battery slide. rotation: [rad] of what turns the vehicle. net_mass: [kg] that
+        its pump makes it heavy at reference density: net mass = - density * pumped volume.
+      positions: of parts by name, in their units; the others rest. They win over the above.
+
+    Raises:
+      InputError: outside the travel of a part, or of a part that the vehicle has not.
     """
-    per_pump = -1e-6 * vehicle.reference_density
-    wanted = (
-        ("shift", shift, "m", 1.0),
-        ("rotation", rotation, "deg", math.degrees(1.0)),
-        ("net mass", net_mass, "kg", per_pump),
-    )
-    for index, (name, value, unit, scale) in enumerate(wanted):
-        in_unit = float(value) * (scale if unit == "deg" else 1.0)
-        limits = sorted(
-            scale * float(limit[index]) for limit in (vehicle.actuator_min, vehicle.actuator_max)
-        )
-        low, high = limits
-        slack = LIMIT_SLACK * (high - low)
-        if not low - slack <= in_unit <= high + slack:
+    wanted = vehicle.rest
+    slide = vehicle.steered("pitch")
+    for name, value, there, what in (
+        ("shift", shift, isinstance(slide, BatterySlide), "battery slide"),
+        ("rotation", rotation, vehicle.steered("heading") is not None, "part that turns it"),
+        ("net mass", net_mass, vehicle.steered("buoyancy") is not None, "pump"),
+    ):
+        if value and not there:
             raise InputError(
-                f"{name} {in_unit:g} {unit} is outside the travel of vehicle {vehicle.name!r}: "
-                f"give a value from {low:g} to {high:g} {unit}"
+                f"{name} {value:g}: vehicle {vehicle.name!r} has no {what}; its parts: "
+                f"{', '.join(vehicle.part_names)}"
             )
+    if isinstance(slide, BatterySlide):
+        _check_reach(vehicle, "shift", shift, slide.low, slide.high, "m", 1.0)
+        wanted[vehicle.part_names.index(slide.name)] = shift
+    turning, pump = vehicle.steered("heading"), vehicle.steered("buoyancy")
+    if turning is not None:
+        degrees = math.degrees(1.0)
+        _check_reach(vehicle, "rotation", rotation, turning.low, turning.high, "deg", degrees)
+        wanted[vehicle.part_names.index(turning.name)] = rotation
+    if pump is not None:
+        low, high = (vehicle.net_mass_for_pump(end) for end in (pump.high, pump.low))
+        _check_reach(vehicle, "net mass", net_mass, low, high, "kg", 1.0)
+        wanted[vehicle.part_names.index(pump.name)] = vehicle.pump_for_net_mass(net_mass)
+    for name, value in (positions or {}).items():
+        part = vehicle.part(name)
+        _check_reach(vehicle, name, value, part.low, part.high, part.unit, 1.0)
+        wanted[vehicle.part_names.index(name)] = value
+    return wanted
+
+
+def _check_reach(
+    vehicle: Vehicle, name: str, value: float, low: float, high: float, unit: str, scale: float
+) -> None:
+    in_unit, low, high = float(value) * scale, float(low) * scale, float(high) * scale
+    slack = LIMIT_SLACK * (high - low)
+    if not low - slack <= in_unit <= high + slack:
+        raise InputError(
+            f"{name} {in_unit:g} {unit} is outside the travel of vehicle {vehicle.name!r}: "
+            f"give a value from {low:g} to {high:g} {unit}"
+        )
 
 
 def solve_steady_state(

@@ -64,10 +64,10 @@ class Consumption:
         shift, rotation, pumped = (float(x) for x in after - before)
         pressure = vehicle.reference_density * vehicle.gravity * max(depth, 0.0)
         pumping = max(pumped, 0.0) * CUBIC_CM * (pressure + self.hull_vacuum)
-        weight = vehicle.movable_mass * vehicle.gravity
+        weight = vehicle.battery.mass * vehicle.gravity
         sliding = weight * (shift * math.sin(pitch) + self.rail_friction * abs(shift))
         # the eccentric mass hangs lowest at rotation 0
-        raised = vehicle.movable_eccentricity * (math.cos(before[1]) - math.cos(after[1]))
+        raised = vehicle.battery.eccentricity * (math.cos(before[1]) - math.cos(after[1]))
         turning = weight * math.cos(pitch) * raised + self.bearing_torque * abs(rotation)
         moving = max(sliding, 0.0) + max(turning, 0.0)
         return (

@@ -47,13 +47,13 @@ def _usual(reader: MjcfReader, actuator: Element, name: str) -> str:
     if joint is not None:
         element = reader.joint(joint)
         return BatteryHinge.kind if element.get("type", "hinge") == "hinge" else BatterySlide.kind
-    if name == "pump":
-        return Pump.kind
-    reader.fail(
-        f"actuator {name!r}",
-        f"of a kind: add <text name='{name}.kind' data='KIND'/> to <custom>, one of "
-        f"{', '.join(PARTS)}",
-    )
+    if name != "pump":
+        reader.fail(
+            f"actuator {name!r}",
+            f"of a kind: add <text name='{name}.kind' data='KIND'/> to <custom>, one of "
+            f"{', '.join(PARTS)}",
+        )
+    return Pump.kind
 
 
 def _check_actuator(reader: MjcfReader, actuator: Element, kind: type[Part]) -> None:

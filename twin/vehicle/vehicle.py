@@ -125,6 +125,16 @@ class Vehicle:
             )
         return self.masses[0]
 
+    @property
+    def flow_frame(self) -> FlowFrame:
+        """Its hull law, when it is the flow-frame one; VehicleError for vehicles of other laws."""
+        if not isinstance(self.law, FlowFrame):
+            raise VehicleError(
+                f"vehicle {self.name!r} has the hull law {self.law.kind!r}; this needs a glider with "
+                f"lift and drag coefficients (hull law {FlowFrame.kind!r})"
+            )
+        return self.law
+
     def pump_for_net_mass(self, net_mass: float) -> float:
         """Position of its pump [cm3] that makes it `net_mass` [kg] heavy at reference density.
 

@@ -140,8 +140,8 @@ def _inertia(vehicle: Vehicle) -> Array:
 
 def _coupling(vehicle: Vehicle) -> Array:
     """M_vw, (3, 3): momentum per body rate, with the battery in its neutral place."""
-    movable = vehicle.movable_position(0.0, 0.0)
-    moment = vehicle.static_mass * vehicle.static_cg + vehicle.movable_mass * movable
+    movable = vehicle.battery.position(0.0, 0.0)
+    moment = vehicle.static_mass * vehicle.static_cg + vehicle.battery.mass * movable
     return vehicle.added_mass[:3, 3:] - skew(moment)
 
 

@@ -62,10 +62,10 @@ def steady_angle_of_attack(vehicle: Vehicle, pitch: float) -> float:
     """
     angles = []
     for sign in (1.0, -1.0):
-        k_l0 = sign * vehicle.lift[0]
+        k_l0 = sign * vehicle.flow_frame.lift[0]
         alpha = 0.0
         for _ in range(100):
-            drag = vehicle.drag[0] + vehicle.drag[1] * alpha**2
-            alpha = (drag / math.tan(pitch + alpha) - k_l0) / vehicle.lift[1]
+            drag = vehicle.flow_frame.drag[0] + vehicle.flow_frame.drag[1] * alpha**2
+            alpha = (drag / math.tan(pitch + alpha) - k_l0) / vehicle.flow_frame.lift[1]
         angles.append(alpha)
     return sum(angles) / 2

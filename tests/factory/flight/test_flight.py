@@ -148,7 +148,7 @@ def test_the_guidance_does_not_know_the_spread_vehicle() -> None:
     spread_table = build_mission(made, VEHICLE).compile(spread_vehicle(VEHICLE, made))[0]
     np.testing.assert_array_equal(nominal_table, spread_table)
     scenario = build_scenario(made, VEHICLE)
-    assert scenario.vehicle.pitch_moment != VEHICLE.pitch_moment
+    assert scenario.vehicle.flow_frame.pitch_moment != VEHICLE.flow_frame.pitch_moment
 
 
 def test_zero_errors_leave_the_compiled_model_as_it_is() -> None:

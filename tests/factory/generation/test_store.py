@@ -118,7 +118,7 @@ def test_every_drawn_value_is_a_variable_over_missions(field_store: Path) -> Non
 def test_provenance_is_enough_to_rebuild_vehicle_and_sensors(field_store: Path) -> None:
     run, nominal = StoredRun(field_store), load_vehicle()
     assert run.dataset.attrs["vehicle_mjcf"] == nominal.xml
-    assert run.vehicle.drag == nominal.drag
+    assert run.vehicle.flow_frame.drag == nominal.flow_frame.drag
     made = make_recipe(preset="field", hours=0.5)
     assert run.suite == made.suite
     settings = run.settings

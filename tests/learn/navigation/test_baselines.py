@@ -63,7 +63,7 @@ def test_steady_flight_finds_the_steady_glide(glide):
 
 
 def test_steady_flight_speed_hardly_depends_on_a_wrong_drag(glide):
-    heavy = VEHICLE.replace(drag=(1.2 * VEHICLE.drag[0], VEHICLE.drag[1]))
+    heavy = VEHICLE.replace(drag=(1.2 * VEHICLE.flow_frame.drag[0], VEHICLE.flow_frame.drag[1]))
     estimate = SteadyFlight(vehicle=heavy).estimate(glide, PERIOD)
     # 20 % of drag are 9 % of the buoyancy's speed; the depth rate leaves the angle of attack.
     assert estimate.surge[600] == pytest.approx(glide["true_surge"][600], rel=0.012)

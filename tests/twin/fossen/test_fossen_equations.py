@@ -78,9 +78,9 @@ def test_mass_matrix_is_that_of_two_blocks(model):
         for mass, r, own in (
             (v.static_mass, v.static_cg, v.static_inertia),
             (
-                v.movable_mass,
-                v.movable_position(shift, rotation),
-                turn @ v.movable_inertia @ turn.T,
+                v.battery.mass,
+                v.battery.position(shift, rotation),
+                turn @ v.battery.inertia @ turn.T,
             ),
         ):
             velocity = linear + np.cross(omega, r)

@@ -35,7 +35,7 @@ def model(seawing: Vehicle) -> FossenModel:
 
 
 def trim_at(model: FossenModel, net_mass: float, position: float, rotation_deg: float) -> Trim:
-    shift = position - model.vehicle.movable_neutral_x
+    shift = position - model.vehicle.battery.neutral_x
     return model.trim(shift, math.radians(rotation_deg), net_mass)
 
 
@@ -68,7 +68,7 @@ def test_published_spiral(model):
 
 def test_spiral_eigenvalues(seawing):
     """The listed eigenvalues belong to the misprinted block inertia I_yy = 10.16 kg m2."""
-    inertia = seawing.movable_inertia.copy()
+    inertia = seawing.battery.inertia.copy()
     inertia[1, 1] = 10.16
     misprinted = FossenModel(seawing.replace(movable_inertia=inertia))
     motion = misprinted.steady_motion(0.02, math.radians(45), 0.3)
@@ -196,7 +196,7 @@ def test_every_usual_setting_has_one_stable_forward_motion(model):
             for rotation in (0.0, 0.8, 1.5):
                 signed = math.copysign(shift, net_mass)
                 problem = SteadyProblem(model.parameters, signed, rotation, net_mass)
-                motions = steady_motions(problem, model.vehicle.linear_angle)
+                motions = steady_motions(problem, model.vehicle.flow_frame.linear_angle)
                 assert sum(m.stable and m.forward for m in motions) == 1
 
 

@@ -20,9 +20,9 @@ SUITE = SensorSuite.preset("field-no-dvl")
 def changed(vehicle, *, drag=1.0, lift_ratio=1.0, neutral_density=None, compressibility=None):
     """The vehicle with other parameters; drag scales all forces."""
     changes = {
-        "drag": (vehicle.drag[0] * drag, vehicle.drag[1] * drag),
-        "lift": (vehicle.lift[0] * drag, vehicle.lift[1] * drag * lift_ratio),
-        "side_force": (vehicle.side_force[0] * drag,),
+        "drag": (vehicle.flow_frame.drag[0] * drag, vehicle.flow_frame.drag[1] * drag),
+        "lift": (vehicle.flow_frame.lift[0] * drag, vehicle.flow_frame.lift[1] * drag * lift_ratio),
+        "side_force": (vehicle.flow_frame.side_force[0] * drag,),
     }
     if neutral_density is not None:
         changes["reference_density"] = neutral_density

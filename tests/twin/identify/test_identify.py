@@ -72,8 +72,8 @@ def test_a_heavy_start_and_a_light_stiff_vehicle_do_not_stop_the_search(store):
 def test_side_force_grows_with_drag():
     nominal = load_calibration("slocum")
     (drag,) = choose(["drag"])
-    scaled = drag.set(nominal, 3.0 * nominal.vehicle.drag[0])
-    assert scaled.vehicle.side_force[0] == pytest.approx(3.0 * nominal.vehicle.side_force[0])
+    scaled = drag.set(nominal, 3.0 * nominal.vehicle.flow_frame.drag[0])
+    assert scaled.vehicle.flow_frame.side_force[0] == pytest.approx(3.0 * nominal.vehicle.flow_frame.side_force[0])
 
 
 def test_without_ctd_the_sea_is_compressed_like_sea_water():
@@ -157,7 +157,7 @@ def test_lift_is_kept_at_nominal_without_fixes_unless_asked_for(store):
     found = identify(load_logs(store), load_calibration("glider"))
     kept = found["lift_ratio"]
     assert not kept.determined
-    assert kept.value == kept.nominal == VEHICLE.lift[1] / VEHICLE.drag[0]
+    assert kept.value == kept.nominal == VEHICLE.flow_frame.lift[1] / VEHICLE.flow_frame.drag[0]
     assert "fixes" in kept.note
     assert not found["thermal_lag"].determined
     assert "temperature" in found["thermal_lag"].note
@@ -204,7 +204,7 @@ def test_written_vehicle_loads_flies_and_says_where_it_comes_from(tmp_path, name
     assert dive["true_depth"][-1] > 2.0
     second = vehicle_xml(again, {"store": "another"})
     assert second.count('name="identification"') == second.count('name="sensor_errors"') == 1
-    assert parse_vehicle(second, path).drag == again.vehicle.drag
+    assert parse_vehicle(second, path).drag == again.vehicle.flow_frame.drag
     with pytest.raises(InputError, match="exists already"):
         write_vehicle(calibration, path, {})
 

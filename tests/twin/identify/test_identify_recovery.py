@@ -19,7 +19,7 @@ simulated = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(simulated)
 
 VEHICLE = load_vehicle("glider")
-RATIO = VEHICLE.lift[1] / VEHICLE.drag[0]
+RATIO = VEHICLE.flow_frame.lift[1] / VEHICLE.flow_frame.drag[0]
 MOST_DEVIATIONS = 3.5
 """of one estimate: beyond it in one of 2000 cases"""
 
@@ -39,7 +39,7 @@ def draw(seed):
     )
     truth = {
         "neutral_density": neutral,
-        "drag": VEHICLE.drag[0] * drag,
+        "drag": VEHICLE.flow_frame.drag[0] * drag,
         "lift_ratio": RATIO * lift_ratio,
         "compressibility": kappa,
         "pitch_offset": offset,
@@ -105,7 +105,7 @@ def test_steady_model_recovers_trim_and_drag_in_water_of_one_density(tmp_path, m
     store = simulated.stored(tmp_path / "one.zarr", runs)
     names = ["neutral_density", "drag"]
     found = identify(load_logs(store), load_calibration("glider"), parameters=names, model="steady")
-    truth = {"neutral_density": 1025.3, "drag": 1.2 * VEHICLE.drag[0]}
+    truth = {"neutral_density": 1025.3, "drag": 1.2 * VEHICLE.flow_frame.drag[0]}
     assert set(found.determined) == set(names)
     assert max(map(abs, deviations(found, truth).values())) < MOST_DEVIATIONS
 
@@ -115,12 +115,12 @@ def test_full_twin_recovers_what_the_moments_tell(tmp_path, seed):
     """Trim and drag, the place of the battery, of the centre of gravity and of the pump."""
     rng = np.random.default_rng(seed)
     drag, neutral = float(np.exp(rng.normal(0, 0.15))), 1025.0 + float(rng.normal(0, 0.5))
-    place = VEHICLE.movable_neutral_x + float(rng.normal(0.0, 3e-3))
+    place = VEHICLE.battery.neutral_x + float(rng.normal(0.0, 3e-3))
     nominal = load_calibration("glider")
     arm = righting_arm(nominal) * float(np.exp(rng.normal(0.0, 0.15)))
     pump_position = float(rng.normal(0.0, 0.5))
     vehicle = simulated.changed(VEHICLE, drag=drag, neutral_density=neutral)
-    vehicle = vehicle.replace(movable_neutral_x=place)
+    vehicle = vehicle.replace(battery={"neutral_x": place})
     vehicle = with_righting_arm(nominal.replace(vehicle=vehicle), arm).vehicle
     runs = [
         simulated.flown(vehicle, 100 * seed + k, pitch=pitch, yos=1)
@@ -135,7 +135,7 @@ def test_full_twin_recovers_what_the_moments_tell(tmp_path, seed):
     found = refined.identification
     truth = {
         "neutral_density": neutral,
-        "drag": drag * VEHICLE.drag[0],
+        "drag": drag * VEHICLE.flow_frame.drag[0],
         "shift_offset": 1e3 * place,
         "righting_arm": 1e3 * arm,
         "pump_position": pump_position,

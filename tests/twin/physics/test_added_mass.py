@@ -148,7 +148,7 @@ def kinetic_and_potential(vehicle, trajectory):
     mass = np.zeros((6, 6))
     for m, r, inertia in (
         (vehicle.static_mass, vehicle.static_cg, vehicle.static_inertia),
-        (vehicle.movable_mass, vehicle.movable_position(0.0, 0.0), vehicle.movable_inertia),
+        (vehicle.battery.mass, vehicle.battery.position(0.0, 0.0), vehicle.battery.inertia),
     ):
         x, y, z = r
         s = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -160,8 +160,8 @@ def kinetic_and_potential(vehicle, trajectory):
     rates = np.stack([trajectory[f"true_{n}_rate"] for n in ("roll", "pitch", "yaw")], -1)
     twist = np.concatenate([trajectory.v_rel, rates], axis=1)
     kinetic = 0.5 * np.einsum("ti,ij,tj->t", twist, mass, twist)
-    first_moment = vehicle.static_mass * vehicle.static_cg + vehicle.movable_mass * (
-        vehicle.movable_position(0.0, 0.0)
+    first_moment = vehicle.static_mass * vehicle.static_cg + vehicle.battery.mass * (
+        vehicle.battery.position(0.0, 0.0)
     )
     roll, pitch = (np.deg2rad(trajectory[f"true_{n}"]) for n in ("roll", "pitch"))
     down = np.stack(

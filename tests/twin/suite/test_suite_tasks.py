@@ -206,12 +206,12 @@ def test_moves_against_pressure_and_gravity_cost_their_work():
         return ideal.energy(VEHICLE, NOTHING, move, depth=100.0, pitch=pitch, duration=1.0)
 
     pressure = VEHICLE.reference_density * VEHICLE.gravity * 100.0
-    weight = VEHICLE.movable_mass * VEHICLE.gravity
+    weight = VEHICLE.battery.mass * VEHICLE.gravity
     assert cost(pump=10.0) == pytest.approx(1e-5 * pressure)
     assert cost(pump=-10.0) == 0.0
     assert cost(shift=0.01, pitch=0.5) == pytest.approx(weight * 0.01 * math.sin(0.5))
     assert cost(shift=0.01, pitch=-0.5) == 0.0
-    lifted = VEHICLE.movable_eccentricity * (1.0 - math.cos(0.8))
+    lifted = VEHICLE.battery.eccentricity * (1.0 - math.cos(0.8))
     assert cost(rotation=-0.8) == pytest.approx(weight * lifted)
 
 

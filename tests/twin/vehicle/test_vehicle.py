@@ -26,7 +26,7 @@ def test_parsed_and_compiled_vehicles_agree(name):
     np.testing.assert_allclose(flip_vector(model.body("hull").ipos), vehicle.static_cg)
     np.testing.assert_allclose(
         flip_vector(data.body("battery").xipos - data.body("hull").xpos),
-        vehicle.movable_position(0.0, 0.0),
+        vehicle.battery.position(0.0, 0.0),
         atol=1e-12,
     )
     np.testing.assert_array_equal(model.actuator_actrange[:, 1], vehicle.actuator_max)
@@ -40,7 +40,7 @@ def test_moved_battery_is_where_the_formula_says(name):
     data.qpos[7:9] = 0.013, 0.7
     mujoco.mj_forward(model, data)
     found = flip_vector(data.body("battery").xipos - data.body("hull").xpos)
-    np.testing.assert_allclose(found, vehicle.movable_position(0.013, 0.7), atol=1e-12)
+    np.testing.assert_allclose(found, vehicle.battery.position(0.013, 0.7), atol=1e-12)
 
 
 @pytest.mark.parametrize("name", vehicle_names())
@@ -168,5 +168,5 @@ def test_changes_round_trip():
     changes = changed.changes()
     assert set(changes) == {"drag", "static_cg"}
     again = GLIDER.with_changes(changes)
-    assert again.drag == (7.0, 390.0)
+    assert again.flow_frame.drag == (7.0, 390.0)
     np.testing.assert_array_equal(again.static_cg, changed.static_cg)

@@ -36,15 +36,15 @@ def _compile(_: int) -> dict[str, Any]:
     llvm.load_library_permanently(str(at.library_path()))
 
     @cfunc(_VOID)
-    def glider_twin_water(model, data):  # type: ignore[no-untyped-def]
+    def glider_twin_water(model, data):
         plant.water(model, data)
 
     @cfunc(_VOID)
-    def glider_twin_control(model, data):  # type: ignore[no-untyped-def]
+    def glider_twin_control(model, data):
         plant.control(model, data)
 
     @cfunc(types.float64(types.int64, types.int64, types.int32))
-    def glider_twin_actuate(model, data, index):  # type: ignore[no-untyped-def]
+    def glider_twin_actuate(model, data, index):
         return plant.actuate(model, data, index)
 
     return {

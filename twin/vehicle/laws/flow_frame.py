@@ -3,8 +3,8 @@
 For speed V through the water, angle of attack alpha and sideslip beta (S. Zhang, J. Yu, A. Zhang,
 F. Zhang, Ocean Engineering 60 (2013) 1-13; the coefficients carry the density of sea water):
 
-    D  = (K_D0 + K_D alpha^2) V^2     SF = K_beta beta V^2             L  = (K_L0 + K_alpha alpha) V^2
-    T1 = (K_MR beta + K_p p) V^2      T2 = (K_M0 + K_M alpha + K_q q) V^2
+    D = (K_D0 + K_D alpha^2) V^2    SF = K_beta beta V^2    L = (K_L0 + K_alpha alpha) V^2
+    T1 = (K_MR beta + K_p p) V^2    T2 = (K_M0 + K_M alpha + K_q q) V^2
     T3 = (K_MY beta + K_r r) V^2
 
 (-D, SF, -L) and (T1, T2, T3) turn from the flow to the body. Outside the identified range of the

@@ -178,9 +178,8 @@ class Fin(Part):
         if not size > 0.0:
             reader.fail(f"<numeric name={name + '.axis'!r}>", "a vector along the fin's span")
         numbers = {
-            field.name: reader.number(f"{name}.{field.name}", default=float(field.default))
-            for field in dataclasses.fields(cls)
-            if field.name in _OPTIONAL
+            field: reader.number(f"{name}.{field}", default=float(getattr(cls, field)))
+            for field in _OPTIONAL
         }
         return {
             "axis": tuple(float(x) / size for x in axis),
@@ -241,6 +240,6 @@ class Fin(Part):
         return float(0.5 * min(self.high, -self.low) * rng.uniform(-1.0, 1.0))
 
 
-_OPTIONAL = {
+_OPTIONAL = (
     "stall_angle", "stalled_lift_slope", "zero_lift_drag", "drag_slope", "stalled_drag_slope",
-}  # fmt: skip
+)  # fmt: skip
