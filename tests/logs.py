@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.og1_missions import geographic
-from twin.water.current.origin import Origin
+from twin.geodesy import from_tangent_plane
 
 Array = NDArray[np.float64]
 
@@ -84,8 +83,7 @@ class Flight:
 
     def position(self, time: Array) -> tuple[Array, Array]:
         state = self.state(np.asarray(time, float))
-        origin = Origin(latitude_deg=LATITUDE, longitude_deg=LONGITUDE)
-        return geographic(state["north"], state["east"], origin)
+        return from_tangent_plane(state["north"], state["east"], LATITUDE, LONGITUDE)
 
     def displacement(self, start: float, end: float) -> tuple[float, float]:
         state = self.state(np.array([start, end]))

@@ -18,9 +18,9 @@ from logs import (
     write_seaexplorer,
 )
 
-from factory.exporting.og1_missions import export_og1
+from factory.exporting.og1.missions import export_og1
 from factory.importing import import_logs
-from factory.importing.formats.lrauv import in_unit
+from factory.importing.formats.lrauv.logs import in_unit
 from factory.stores.stored import StoredRun
 from twin.errors import InputError
 
@@ -167,7 +167,7 @@ def test_og1_magnetic_headings_need_the_variation(tmp_path: Path) -> None:
 )
 def test_real_logs_come_back_from_their_og1_files(tmp_path: Path, log: str, kind: str) -> None:
     """Fixes just below the surface, and silent logs around them, make the same rows again."""
-    from factory.exporting.og1_logs import export_og1_logs
+    from factory.exporting.og1.deployments import export_og1_logs
     from factory.stores.stored_logs import StoredLogs
     from twin.records.store import write_store
 

@@ -258,7 +258,7 @@ def test_files_of_no_log_format_are_named(tmp_path: Path) -> None:
     write_slocum(tmp_path, FLIGHT)
     (tmp_path / "LICENSE").write_text("free")
     _, report = import_logs("slocum", [tmp_path])
-    assert details(report, "left out")["files"] == "of no slocum format: LICENSE"
+    assert details(report, "left out")["files"] == "no slocum logs: LICENSE"
 
 
 def test_a_truth_in_centimetres_a_second_is_suspect(tmp_path: Path) -> None:
