@@ -71,7 +71,11 @@ class Exporter:
         return store.with_name(store.stem + self.ending)
 
     def export(
-        self, run: Stored, missions: Sequence[int], path: Path, advance: Advance
+        self,
+        run: Stored,
+        missions: Sequence[int],
+        path: Path,
+        advance: Advance = no_progress,
     ) -> list[Path]:
         """Write, after the store and the missions were checked.
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from factory.importing.formats.base import ARRAYS, TABLES, Importer, WrongFormat
-from factory.importing.formats.registry import sniff
+from factory.importing.formats.registry import likely_kind, sniff
 from factory.importing.reading.columns import column_names
 from factory.importing.reading.netcdf import holds_arrays, variable_names
 from factory.importing.reading.tally import Tally, summarise
@@ -20,7 +20,7 @@ def expand(importer: Importer, paths: Sequence[Path], tally: Tally) -> list[Path
 
     Raises:
       InputError: no such file, a folder without any, an unreadable or empty file.
-      WrongFormat: arrays where the kind has tables, or the other way round.
+      WrongFormat: a file of another kind, by the names in it.
     """
     files: list[Path] = []
     for path in paths:
@@ -35,7 +35,7 @@ def expand(importer: Importer, paths: Sequence[Path], tally: Tally) -> list[Path
     for path in unique:
         if path.stat().st_size == 0:
             raise InputError(f"{path} is empty")
-        _check_container(importer, path)
+        _check_contents(importer, path)
     if not unique:
         raise InputError(
             f"no files to import; name {importer.name} logs or a folder that holds them"
@@ -70,10 +70,17 @@ def _looks_like(files: Sequence[Path]) -> str:
     return ""
 
 
-def _check_container(importer: Importer, path: Path) -> None:
-    """Refuse netCDF where the kind has tables alone, and tables where it has netCDF alone."""
-    arrays = holds_arrays(path)
-    if arrays and not importer.suffixes & ARRAYS:
-        raise WrongFormat(path, variable_names(path))
-    if not arrays and path.suffix.lower() in TABLES and not importer.suffixes & TABLES:
-        raise WrongFormat(path, column_names(path))
+def _check_contents(importer: Importer, path: Path) -> None:
+    """Refuse a file in a container that the kind has not, or with the names of another kind.
+
+    What is neither a table nor netCDF is the vehicle's own binary file: its reader judges it.
+    """
+    if holds_arrays(path):
+        names, endings = variable_names(path), ARRAYS
+    elif path.suffix.lower() in TABLES:
+        names, endings = column_names(path), TABLES
+    else:
+        return
+    foreign = not importer.marks & set(names) and likely_kind(names) is not None
+    if foreign or not importer.suffixes & endings:
+        raise WrongFormat(path, names)

@@ -63,7 +63,7 @@ def read_table(path: Path) -> Table:
     return _csv(path)
 
 
-def _parquet(path: Path) -> Table:
+def _opened_parquet(path: Path) -> Any:
     try:
         parquet = import_module("pyarrow.parquet")
     except ImportError:
@@ -71,9 +71,17 @@ def _parquet(path: Path) -> Table:
             f'{path.name} needs pyarrow, which is not installed: pip install "glider-twin[parquet]"'
         ) from None
     try:
-        table = parquet.read_table(path)
+        return parquet.ParquetFile(path)
     except Exception as error:
         raise InputError(f"{path} is not a whole parquet file: {_line(error)}") from error
+
+
+def _parquet(path: Path) -> Table:
+    with _opened_parquet(path) as file:
+        try:
+            table = file.read()
+        except Exception as error:
+            raise InputError(f"{path} is not a whole parquet file: {_line(error)}") from error
     columns: dict[str, Array] = {}
     texts: dict[str, NDArray[Any]] = {}
     for name in table.column_names:
@@ -91,8 +99,8 @@ def _parquet(path: Path) -> Table:
 def column_names(path: Path) -> list[str]:
     """Names of the columns of a csv, csv.gz or parquet file. Errors as `read_table`."""
     if path.suffix == ".parquet":
-        table = _parquet(path)
-        return [*table.columns, *table.texts]
+        with _opened_parquet(path) as parquet:
+            return [str(name) for name in parquet.schema_arrow.names]
     try:
         with _opened(path) as file:
             return [name for name in _header(file)[0] if name]
