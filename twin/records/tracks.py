@@ -185,7 +185,8 @@ def _read_csv(path: Path, mission: int) -> list[NamedTrack]:
                 path, dtype=str, na_filter=False, skipinitialspace=True, index_col=False
             )
     except (OSError, ValueError, pd.errors.ParserWarning) as error:
-        raise InputError(f"track file {path.name} cannot be read: {error}") from error
+        why = " ".join(str(error).split())
+        raise InputError(f"track file {path.name} cannot be read: {why}") from error
     missing = {"time", "north", "east"} - set(frame.columns)
     if missing:
         raise InputError(f"track file {path.name}: no column {', '.join(sorted(missing))}")

@@ -63,6 +63,11 @@ def test_every_importer_has_logs_that_these_tests_write() -> None:
     assert set(WRITERS) == set(IMPORTERS.names())
 
 
+def test_every_folder_of_formats_is_registered() -> None:
+    folders = (ROOT / "factory" / "importing" / "formats").glob("*/__init__.py")
+    assert {path.parent.name for path in folders} == set(IMPORTERS.names())
+
+
 @pytest.mark.parametrize(("kind", "layout"), LAYOUTS)
 def test_logs_come_back_dive_by_dive(kind: str, layout: int, tmp_path: Path) -> None:
     importer = IMPORTERS[kind]

@@ -59,3 +59,32 @@ def test_a_table_is_no_mission(tmp_path: Path, separator: str) -> None:
     path.write_text("kind,max_depth_m\nsaw-tooth,100\n".replace(",", separator))
     with pytest.raises(MissionError, match=r"no table of columns but \[\[segments\]\]"):
         load_mission(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "density.csv is empty"),
+        ("# nothing but words\n", "density.csv is empty"),
+        ("depth,density\n", "density.csv has no rows"),
+        ("depth,dens\n0,1025\n", "lacks the column 'temperature'"),
+        ("depth,density,density\n0,1025,1026\n", "more than one column 'density'"),
+        ("# cast\ndepth,density\n0,1025\n\n10,heavy\n", "row 5: density is 'heavy', not a number"),
+        ("depth,density\n0,1025,7\n", "row 2: 3 values, the header has 2"),
+        ("depth,density\n0,1025\n10\n", "row 3: 1 values, the header has 2"),
+    ],
+)
+def test_a_density_file_that_is_wrong_says_where(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "density.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message) as caught:
+        read_density_csv(path)
+    assert "density.csv" in str(caught.value)
+
+
+def test_numbers_keep_every_bit(tmp_path: Path) -> None:
+    path = tmp_path / "density.csv"
+    path.write_text('"depth","density"\n0.1,1025.0000000000002\n0.30000000000000004,1026\n')
+    profile = read_density_csv(path)
+    assert profile.depth.tolist() == [0.1, 0.30000000000000004]
+    assert profile.values.tolist() == [1025.0000000000002, 1026.0]
