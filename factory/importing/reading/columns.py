@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from factory.importing.reading.tally import Tally
 from twin.errors import InputError
+from twin.extras import require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,12 +65,8 @@ def read_table(path: Path) -> Table:
 
 
 def _opened_parquet(path: Path) -> Any:
-    try:
-        parquet = import_module("pyarrow.parquet")
-    except ImportError:
-        raise InputError(
-            f'{path.name} needs pyarrow, which is not installed: pip install "glider-twin[parquet]"'
-        ) from None
+    require("pyarrow.parquet", extra="parquet", purpose=path.name)
+    parquet: Any = import_module("pyarrow.parquet")
     try:
         return parquet.ParquetFile(path)
     except Exception as error:
