@@ -37,17 +37,12 @@ def sniff(path: Path) -> str | None:
     Raises:
       InputError: the file cannot be read.
     """
-    from factory.importing.reading.netcdf import holds_arrays
+    from factory.importing.reading.columns import column_names
+    from factory.importing.reading.netcdf import holds_arrays, variable_names
 
     with path.open("rb") as file:
         start = file.read(64)
     for importer in IMPORTERS.values():
         if any(start.startswith(first) for first in importer.first_bytes):
             return importer.name
-    if holds_arrays(path):
-        from factory.importing.reading.netcdf import variable_names
-
-        return likely_kind(variable_names(path))
-    from factory.importing.reading.columns import column_names
-
-    return likely_kind(column_names(path))
+    return likely_kind(variable_names(path) if holds_arrays(path) else column_names(path))
