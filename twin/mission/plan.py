@@ -55,10 +55,10 @@ class Mission:
         if not isinstance(self.segments, tuple) or not self.segments:
             raise MissionError(f"{label}: segments must hold at least one segment")
         for index, segment in enumerate(self.segments):
-            if not isinstance(segment, SEGMENTS.kinds()):
+            if not isinstance(segment, SEGMENTS.values()):
                 raise MissionError(
                     f"{label}: segments[{index}] is {segment!r}; give one of "
-                    f"{', '.join(kind.__name__ for kind in SEGMENTS.kinds())}"
+                    f"{', '.join(kind.__name__ for kind in SEGMENTS.values())}"
                 )
         if self.duration_s is not None:
             check.limit(label, "duration_s", self.duration_s, "s")

@@ -11,8 +11,6 @@ from twin.registry import Registry
 
 def _lacks(kind: type[Segment]) -> str:
     """What a kind of segment lacks."""
-    if not (isinstance(kind, type) and issubclass(kind, Segment)):
-        return "the base class twin.mission.Segment"
     if not dataclasses.is_dataclass(kind):
         return "`@dataclass(frozen=True, kw_only=True)`: its fields are the keys of mission files"
     for name in ("row", "expected"):
@@ -23,8 +21,9 @@ def _lacks(kind: type[Segment]) -> str:
 
 SEGMENTS: Registry[type[Segment]] = Registry(
     "kind of segment",
+    Segment,
     group="glider_twin.segments",
-    name=lambda kind: getattr(kind, "kind", ""),
-    check=_lacks,
+    name="kind",
+    lacks=_lacks,
     error=MissionError,
 )

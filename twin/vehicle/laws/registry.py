@@ -9,8 +9,6 @@ from twin.vehicle.laws.base import HullLaw
 
 def _lacks(kind: type[HullLaw]) -> str:
     """What a kind of law lacks: both models need it."""
-    if not (isinstance(kind, type) and issubclass(kind, HullLaw)):
-        return "the base class twin.vehicle.laws.HullLaw"
     for name in ("native_wrench", "native_rate_damping", "fossen_wrench"):
         if getattr(kind, name) is None:
             return f"`{name}`"
@@ -20,8 +18,9 @@ def _lacks(kind: type[HullLaw]) -> str:
 
 LAWS: Registry[type[HullLaw]] = Registry(
     "hull law",
+    HullLaw,
     group="glider_twin.hull_laws",
-    name=lambda kind: getattr(kind, "kind", ""),
-    check=_lacks,
+    name="kind",
+    lacks=_lacks,
     error=VehicleError,
 )

@@ -9,8 +9,6 @@ from twin.vehicle.parts.base import Part, Quantity
 
 def _lacks(kind: type[Part]) -> str:
     """What a kind of part lacks: each effect must be there for both models."""
-    if not (isinstance(kind, type) and issubclass(kind, Part)):
-        return "the base class twin.vehicle.parts.Part"
     if not isinstance(getattr(kind, "quantity", None), Quantity):
         return "`quantity`: how a store shows its position"
     if not kind.unit:
@@ -25,8 +23,9 @@ def _lacks(kind: type[Part]) -> str:
 
 PARTS: Registry[type[Part]] = Registry(
     "vehicle part",
+    Part,
     group="glider_twin.vehicle_parts",
-    name=lambda kind: getattr(kind, "kind", ""),
-    check=_lacks,
+    name="kind",
+    lacks=_lacks,
     error=VehicleError,
 )
