@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterable
 from fractions import Fraction
 from typing import Any
 
@@ -76,3 +77,18 @@ def sample_times(count: int, period: float) -> Array:
 
 _FINEST_FRACTION = 10_000
 """Largest denominator of a sample period in seconds: physics steps are 1e-4 s or longer"""
+
+
+SETPOINTS = ("roll", "pitch", "heading", "depth", "speed")
+"""What guidance asks of the vehicle's motion; every other command is a part's position."""
+
+
+def actuator_names(signals: Iterable[str]) -> tuple[str, ...]:
+    """The vehicle's moving parts: names with both a true position and a command, in order.
+
+    Args:
+      signals: names of signals, as `trajectory.signals` holds them.
+    """
+    there = dict.fromkeys(signals)
+    names = (name.removeprefix("true_") for name in there if name.startswith("true_"))
+    return tuple(n for n in names if n not in SETPOINTS and f"commanded_{n}" in there)

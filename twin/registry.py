@@ -1,0 +1,124 @@
+"""Registry: the kinds of one seam by name: shipped, registered by the user, or from entry points.
+
+Nothing is imported before it is asked for: shipped kinds are known by the place to import them
+from, and an installed distribution adds its own under the seam's entry-point group:
+
+    [project.entry-points."glider_twin.sensors"]
+    turbidity = "my_package.turbidity:Turbidity"
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import importlib.metadata
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, TypeVar
+
+from twin.errors import InputError, TwinError, UnknownName
+
+Kind = TypeVar("Kind")
+
+
+class Registry(Mapping[str, Kind]):
+    """Kinds by name, in the order in which they became known; a kind is checked when it is loaded.
+
+    A name that is not there raises `UnknownName`, which is an `InputError` and a `KeyError`.
+    """
+
+    def __init__(
+        self,
+        noun: str,
+        *,
+        group: str,
+        shipped: Mapping[str, str],
+        check: Callable[[str, Any], Kind],
+    ):
+        """Make the registry of one seam.
+
+        Args:
+          noun: what a kind is called in errors.
+          group: of the entry points that add kinds.
+          shipped: `package.module:attribute` by name.
+          check: returns the kind, or raises InputError that says what it lacks.
+        """
+        self.noun, self.group = noun, group
+        self._places = dict(shipped)
+        self._check = check
+        self._loaded: dict[str, Kind] = {}
+
+    def register(self, name: str, kind: Any) -> None:
+        """Add a kind of one's own for this process; the same one may be registered again.
+
+        Raises:
+          InputError: the name is taken by another kind, or the kind is only half there.
+        """
+        if name in self:
+            if self[name] is kind:
+                return
+            raise InputError(f"{self.noun} {name!r} exists already: choose another name")
+        self._loaded[name] = self._check(name, kind)
+
+    def unregister(self, name: str) -> None:
+        """Forget a kind that `register` added; raises UnknownName when there is none."""
+        if name in self._places or name not in self._loaded:
+            own = self._loaded.keys() - self._places.keys()
+            raise UnknownName(f"registered {self.noun}", name, own)
+        del self._loaded[name]
+
+    def loaded(self) -> tuple[Kind, ...]:
+        """The kinds that have been used or registered so far."""
+        return tuple(self._loaded.values())
+
+    def shipped(self) -> tuple[str, ...]:
+        """Names of the kinds that come with the package."""
+        return tuple(self._places)
+
+    def __getitem__(self, name: str) -> Kind:
+        if name not in self._loaded:
+            if name in self._places:
+                module, _, attribute = self._places[name].partition(":")
+                kind = getattr(importlib.import_module(module), attribute)
+            elif name in self._offered:
+                kind = self._from_entry_point(self._offered[name])
+            else:
+                raise UnknownName(self.noun, name, self)
+            self._loaded[name] = self._check(name, kind)
+        return self._loaded[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(dict.fromkeys((*self._places, *self._loaded, *self._offered)))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._places or name in self._loaded or name in self._offered
+
+    @functools.cached_property
+    def _offered(self) -> dict[str, importlib.metadata.EntryPoint]:
+        """Entry points of installed distributions; a shipped name stays the shipped kind's."""
+        found: dict[str, importlib.metadata.EntryPoint] = {}
+        for point in importlib.metadata.entry_points(group=self.group):
+            if point.name in self._places:
+                raise InputError(
+                    f"{_origin(point)} offers a {self.noun} named {point.name!r}, which the "
+                    "package has already: rename its entry point"
+                )
+            found.setdefault(point.name, point)
+        return found
+
+    def _from_entry_point(self, point: importlib.metadata.EntryPoint) -> Any:
+        try:
+            return point.load()
+        except TwinError:
+            raise
+        except Exception as error:  # any import can fail in any way
+            raise InputError(
+                f"{_origin(point)} offers {self.noun} {point.name!r} as {point.value}, which "
+                f"cannot be loaded: {type(error).__name__}: {error}"
+            ) from error
+
+
+def _origin(point: importlib.metadata.EntryPoint) -> str:
+    return f"distribution {point.dist.name!r}" if point.dist else "an entry point"
