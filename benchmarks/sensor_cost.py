@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from twin.sensors import SUITE_PRESETS, SensorSuite
+from twin.sensors import SUITE_PRESETS, SensorSuite, Surroundings
+from twin.sensors.noise import sensor_generator
 from twin.water.density import DensityProfile
 
 HOUR = 3600.0

@@ -105,5 +105,5 @@ _PLACES = {
 }
 """Where each public name is."""
 
-__all__ = [*_PLACES, "__version__"]  # noqa: PLE0604
+__all__ = [*_PLACES, "__version__"]
 __getattr__, __dir__ = attach(__name__, _PLACES)

@@ -83,4 +83,15 @@ def unknown_name(kind: str, name: str, allowed: Iterable[str]) -> str:
     names = sorted(allowed)
     near = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
     hint = f": did you mean {near[0]!r}?" if near else ""
-    return f"unknown {kind} {name!r}{hint} (allowed: {', '.join(names)})"
+    if len(names) > MOST_NAMES:  # a wall of names hides the hint
+        nearest = difflib.get_close_matches(str(name), names, n=NEAREST, cutoff=0.0)
+        listed = f"{', '.join(nearest)} and {len(names) - NEAREST} others"
+    else:
+        listed = ", ".join(names)
+    return f"unknown {kind} {name!r}{hint} (allowed: {listed})"
+
+
+MOST_NAMES = 45
+"""Names that a message lists in full"""
+NEAREST = 6
+"""Names that it lists of more than that"""

@@ -110,7 +110,7 @@ def simulate(
     if suite is not None:
         measured, drawn = _measure(suite, scenario, trajectory, seed, bottom_depth)
         signals = {**signals, **measured}
-        provenance["sensors"] = json.dumps(
+        provenance["sensor_suite"] = json.dumps(
             {"settings": suite.settings(), "drawn": drawn, "seed": seed}
         )
     return dataclasses.replace(trajectory, signals=signals, provenance=provenance)

@@ -12,8 +12,8 @@ from twin.records.schema import Variable, declare
 from twin.sensors import (
     Compass,
     Dvl,
-    Gps,
     Encoders,
+    Gps,
     Imu,
     Onboard,
     Pressure,
