@@ -93,9 +93,13 @@ class Plot:
 
     def _draw(self, name: str, trajectory: Trajectory, tracks: Sequence[NamedTrack]) -> Figure:
         """One figure; raises InputError when the mission lacks a signal that it shows."""
-        from twin.plot.registry import figure
+        from twin.plot.registry import figure, suited
 
-        options = {"tracks": tracks} if FIGURES[name].takes_tracks else {}
+        takes = suited(trajectory, name).takes_tracks
+        if tracks and not takes and self.figure != ALL:
+            able = ", ".join(each for each, kind in FIGURES.items() if kind.takes_tracks)
+            raise InputError(f"--tracks: the {name} figure draws no tracks; these do: {able}")
+        options = {"tracks": tracks} if takes else {}
         try:
             return figure(trajectory, name, **options)
         except InputError as error:

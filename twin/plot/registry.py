@@ -94,6 +94,11 @@ def figure_names() -> tuple[str, ...]:
     return tuple(FIGURES)
 
 
+def suited(trajectory: Trajectory, name: str) -> FigureKind:
+    """The figure of that name; `log` for the overview of a mission without truth."""
+    return FIGURES[LOG if name == OVERVIEW and "true_depth" not in trajectory else name]
+
+
 def figure(trajectory: Trajectory, name: str = OVERVIEW, **options: Any) -> Figure:
     """A figure of one mission; `overview` of a mission without truth is `log`.
 
@@ -104,9 +109,8 @@ def figure(trajectory: Trajectory, name: str = OVERVIEW, **options: Any) -> Figu
     Raises:
       UnknownName: no such figure or option. InputError: the trajectory lacks what it shows.
     """
-    if name == OVERVIEW and "true_depth" not in trajectory:
-        name = LOG
-    kind = FIGURES[name]
+    kind = suited(trajectory, name)
+    name = kind.name
     _, *allowed = inspect.signature(kind.draw).parameters
     for option in options:
         if option not in allowed:

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from twin.errors import InputError
+from twin.errors import InputError, UnknownName
 from twin.plot import style
 from twin.plot.registry import FigureKind
 from twin.plot.signals import thinned_time, unit_text
@@ -62,7 +62,7 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
       names: signals without their prefix, e.g. ("pitch", "depth"); empty shows DEFAULT.
 
     Raises:
-      InputError: the trajectory has no measured signals, or not the named one.
+      InputError: the trajectory has no measured signals. UnknownName: not the named one.
     """
     have = [n.removeprefix("measured_") for n in trajectory.signals if n.startswith("measured_")]
     have = [n for n in have if truth_of(n, trajectory) is not None]
@@ -70,7 +70,7 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
         raise InputError("this trajectory has no measured signals: simulate it with sensors")
     for name in names:
         if name not in have:
-            raise InputError(f"no measured signal {name!r} (present: {', '.join(sorted(have))})")
+            raise UnknownName("measured signal", name, have)
     usual = [n for n in have if _of_ones_own(n)]
     shown = list(names) or [n for n in DEFAULT if n in have] + usual or have[:MOST_SHOWN]
     with style.styled():

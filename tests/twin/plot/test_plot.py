@@ -141,7 +141,7 @@ def test_sensors_against_truth(trajectory):
     np.testing.assert_allclose(true, trajectory["true_depth"])
     np.testing.assert_allclose(right.lines[-1].get_ydata(), noisy - true)
     assert figure.axes[7].get_title(loc="left").startswith("measured − true: mean")
-    with pytest.raises(InputError, match="no measured signal 'smell'"):
+    with pytest.raises(InputError, match="unknown measured signal 'smell'"):
         sensor_figure(trajectory, ("smell",))
     with pytest.raises(InputError, match="no measured signals"):
         sensor_figure(simulate(short_scenario()))
@@ -216,3 +216,11 @@ def test_refusals_are_one_line_and_leave_nothing(
     assert message in err
     assert len(err.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_tracks_for_a_figure_without_them_are_refused(capsys, store, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    tracks = write_tracks(tmp_path / "tracks.npz", read_trajectory(store))
+    code, _, err = call(capsys, "plot", store, "--figure", "section", "--tracks", tracks)
+    assert code == 2
+    assert "the section figure draws no tracks; these do: overview, track, track_3d" in err
