@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.metadata
+import os
 import subprocess
 import sys
 
@@ -251,6 +252,32 @@ def test_a_sensor_of_one_s_own_flies_in_one_file(tmp_path, monkeypatch, own_vari
     assert "measured_turbidity" in twin.open_trajectory("own.zarr")
     with pytest.raises(InputError, match=r"unknown sensor 'turbidity'.*import the module"):
         _ = again.suite
+
+
+@needs_docs
+def test_an_installed_sensor_needs_no_import(tmp_path, own_variables):
+    """As a distribution brings it: the command line takes it, verifies and replays its store."""
+    installed = tmp_path / "turbidity-1.0.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: turbidity\nVersion: 1.0\n")
+    (installed / "entry_points.txt").write_text(
+        "[glider_twin.sensors]\nturbidity = turbidity:Turbidity\n"
+    )
+    with files_of("docs/sensors.md", tmp_path):
+        for words in (
+            "generate --hours 0.2 --sensors field+turbidity --workers 1 --out m.zarr",
+            "verify m.zarr",
+            "replay m.zarr --mission 0",
+        ):
+            done = subprocess.run(
+                [sys.executable, "-m", "factory", *words.split()], cwd=tmp_path,
+                env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"},
+                capture_output=True, text=True, check=False,
+            )  # fmt: skip
+            assert done.returncode == 0, done.stderr
+    data = twin.open_store(tmp_path / "m.zarr")
+    assert data["measured_turbidity"].attrs["valid_max"] == 1000.0
+    assert data.attrs["sensors"] == "field+turbidity"
 
 
 def _check_turbidity(stored):

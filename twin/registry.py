@@ -50,10 +50,12 @@ class Registry(Mapping[str, Kind]):
     def register(self, name: str, kind: Any) -> None:
         """Add a kind of one's own for this process; the same one may be registered again.
 
+        It comes before an installed distribution's of that name, which is usually the same one.
+
         Raises:
           InputError: the name is taken by another kind, or the kind is only half there.
         """
-        if name in self:
+        if name in self._loaded or name in self._places:
             if self[name] is kind:
                 return
             raise InputError(f"{self.noun} {name!r} exists already: choose another name")
@@ -81,6 +83,8 @@ class Registry(Mapping[str, Kind]):
                 kind = getattr(importlib.import_module(module), attribute)
             elif name in self._offered:
                 kind = self._from_entry_point(self._offered[name])
+                if name in self._loaded:  # its module has registered it
+                    return self._loaded[name]
             else:
                 raise UnknownName(self.noun, name, self)
             self._loaded[name] = self._check(name, kind)

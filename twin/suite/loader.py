@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from twin.errors import InputError, UnknownName
+from twin.suite.environment import Environment
 from twin.suite.registry import TASKS
-
-if TYPE_CHECKING:
-    from twin.suite.environment import Environment
 
 ALL_TASKS = TASKS.shipped()
 """Names of the tasks that come with the package; `twin.suite.TASKS` has registered ones too."""
@@ -36,8 +34,6 @@ def load(
     Raises:
       InputError: unknown task or argument; and what vehicle and task raise.
     """
-    from twin.suite.environment import Environment
-
     maker = TASKS[task_name]
     allowed = [name for name in inspect.signature(maker).parameters if name not in _OWN_ARGUMENTS]
     for name in task_kwargs or {}:
