@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 FORMATS = (".png", ".pdf", ".svg")
 """Endings that matplotlib writes here."""
 ALL = "all"
+CHOICES = ", ".join((*FIGURES, f"or {ALL}"))
+"""What --figure takes"""
 PRINT_DPI = 300
 """[pixel/in] of a .png, as journals ask for"""
 
@@ -36,7 +38,7 @@ class Plot:
     mission: int = 0
     """index of the mission in the store"""
 
-    figure: Annotated[str, tyro.conf.arg(help=", ".join((*FIGURES, f"or {ALL}")))] = "overview"
+    figure: Annotated[str, tyro.conf.arg(help=CHOICES)] = "overview"
 
     out: Path | None = None
     """file (.png, .pdf or .svg) [default: FIGURE.png]; with --figure all a folder, made if need

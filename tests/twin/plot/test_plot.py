@@ -224,3 +224,10 @@ def test_tracks_for_a_figure_without_them_are_refused(capsys, store, tmp_path, m
     code, _, err = call(capsys, "plot", store, "--figure", "section", "--tracks", tracks)
     assert code == 2
     assert "the section figure draws no tracks; these do: overview, track, track_3d" in err
+
+
+def test_the_help_names_every_figure(capsys):
+    code, out, _ = call(capsys, "plot", "--help")
+    assert code == 0
+    for name in FIGURES:
+        assert name in out
