@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+from twin.compiled import jit
 from twin.errors import CurrentError, unknown_name
 from twin.water.current import arguments as checks
-from twin.water.current import program as layout
+from twin.water.current import text
 from twin.water.current.base import Current
+from twin.water.current.interpolation import table
 from twin.water.current.origin import Origin
 from twin.water.current.program import Floats
+from twin.water.current.register import register
 from twin.water.separators import check_commas
 
 COLUMNS = {
@@ -35,11 +38,23 @@ COLUMNS = {
 """CSV column names: our field and its sign (oceanographers' u, v, w are east, north, UP)."""
 
 
+@jit
+def column(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
+    """Table over depth: n, depths [m] (n), velocity (n, 3)."""
+    return table(program, start, size, depth, r_d)
+
+
+@register
 @dataclass(frozen=True, kw_only=True)
 class Profile(Current):
     """Velocity linear between tabulated depths, held above the first and below the last."""
 
     kind: ClassVar[str] = "profile"
+    code: ClassVar[int] = 2
+    directional: ClassVar[Any] = column
+    usage: ClassVar[Mapping[str, str]] = {
+        "profile:FILE.csv": "columns depth,north,east[,down] in m and m/s"
+    }
 
     depth: tuple[float, ...]
     """[m] Depths, positive down, strictly increasing, shape (n,)."""
@@ -61,6 +76,14 @@ class Profile(Current):
         check_rows(self.kind, self.depth, self.north, self.east, self.down)
 
     @classmethod
+    def parse(cls, rest: str) -> Profile:
+        """From the name of a CSV file."""
+        positional, given = text.split_settings(cls.kind, rest)
+        if len(positional) != 1 or given:
+            raise CurrentError(f"profile: give one CSV file, as profile:FILE.csv, not {rest!r}")
+        return cls.from_csv(positional[0])
+
+    @classmethod
     def from_csv(cls, path: str | Path) -> Profile:
         """Read a CSV with a header line: depth, north, east and optionally down.
 
@@ -69,12 +92,12 @@ class Profile(Current):
         """
         path = Path(path)
         try:
-            text = path.read_text(encoding="utf-8-sig")
+            content = path.read_text(encoding="utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
             raise CurrentError(f"cannot read the current profile {path}: {error}") from None
         lines = [
             (number, line)
-            for number, line in enumerate(text.splitlines(), start=1)
+            for number, line in enumerate(content.splitlines(), start=1)
             if line.strip() and not line.lstrip().startswith("#")
         ]
         if not lines:
@@ -120,9 +143,8 @@ class Profile(Current):
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
         """One layout record."""
-        return [
-            layout.profile_record(self.depth, np.column_stack([self.north, self.east, self.down]))
-        ]
+        velocity = np.column_stack([self.north, self.east, self.down])
+        return [self.record(len(self.depth), self.depth, velocity)]
 
 
 def _is_number(text: str) -> bool:
