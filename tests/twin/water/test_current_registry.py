@@ -125,9 +125,7 @@ def test_above_the_surface_nothing_changes_with_depth():
 def test_a_damaged_program_reads_nothing_outside_itself(name, files):
     """Behind the program lie numbers that nothing in it can make: none may come out."""
     random = np.random.default_rng(3)
-    bad = [
-        math for math in (np.nan, np.inf, -np.inf, -1.0, 0.0, 0.5, 1.5, 3.0, 1e9, 1e300, 2.0**62)
-    ]
+    bad = [np.nan, np.inf, -np.inf, -1.0, 0.0, 0.5, 1.5, 3.0, 1e9, 1e300, 2.0**62]
     for current in examples(name):
         whole = current.compile(3600.0)
         room = np.full(3 * whole.size + 64, 1e77)
