@@ -9,6 +9,7 @@ import re
 import textwrap
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from twin.water.current import (
@@ -22,6 +23,7 @@ from twin.water.current import (
 )
 from twin.water.current import velocity_file as files
 from twin.water.current.profile import COLUMNS
+from twin.water.current.sampler import sample_gradient
 from twin.water.current.tide import ELLIPSE_SETTINGS, PERIOD_HOURS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "currents.md").read_text(encoding="utf-8")
@@ -157,4 +159,15 @@ def test_examples_run() -> None:
     for text in commands:
         parse_current(text)
     for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
-        exec(compile(block, "docs/currents.md", "exec"), {})
+        exec(compile(block, "docs/currents.md", "exec"), {"__name__": "docs_currents"})
+    # The page's own kind is whole: its derivatives are exact.
+    program = parse_current("jet:speed=0.3,width=5000,drift=0.2").compile(1e4)
+    point = np.array([4000.0, 2000.0, 10.0, 50.0])
+    found = np.array(sample_gradient(program, *point))
+    for axis, columns in enumerate([[3, 4, 5], [6, 9, 12], [7, 10, 13], [8, 11, 14]]):
+        step = 0.1 * np.eye(4)[axis]
+        change = np.subtract(
+            sample_gradient(program, *(point + step)), sample_gradient(program, *(point - step))
+        )
+        np.testing.assert_allclose(found[columns], change[:3] / 0.2, rtol=1e-6, atol=1e-15)
+    registry.remove("jet")
