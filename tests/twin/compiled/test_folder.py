@@ -19,7 +19,6 @@ TEMPORARY = {"/": (0, 0o755), "/tmp": (0, 0o1777), "/tmp/c": (ME, 0o700)}
 def refusal(monkeypatch, levels: dict[str, tuple[int, int]]) -> str | None:
     """What `folder.refusal` says of the last level when the file system looks like that."""
     monkeypatch.setattr(os, "getuid", lambda: ME)
-    monkeypatch.setattr(Path, "resolve", lambda self: self)
 
     def stat(self, **_):
         owner, mode = levels[str(self)]

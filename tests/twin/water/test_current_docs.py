@@ -159,7 +159,8 @@ def test_examples_run() -> None:
     for text in commands:
         parse_current(text)
     for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
-        exec(compile(block, "docs/currents.md", "exec"), {"__name__": "docs_currents"})
+        code = compile(block, "docs/currents.md", "exec", dont_inherit=True)
+        exec(code, {"__name__": "docs_currents"})
     # The page's own kind is whole: its derivatives are exact.
     program = parse_current("jet:speed=0.3,width=5000,drift=0.2").compile(1e4)
     point = np.array([4000.0, 2000.0, 10.0, 50.0])
