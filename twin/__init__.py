@@ -11,7 +11,6 @@ Every public name is imported when it is first used.
 
 from typing import TYPE_CHECKING
 
-from twin.compiled.private import ensure_numba_cache
 from twin.lazy import attach
 from twin.version import __version__
 
@@ -58,7 +57,6 @@ if TYPE_CHECKING:
     from twin.water.density import DensityProfile as DensityProfile
     from twin.water.density_spec import parse_density as parse_density
 
-ensure_numba_cache()
 
 _PLACES = {
     "Command": "twin.mission.controller:Command",

@@ -115,7 +115,7 @@ class Registry(Mapping[str, Kind]):
         return tuple(self)
 
     def __getitem__(self, name: str) -> Kind:
-        _run_plugins()
+        run_plugins()
         if name not in self._loaded:
             if name in self._places:
                 module, _, attribute = self._places[name].partition(":")
@@ -130,14 +130,14 @@ class Registry(Mapping[str, Kind]):
         return self._loaded[name]
 
     def __iter__(self) -> Iterator[str]:
-        _run_plugins()
+        run_plugins()
         return iter(dict.fromkeys((*self._places, *self._loaded, *self._offered)))
 
     def __len__(self) -> int:
         return len(list(iter(self)))
 
     def __contains__(self, name: object) -> bool:
-        _run_plugins()
+        run_plugins()
         return name in self._places or name in self._loaded or name in self._offered
 
     @functools.cached_property
@@ -172,7 +172,7 @@ def _origin(point: importlib.metadata.EntryPoint) -> str:
 _plugins_ran: set[str] = set()
 
 
-def _run_plugins() -> None:
+def run_plugins() -> None:
     """Run the files that the environment names, each once.
 
     Raises:

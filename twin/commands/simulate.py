@@ -87,7 +87,7 @@ class Simulate(JsonOption):
             console.warn(f"the mission was not flown to its end: {reason}")
         if simulation.current_program is None:
             return
-        from twin.water.current.sampler import beyond_grid
+        from twin.water.current.grid import beyond_grid
 
         north, east = trajectory["true_north"], trajectory["true_east"]
         outside = beyond_grid(simulation.current_program, north, east)
