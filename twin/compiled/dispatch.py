@@ -60,11 +60,17 @@ def dispatch(
 
 
 def generate(
-    name: str, arguments: Sequence[str], write: Callable[[], Written], *, module: str
+    name: str,
+    arguments: Sequence[str],
+    write: Callable[[], Written],
+    *,
+    module: str,
+    **options: Any,
 ) -> Compiled:
     """A compiled function whose body is written by `write()`, again after each `changed()`.
 
-    The body's lines are not indented. `module` is `__name__` of the caller. Raises as `dispatch`.
+    The body's lines are not indented. `module` is `__name__` of the caller; options are those of
+    `jit`. Raises as `dispatch`.
     """
     if name in content._tables[module]:
         raise ValueError(f"{module} has a generated function {name!r} already: choose another name")
@@ -85,7 +91,7 @@ def generate(
         return space[name]
 
     content.add_table(module, name, text)
-    return Compiled(make, name, module, error_model="numpy")
+    return Compiled(make, name, module, **{"error_model": "numpy", **options})
 
 
 def _source(name: str, arguments: Sequence[str], body: str) -> str:

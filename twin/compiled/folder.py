@@ -34,10 +34,11 @@ def cache_root() -> Path | None:
     A folder that cannot be written is passed over like one that cannot be trusted.
     """
     reasons = []
-    for folder in candidates():
+    for candidate in candidates():
+        folder = candidate.resolve()  # once: a link that is turned elsewhere later changes nothing
         reason = _prepare(folder)
         if reason is None:
-            return folder.resolve()
+            return folder
         reasons.append(reason)
     warnings.warn(
         "compiled code is not kept and every start compiles again: "
@@ -65,13 +66,13 @@ def candidates() -> Iterator[Path]:
 def refusal(folder: Path) -> str | None:
     """Why another user could change what is in `folder`, None when none could.
 
-    The folder belongs to this user and only this user writes it. Each folder above belongs to
-    this user or root, and where others may write it, it is sticky: they cannot rename there.
+    `folder` is a resolved path, without links. It belongs to this user, and only this user writes
+    it. Each folder above belongs to this user or root, and where others may write it, it is sticky:
+    they cannot rename there.
     """
     if not hasattr(os, "getuid"):
         return None
     user = os.getuid()
-    folder = folder.resolve()
     for level in (folder, *folder.parents):
         state = level.stat()
         if state.st_uid != user and (level == folder or state.st_uid != 0):
@@ -111,11 +112,9 @@ def _remove_unused(root: Path) -> None:
 def _prepare(folder: Path) -> str | None:
     """Create `folder` if need be; why it cannot be used, or None."""
     try:
-        # What is above is checked before anything is made in it.
-        above = next(level for level in folder.parents if level.exists())
-        if above != folder.parent and not os.access(above, os.W_OK):
-            return f"{above} cannot be written"
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        for level in reversed(folder.parents):
+            level.mkdir(exist_ok=True, mode=0o755)
+        folder.mkdir(exist_ok=True, mode=0o700)
         reason = refusal(folder)
     except OSError as error:
         return f"{folder}: {error.strerror or error}"

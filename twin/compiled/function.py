@@ -24,7 +24,7 @@ class Compiled:
 
     def __init__(self, make: Callable[[], FunctionType], name: str, module: str, **options: Any):
         self.__name__ = self.__qualname__ = name
-        self.__module__ = module
+        self.__module__ = module or "<unknown>"  # what exec() makes has none
         self._make = make
         self._options = options
         self._generation = -1
@@ -125,7 +125,7 @@ def cfunc(signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]
     def compile_now(function: Callable[..., Any]) -> Any:
         with _LOCK:
             settings = {"error_model": "numpy", **options}
-            module = function.__module__
+            module = function.__module__ or "<unknown>"
             return decorated(
                 lambda cache: numba.cfunc(signature, cache=cache, **settings)(function),
                 module,

@@ -55,7 +55,7 @@ class Mission:
         if not isinstance(self.segments, tuple) or not self.segments:
             raise MissionError(f"{label}: segments must hold at least one segment")
         for index, segment in enumerate(self.segments):
-            if not isinstance(segment, SEGMENTS.values()):
+            if not isinstance(segment, tuple(SEGMENTS.values())):
                 raise MissionError(
                     f"{label}: segments[{index}] is {segment!r}; give one of "
                     f"{', '.join(kind.__name__ for kind in SEGMENTS.values())}"

@@ -7,8 +7,8 @@ Equation of state: TEOS-10 through `gsw` (McDougall and Barker, 2011).
 
 from __future__ import annotations
 
-import math
 import dataclasses
+import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

@@ -20,8 +20,8 @@ from twin.mission.schedule import Schedule
 from twin.physics.mujoco_model import INTEGRATORS
 from twin.physics.native import plant
 from twin.physics.scenario import Scenario
-from twin.physics.start import Start
 from twin.physics.simulation import simulate
+from twin.physics.start import Start
 from twin.vehicle.vehicle import load_vehicle
 
 RATIOS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)

@@ -7,8 +7,8 @@ import pytest
 
 from twin.mission.schedule import Schedule
 from twin.physics.scenario import Scenario
-from twin.physics.start import Start
 from twin.physics.simulation import simulate
+from twin.physics.start import Start
 from twin.vehicle.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("glider")

@@ -14,8 +14,8 @@ from twin.mission.schedule import Schedule
 from twin.physics.mujoco_model import parameter_block
 from twin.physics.native import block as b
 from twin.physics.scenario import Scenario
-from twin.physics.start import Start
 from twin.physics.simulation import simulate
+from twin.physics.start import Start
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.profile import Profile
 from twin.water.current.uniform import Uniform

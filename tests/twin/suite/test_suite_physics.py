@@ -22,8 +22,8 @@ from twin.physics.mujoco_model import compile_model, parameter_block
 from twin.physics.native import block as b
 from twin.physics.native import plant
 from twin.physics.scenario import Scenario
-from twin.physics.start import Start
 from twin.physics.simulation import Simulation
+from twin.physics.start import Start
 from twin.render.context import available_backend
 from twin.suite.physics import MEASUREMENTS, Physics
 from twin.vehicle.assets import asset_path

@@ -6,6 +6,7 @@ compiled in when the callbacks are next installed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -13,7 +14,8 @@ from twin.compiled import changed, dispatch
 from twin.vehicle.laws import LAWS
 from twin.vehicle.parts import PARTS
 
-_NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_UNKNOWN = (math.nan,) * 6
+"""Of a kind that this process does not know: the run fails, which zero would hide."""
 _MOTION = ("u", "v", "w", "p", "q", "r")
 
 
@@ -33,7 +35,7 @@ law_wrench = dispatch(
     "law_wrench",
     ("values", "density", *_MOTION),
     _laws("native_wrench"),
-    _NOTHING,
+    _UNKNOWN,
     module=__name__,
 )
 """(code, values, density, u, v, w, p, q, r) -> X, Y, Z, K, M, N of the hull."""
@@ -42,7 +44,7 @@ law_rate_damping = dispatch(
     "law_rate_damping",
     ("values", "timestep", "density", *_MOTION),
     _laws("native_rate_damping"),
-    (0.0, 0.0, 0.0),
+    (math.nan, math.nan, math.nan),
     module=__name__,
 )
 """(code, values, timestep, density, u, v, w, p, q, r) -> step times rate damping."""
@@ -51,18 +53,18 @@ part_wrench = dispatch(
     "part_wrench",
     ("values", "place", "position", *_MOTION, "density", "depth"),
     _parts("native_wrench"),
-    _NOTHING,
+    _UNKNOWN,
     module=__name__,
 )
 """(code, values, place, position, motion, density, depth) -> X, Y, Z, K, M, N of a part."""
 
 part_volume = dispatch(
-    "part_volume", ("values", "position"), _parts("native_volume"), 0.0, module=__name__
+    "part_volume", ("values", "position"), _parts("native_volume"), math.nan, module=__name__
 )
 """(code, values, position) -> displaced volume [cm3]."""
 
 part_mass = dispatch(
-    "part_mass", ("values", "position"), _parts("native_mass"), 0.0, module=__name__
+    "part_mass", ("values", "position"), _parts("native_mass"), math.nan, module=__name__
 )
 """(code, values, position) -> point mass [kg]."""
 

@@ -4,9 +4,6 @@ from twin.vehicle.laws.base import HullLaw
 from twin.vehicle.laws.body_axes import BodyAxes
 from twin.vehicle.laws.ellipsoid import Ellipsoids
 from twin.vehicle.laws.flow_frame import FlowFrame
-from twin.vehicle.laws.registry import LAWS
+from twin.vehicle.laws.registry import LAWS, register
 
-for _kind in (FlowFrame, BodyAxes, Ellipsoids):
-    LAWS.register(_kind)
-
-__all__ = ["LAWS", "BodyAxes", "Ellipsoids", "FlowFrame", "HullLaw"]
+__all__ = ["LAWS", "BodyAxes", "Ellipsoids", "FlowFrame", "HullLaw", "register"]

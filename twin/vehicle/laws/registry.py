@@ -16,11 +16,32 @@ def _lacks(kind: type[HullLaw]) -> str:
     return f"the method `{missing[0]}`" if missing else ""
 
 
+def _check(name: str, kind: object) -> type[HullLaw]:
+    if not (isinstance(kind, type) and issubclass(kind, HullLaw)):
+        raise VehicleError(
+            f"{kind!r} cannot be registered as a hull law: derive it from "
+            f"{HullLaw.__module__}.{HullLaw.__name__}"
+        )
+    if kind.kind != name:
+        raise VehicleError(f"hull law {name!r}: the class {kind.__name__} calls itself {kind.kind!r}")
+    lacks = _lacks(kind)
+    if lacks:
+        raise VehicleError(f"the hull law {name!r} is only half there: it lacks {lacks}")
+    return kind
+
+
 LAWS: Registry[type[HullLaw]] = Registry(
     "hull law",
-    HullLaw,
     group="glider_twin.hull_laws",
+    shipped={
+        "flow-frame": "twin.vehicle.laws.flow_frame:FlowFrame",
+        "body-axes": "twin.vehicle.laws.body_axes:BodyAxes",
+        "ellipsoid": "twin.vehicle.laws.ellipsoid:Ellipsoids",
+    },
+    check=_check,
     name="kind",
-    lacks=_lacks,
-    error=VehicleError,
 )
+"""Every hull law, by name."""
+
+register = LAWS.add
+"""Add a kind of one's own; usable as a decorator."""

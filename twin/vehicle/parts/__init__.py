@@ -7,10 +7,7 @@ from twin.vehicle.parts.drop_weight import DropWeight
 from twin.vehicle.parts.fin import Fin
 from twin.vehicle.parts.propeller import Propeller
 from twin.vehicle.parts.pump import Pump
-from twin.vehicle.parts.registry import PARTS
-
-for _kind in (BatterySlide, BatteryHinge, Pump, Propeller, Fin, DropWeight):
-    PARTS.register(_kind)
+from twin.vehicle.parts.registry import PARTS, register
 
 __all__ = [
     "PARTS",
@@ -22,4 +19,5 @@ __all__ = [
     "Propeller",
     "Pump",
     "Quantity",
+    "register",
 ]

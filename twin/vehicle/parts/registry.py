@@ -21,11 +21,35 @@ def _lacks(kind: type[Part]) -> str:
     return ""
 
 
+def _check(name: str, kind: object) -> type[Part]:
+    if not (isinstance(kind, type) and issubclass(kind, Part)):
+        raise VehicleError(
+            f"{kind!r} cannot be registered as a vehicle part: derive it from "
+            f"{Part.__module__}.{Part.__name__}"
+        )
+    if kind.kind != name:
+        raise VehicleError(f"vehicle part {name!r}: the class {kind.__name__} calls itself {kind.kind!r}")
+    lacks = _lacks(kind)
+    if lacks:
+        raise VehicleError(f"the vehicle part {name!r} is only half there: it lacks {lacks}")
+    return kind
+
+
 PARTS: Registry[type[Part]] = Registry(
     "vehicle part",
-    Part,
     group="glider_twin.vehicle_parts",
+    shipped={
+        "battery-slide": "twin.vehicle.parts.battery_slide:BatterySlide",
+        "battery-hinge": "twin.vehicle.parts.battery_hinge:BatteryHinge",
+        "pump": "twin.vehicle.parts.pump:Pump",
+        "propeller": "twin.vehicle.parts.propeller:Propeller",
+        "fin": "twin.vehicle.parts.fin:Fin",
+        "drop-weight": "twin.vehicle.parts.drop_weight:DropWeight",
+    },
+    check=_check,
     name="kind",
-    lacks=_lacks,
-    error=VehicleError,
 )
+"""Every vehicle part, by name."""
+
+register = PARTS.add
+"""Add a kind of one's own; usable as a decorator."""
