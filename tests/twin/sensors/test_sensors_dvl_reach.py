@@ -10,7 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from twin.sensors import Dvl
-from twin.sensors.dvl import MODES, OUTPUTS
+from twin.sensors.dvl import MODES, OUTPUTS, beam_directions, beam_solutions
+from twin.water.current.profile import Profile
 
 DT = 0.5
 N = 40
@@ -21,7 +22,7 @@ BOTTOM, WATER, NONE = MODES["bottom"], MODES["water"], MODES["none"]
 AT_THE_CB = dataclasses.replace(Dvl.noise_free(), lever_arm=(0.0, 0.0, 0.0))
 
 
-def measure(dvl, *, altitude=None, depth=DEPTH, angles=LEVEL, rates=RATES, gyro=None):
+def measure(dvl, *, altitude=None, depth=DEPTH, angles=LEVEL, rates=RATES, gyro=None, current=None):
     """Velocity (N, 3), modes (N,) and the true velocity over ground, body FRD, of steady motion.
 
     altitude [m] is that of the CB; None puts the bottom out of reach.
@@ -41,7 +42,7 @@ def measure(dvl, *, altitude=None, depth=DEPTH, angles=LEVEL, rates=RATES, gyro=
         truth, dt=DT, drawn={"dvl_scale": 0.0, "dvl_sound_speed": 0.0},
         rng=np.random.default_rng(0),
         gyro={f"measured_{n}": np.full(N, r) for n, r in zip(names, felt, strict=True)},
-        bottom_depth=None if altitude is None else depth + altitude, current=None,
+        bottom_depth=None if altitude is None else depth + altitude, current=current,
     )  # fmt: skip
     return np.stack([out[name] for name in OUTPUTS], axis=1), out["measured_dvl_mode"], body
 
@@ -102,3 +103,35 @@ def test_a_roll_lowers_the_instrument_on_the_side_that_goes_down(side):
     edge = 40.0 * cosine + side  # altitude of the CB at which the slant range is 40 m
     assert mode_of(dvl, altitude=edge - 0.2, angles=rolled) == BOTTOM
     assert mode_of(dvl, altitude=edge + 0.2, angles=rolled) != BOTTOM
+
+
+@pytest.mark.parametrize("pitch", [0.0, -30.0, 30.0])
+def test_the_water_cells_of_a_tilted_instrument_are_nearer_in_depth(pitch):
+    """The cells lie 20 to 60 m along the instrument's axis: on average 40 m cos(pitch) deeper."""
+    shear = 0.002  # [1/s] to the north
+    table = Profile(depth=(0.0, 200.0), north=(0.0, 200.0 * shear), east=(0.0, 0.0))
+    tilted = {"roll": 0.0, "pitch": pitch, "heading": 0.0}
+    velocity, mode, body = measure(AT_THE_CB, angles=tilted, current=table.compile(100.0))
+    assert (mode == WATER).all()
+    below = shear * (DEPTH + 40.0 * math.cos(math.radians(pitch)))
+    against = Rotation.from_euler("ZYX", [0.0, pitch, 0.0], True).inv().apply([below, 0.0, 0.0])
+    np.testing.assert_allclose(velocity, np.tile(body - against, (N, 1)), atol=1e-9)
+
+
+def test_a_wrong_beam_reports_the_velocity_of_its_neighbour():
+    """Every ping an outlier of that kind: beam i shows b_(i+1) . v, which the solution takes in."""
+    every_ping = dataclasses.replace(
+        AT_THE_CB, ping_rate=2.0, outlier_probability=1.0, wrong_beam_share=1.0
+    )
+    still = (0.0, 0.0, 0.0)
+    velocity, _, body = measure(every_ping, altitude=30.0, rates=still)
+    beams = beam_directions(math.radians(30.0))
+    solve, radial = beam_solutions(math.radians(30.0))[15], beams @ body
+    possible = [solve @ radial]
+    for i in range(4):
+        wrong = radial.copy()
+        wrong[i] = beams[(i + 1) % 4] @ body
+        possible.append(solve @ wrong)
+    nearest = [np.abs(sample - possible).max(axis=1) for sample in velocity]
+    assert np.max(np.min(nearest, axis=1)) < 1e-12
+    assert np.mean(np.argmin(nearest, axis=1) > 0) > 0.4  # some pings are drawn twice, some never

@@ -25,7 +25,7 @@ def track_of(currents, **settings):
     """
     n = DIVE * len(currents) + 1
     speed = RATE / math.tan(math.radians(25.0 + 3.0))
-    velocity = np.repeat(np.array(currents), DIVE, axis=0) + [0.0, speed]
+    velocity = np.repeat(currents, DIVE, axis=0) + np.array([0.0, speed])
     truth = np.concatenate([[[0.0, 0.0]], np.cumsum(velocity * DT, axis=0)])
     signals = {
         "measured_depth": 20.0 + RATE * DT * np.arange(n),
