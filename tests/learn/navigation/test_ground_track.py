@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from navigation import PERIOD, steady_mission
+from navigation import PERIOD, add_fixes, steady_mission
 
 from learn.navigation.dead_reckoning import (
     LEAST_COSINE,
@@ -15,6 +15,7 @@ from learn.navigation.dead_reckoning import (
     true_water_track,
     water_track,
 )
+from learn.navigation.dives import find_dives
 
 
 def moved_away(signals, north, east):
@@ -50,3 +51,13 @@ def test_the_solved_heave_is_exact_to_a_fifth_of_a_cosine_and_fades_beyond():
     for cosine in (0.19, 0.1, 0.05):  # 0.1 cos / 0.2^2
         heave = heave_from_depth_rate(0.1, 0.0, 0.0, np.arccos(cosine), 0.0)
         assert heave == pytest.approx(0.1 * cosine / 0.04)
+
+
+@pytest.mark.parametrize("period", [0.5, 1.0, 5.0])
+def test_five_minutes_without_a_fix_make_a_dive_at_any_sample_period(period):
+    """Shorter gaps are missed fixes at the surface."""
+    short, long = round(295.0 / period), round(300.0 / period)
+    signals = steady_mission(short + long + 1)
+    add_fixes(signals, [0, short, short + long])
+    assert [(d.start, d.end) for d in find_dives(signals, period)] == [(short, short + long)]
+    assert find_dives(signals, period)[0].seconds(period) == pytest.approx(300.0)

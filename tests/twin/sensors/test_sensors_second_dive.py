@@ -57,6 +57,27 @@ def test_a_steady_current_stays_known_after_the_first_dive():
     assert np.abs(track.east - truth[:, 1])[later].max() < 0.5
 
 
+def test_a_depth_rate_against_the_pitch_gives_no_speed():
+    """Nose down and rising at 0.3 m/s, as in an upwelling: the last speed that made sense is held.
+
+    The window's depth rate passes through 0 on the way, and so does the speed.
+    """
+    n, turn = 2400, 1200
+    step = np.where(np.arange(n) < turn, RATE, -0.3) * DT
+    signals = {
+        "measured_depth": 400.0 + np.cumsum(step),
+        "measured_pitch": np.full(n, PITCH),
+        "measured_heading": np.zeros(n),
+        "measured_gps_north": np.full(n, np.nan),
+        "measured_gps_east": np.full(n, np.nan),
+    }
+    speed = np.diff(Onboard().track(signals, dt=DT).north) / DT
+    glide = RATE / math.tan(math.radians(25.0 + 3.0))
+    assert speed[turn - 2] == pytest.approx(glide)
+    assert np.ptp(speed[turn + 40 :]) == pytest.approx(0.0, abs=1e-9)
+    assert speed[-1] < 0.1 * glide
+
+
 def normal_gravity(latitude: float) -> float:
     """[m/s2] at sea level: the international gravity formula of 1980 (Moritz 2000)."""
     sine2 = math.sin(math.radians(latitude)) ** 2
