@@ -128,6 +128,27 @@ def test_the_gravity_of_the_file_is_that_of_weight_and_buoyancy():
     assert ours["true_specific_force_z"][0] == pytest.approx(-9.70, abs=0.02)
 
 
+BEYOND = [(1.0, 0.0, 0.0), (0.0, -9.0, 0.0), (0.0, 0.0, -9e3)]
+"""commands far outside the travel of one actuator each"""
+
+
+@pytest.mark.parametrize("command", BEYOND)
+def test_a_command_beyond_the_travel_is_one_to_its_end(command):
+    """It approaches the end at its lag, as docs/physics.md has it, and does not slam into it."""
+    end = np.clip(command, VEHICLE.actuator_min, VEHICLE.actuator_max)
+    start = Start(depth=300.0)
+    far, _ = fly_both(start, command, duration=20.0)
+    near, _ = fly_both(start, tuple(end), duration=20.0)
+    np.testing.assert_array_equal(far.states[:, 17:20], near.states[:, 17:20])
+
+
+@pytest.mark.xfail(strict=True, reason="the Fossen model clips the position, not the command")
+@pytest.mark.parametrize("command", BEYOND)
+def test_both_models_take_a_command_beyond_the_travel_alike(command):
+    ours, theirs = fly_both(Start(depth=300.0), command, duration=20.0)
+    np.testing.assert_allclose(ours.states[:, 17:20], theirs.actuators, rtol=0.02, atol=1e-4)
+
+
 def off_axis(position: str) -> Vehicle:
     """The glider with its battery's body moved off the hull's axis (hull axes, y port, z up)."""
     old = '<body name="battery" pos="0.4016 0 0">'
