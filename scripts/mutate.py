@@ -1,7 +1,7 @@
 """Mutate: change the code on purpose, line by line, and count the changes that no test notices.
 
     python scripts/mutate.py                      # every mutant of scripts/mutants.toml
-    python scripts/mutate.py --only sensors/dvl   # those whose file holds this text
+    python scripts/mutate.py --only sensors/dvl   # those whose file or change holds this text
     python scripts/mutate.py --slice 2/5          # the second fifth
 
 Each mutant is a text of a source file and what stands there instead. It is made in a scratch copy
@@ -201,7 +201,7 @@ def _importers(tree: Path, sources: list[Path]) -> dict[Path, set[Path]]:
 
 def chosen(mutants: list[Mutant], only: str, part: str) -> list[Mutant]:
     """The mutants of `--only` and `--slice`."""
-    mutants = [mutant for mutant in mutants if only in mutant.file]
+    mutants = [mutant for mutant in mutants if only in mutant.label]
     index, count = (int(number) for number in part.split("/"))
     if not 1 <= index <= count:
         raise SystemExit(f"mutate: --slice {part}: give 1/5 to 5/5")
@@ -211,7 +211,7 @@ def chosen(mutants: list[Mutant], only: str, part: str) -> list[Mutant]:
 def main() -> int:
     """Run the table; 0 when enough mutants are killed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--only", default="", help="mutants whose file holds this text")
+    parser.add_argument("--only", default="", help="mutants whose file or change holds this text")
     parser.add_argument("--slice", default="1/1", help="which part of how many, e.g. 2/5")
     parser.add_argument("--list", action="store_true", help="find every text, run nothing")
     options = parser.parse_args()
