@@ -94,18 +94,22 @@ class Scratch:
         self._importers = _importers(self.tree, self._sources)
 
     def find(self, mutant: Mutant) -> Path | None:
-        """The file that holds the mutant's text once; None where the text is gone.
+        """The file that holds the mutant's text, once; None where the text is gone.
 
         Raises:
-          SystemExit: the text is there more than once.
+          SystemExit: its file has the text more than once.
         """
         first = self.tree / mutant.file
-        for path in [first, *(p for p in self._sources if p != first)]:
-            count = path.read_text().count(mutant.old) if path.is_file() else 0
-            if count > 1:
-                raise SystemExit(f"mutate: {mutant.label}: the text is there {count} times")
-            if count:
-                return path
+        count = first.read_text().count(mutant.old) if first.is_file() else 0
+        if count > 1:
+            raise SystemExit(f"mutate: {mutant.label}: the text is there {count} times")
+        if count:
+            return first
+        package = self.tree / Path(mutant.file).parts[0]
+        others = [p for p in self._sources if p.is_relative_to(package)]
+        holding = [p for p in others if mutant.old in p.read_text()]
+        if len(holding) == 1 and holding[0].read_text().count(mutant.old) == 1:
+            return holding[0]
         return None
 
     def passes(self, tests: Iterable[str], *, interpreted: bool, cache: str) -> bool:
