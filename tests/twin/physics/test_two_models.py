@@ -15,6 +15,7 @@ from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 from twin.water.current.base import Current
 from twin.water.current.profile import Profile
 from twin.water.current.tide import TidalEllipse, Tide
+from twin.water.density import DensityProfile
 
 VEHICLE = load_vehicle("glider")
 NEUTRAL = (0.0, 0.0, 0.0)
@@ -107,6 +108,19 @@ def test_an_unsteady_uniform_current_moves_both_alike():
     )
     assert np.abs(ours.v_rel - theirs.v_rel).max() < 1e-6
     assert np.abs(ours.position - theirs.position_ned).max() < 1e-3
+
+
+@pytest.mark.parametrize(("density", "deeper"), [(1026.0, False), (1024.0, True)])
+def test_a_neutral_glider_rises_in_denser_water_and_sinks_in_lighter(density, deeper):
+    """Buoyancy is that of the local density: 0.1 % of it is 64 g of a hull of 65.3 kg."""
+    start, held = Start(depth=300.0), Schedule(times=[0.0], commands=[NEUTRAL])
+    water = DensityProfile.constant(density)
+    ours = simulate(Scenario(vehicle=VEHICLE, plan=held, duration=60.0, start=start, density=water))
+    state = FossenState(position_ned=(0.0, 0.0, 300.0))
+    theirs = FossenModel(VEHICLE, density=([0.0], [density])).simulate(state, held, 60.0)
+    moved = theirs.position_ned[-1, 2] - 300.0
+    assert (moved > 1.0) if deeper else (moved < -1.0)
+    assert ours["true_depth"][-1] - 300.0 == pytest.approx(moved, rel=1e-3)
 
 
 @pytest.mark.xfail(strict=True, reason="the hull keeps the gravity of its file for its weight")
