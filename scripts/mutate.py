@@ -15,9 +15,11 @@ from __future__ import annotations
 
 import argparse
 import ast
+import contextlib
 import dataclasses
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -88,6 +90,7 @@ class Scratch:
             p for package in PACKAGES for p in (self.tree / package).rglob("*.py")
         )
         # whole seconds: Python and numba tell an old compiled file by the time of its source
+        self.last = ""
         self._clock = int(time.time()) - 100_000
         for source in self._sources:
             os.utime(source, (self._clock, self._clock))
@@ -131,18 +134,23 @@ class Scratch:
         if interpreted:
             environment["NUMBA_DISABLE_JIT"] = "1"
         command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+        run = subprocess.Popen(
+            command, cwd=self.tree, env=environment, text=True, start_new_session=True,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )  # fmt: skip
         try:
-            run = subprocess.run(
-                command, cwd=self.tree, env=environment, capture_output=True, text=True,
-                timeout=PATIENCE_S,
-            )  # fmt: skip
+            self.last, _ = run.communicate(timeout=PATIENCE_S)
         except subprocess.TimeoutExpired:
+            self.last = "too slow"
             return False
+        finally:  # with every process that the tests started
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(run.pid, signal.SIGKILL)
+            run.wait()
         if run.returncode in (FAILED, BROKEN) or run.returncode < 0:  # below 0: it crashed
-            self.last = run.stdout[-3000:]
             return False
         if run.returncode:
-            raise SystemExit(f"mutate: pytest could not run {' '.join(tests)}:\n{run.stdout}")
+            raise SystemExit(f"mutate: pytest could not run {' '.join(tests)}:\n{self.last}")
         return True
 
     def keep_compiled(self) -> None:
@@ -232,7 +240,9 @@ def main() -> int:
             for interpreted in (False, True):
                 tests = sorted({t for m in to_run if m.interpreted is interpreted for t in m.tests})
                 if tests and not scratch.passes(tests, interpreted=interpreted, cache="base"):
-                    raise SystemExit(f"mutate: the tests fail without any change:\n{scratch.last}")
+                    raise SystemExit(
+                        f"mutate: the tests fail without any change:\n{scratch.last[-3000:]}"
+                    )
             scratch.keep_compiled()
             for mutant in to_run:
                 begun, path = time.monotonic(), places[mutant]
