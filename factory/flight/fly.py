@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from factory.flight.bounds import check_possible
 from factory.flight.mission_water import bottom_depth, build_current, build_density, origin
-from factory.flight.vehicle_errors import BelievedMission, apply_errors, spread_vehicle
+from factory.flight.vehicle_errors import ballast_of, encoder_zeros, spread_vehicle
 from factory.recipe.sampling import SAW_TOOTH, SURFACE, Parameters, number
-from twin.mission import SawTooth, Segment, Spiral, Surface
+from twin.mission import Mission, SawTooth, Segment, Spiral, Surface
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario
 from twin.physics.simulation import Simulation
 from twin.vehicle.vehicle import Vehicle
@@ -43,7 +43,7 @@ class Flight:
         return {**self.trajectory.signals, **self.measured}
 
 
-def build_mission(parameters: Parameters, vehicle: Vehicle) -> BelievedMission:
+def build_mission(parameters: Parameters, vehicle: Vehicle) -> Mission:
     """The mission that the guidance is given."""
     heading = parameters.number("mission.start_heading_deg")
     start_heading = heading
@@ -68,8 +68,7 @@ def build_mission(parameters: Parameters, vehicle: Vehicle) -> BelievedMission:
             segments.append(SawTooth(heading_deg=heading, **profile))
         else:
             segments.append(Spiral(rotation_deg=number(drawn, "mission.rotation_deg"), **profile))
-    return BelievedMission(
-        believed=vehicle,
+    return Mission(
         segments=tuple(segments),
         duration_s=parameters.duration_s,
         start_depth_m=parameters.number("mission.start_depth_m"),
@@ -88,6 +87,9 @@ def build_scenario(
     """Everything that the physics needs; `current` replaces the drawn one."""
     return Scenario(
         vehicle=spread_vehicle(nominal, parameters),
+        believed=nominal,
+        ballast=ballast_of(parameters),
+        encoder_zeros=encoder_zeros(parameters),
         plan=build_mission(parameters, nominal),
         duration=parameters.duration_s,
         current=build_current(parameters) if current is None else current,
@@ -127,7 +129,6 @@ def fly(
     """
     scenario = build_scenario(parameters, nominal, current)
     simulation = Simulation(scenario)
-    apply_errors(simulation, parameters, scenario.density)
     trajectory = simulation.run()
     check_possible(trajectory.signals, trajectory.time)
     if drawn is None:

@@ -129,7 +129,7 @@ def fly_both(
         attitude=(start.roll, start.pitch, start.heading),
         v_rel=start.v_rel,
         rates=start.rates,
-        actuators=start.positions(vehicle),
+        actuators=start.positions(vehicle.part_names, vehicle.rest),
     )
     return simulate(scenario), fossen.simulate(state, manoeuvre.schedule, duration)
 

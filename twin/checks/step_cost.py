@@ -12,11 +12,11 @@ import numpy as np
 from twin.mission import load_mission
 from twin.mission.schedule import Schedule
 from twin.physics.fleet import make_batch
-from twin.physics.mujoco_model import header
+from twin.physics.mujoco_model import header, joint_places
 from twin.physics.native import block as b
 from twin.physics.native.install import install, uninstall
 from twin.physics.scenario import Scenario
-from twin.physics.simulation import Simulation, joint_places
+from twin.physics.simulation import Simulation
 from twin.vehicle.vehicle import Vehicle
 
 ROUNDS = 40

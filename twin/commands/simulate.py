@@ -85,12 +85,12 @@ class Simulate(JsonOption):
                 "(too light or too heavy for this water, or a depth it cannot reach?)",
             }[ended]
             console.warn(f"the mission was not flown to its end: {reason}")
-        if simulation.current_program is None:
+        if not simulation.tables.current.size:
             return
         from twin.water.current.grid import beyond_grid
 
         north, east = trajectory["true_north"], trajectory["true_east"]
-        outside = beyond_grid(simulation.current_program, north, east)
+        outside = beyond_grid(simulation.tables.current, north, east)
         if outside.any():
             console.warn(
                 f"the glider left the current file's area at {trajectory.time[outside][0]:.0f} s; "

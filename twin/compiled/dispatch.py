@@ -31,8 +31,8 @@ def dispatch(
     Args:
       name: of the function, unique in its module.
       arguments: names that every kernel takes, in order.
-      kernels: functions made by `jit`, by code, all returning a float, or tuples of one length; or a
-        function that returns them, for a registry that grows: call `changed()` when it did.
+      kernels: functions made by `jit`, by code, all returning a float, or tuples of one length;
+        or a function that returns them, for a registry that grows: call `changed()` when it did.
       fallback: what an unknown code returns: a float, or a tuple of the kernels' length.
       module: `__name__` of the caller; the function is part of that module's content.
 

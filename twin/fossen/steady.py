@@ -99,9 +99,7 @@ class SteadyProblem:
 
     def _acceleration(self, nu_r: Array, down: Array) -> Array:
         no_current = np.zeros(3)
-        return acceleration(
-            self.p, down, DEEP, nu_r, self.positions, self._displaced, no_current
-        )
+        return acceleration(self.p, down, DEEP, nu_r, self.positions, self._displaced, no_current)
 
     @staticmethod
     def nu_r(x: Array) -> Array:

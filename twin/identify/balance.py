@@ -51,6 +51,7 @@ def balance(
         * net
         * np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)])
     )
+    law = vehicle.flow_frame
     inertia = vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]
     alpha, beta = np.zeros_like(pitch), np.zeros_like(pitch)
     speed = np.zeros_like(pitch)
@@ -64,12 +65,14 @@ def balance(
         side = -c_a * s_b * total[0] + c_b * total[1] - s_a * s_b * total[2]
         normal = -s_a * total[0] + c_a * total[2]
         gliding = along > 0
-        square = np.where(gliding, along, np.nan) / (vehicle.flow_frame.drag[0] + vehicle.flow_frame.drag[1] * alpha**2)
-        limit = vehicle.flow_frame.blend_angle
+        square = np.where(gliding, along, np.nan) / (
+            vehicle.flow_frame.drag[0] + vehicle.flow_frame.drag[1] * alpha**2
+        )
+        limit = law.blend_angle
         with np.errstate(invalid="ignore"):
-            slope = (normal / square - vehicle.flow_frame.lift[0]) / vehicle.flow_frame.lift[1]
+            slope = (normal / square - law.lift[0]) / law.lift[1]
             alpha = np.clip(np.nan_to_num(slope), -limit, limit)
-            drift = -side / square / vehicle.flow_frame.side_force[0]
+            drift = -side / square / law.side_force[0]
             beta = np.clip(np.nan_to_num(drift), -limit, limit)
         speed = np.sqrt(np.nan_to_num(square))
     gliding = gliding & (np.abs(alpha) < limit) & (np.abs(beta) < limit)

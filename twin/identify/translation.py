@@ -97,8 +97,17 @@ def fly(
     mass = vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]
     coefficients = np.array(
         [
-            *(vehicle.flow_frame.drag[0], vehicle.flow_frame.drag[1], vehicle.flow_frame.lift[0], vehicle.flow_frame.lift[1]),
-            *(vehicle.flow_frame.side_force[0], vehicle.flow_frame.linear_angle, vehicle.flow_frame.blend_angle),
+            *(
+                vehicle.flow_frame.drag[0],
+                vehicle.flow_frame.drag[1],
+                vehicle.flow_frame.lift[0],
+                vehicle.flow_frame.lift[1],
+            ),
+            *(
+                vehicle.flow_frame.side_force[0],
+                vehicle.flow_frame.linear_angle,
+                vehicle.flow_frame.blend_angle,
+            ),
         ]
     )
     inputs = np.stack([vehicle.gravity * net_mass, immersion, roll, pitch, *rates], axis=1)

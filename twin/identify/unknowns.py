@@ -84,12 +84,16 @@ def _set_mass(calibration: Calibration, value: float) -> Calibration:
 
 def _set_lift(calibration: Calibration, ratio: float) -> Calibration:
     vehicle = calibration.vehicle
-    return _vehicle(calibration, lift=(vehicle.flow_frame.lift[0], ratio * vehicle.flow_frame.drag[0]))
+    return _vehicle(
+        calibration, lift=(vehicle.flow_frame.lift[0], ratio * vehicle.flow_frame.drag[0])
+    )
 
 
 def _set_induced(calibration: Calibration, ratio: float) -> Calibration:
     vehicle = calibration.vehicle
-    return _vehicle(calibration, drag=(vehicle.flow_frame.drag[0], ratio * vehicle.flow_frame.drag[0]))
+    return _vehicle(
+        calibration, drag=(vehicle.flow_frame.drag[0], ratio * vehicle.flow_frame.drag[0])
+    )
 
 
 def _set_cycle(index: int) -> Callable[[Calibration, float], Calibration]:

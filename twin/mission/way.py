@@ -39,6 +39,10 @@ class Way:
     """[rad], positive nose up"""
     vertical_speed: float
     """[m/s], positive down"""
+    speed: float
+    """[m/s] through the water"""
+    angle_of_attack: float
+    """[rad]"""
     command: Array
     """Positions of the parts, shape (parts,), that hold it without any loop."""
 
@@ -50,12 +54,16 @@ def way(
     pitch_deg: float,
     net_mass: float,
     speed: float | None,
+    *,
+    within_travel: bool = False,
 ) -> Way:
     """The steady way at a pitch, driven by a propeller where the vehicle has one.
 
     Args:
+      label, field: of the mission's segment and its key, for errors.
       pitch_deg: signed [deg]. net_mass: signed [kg], positive heavy; vehicles without a pump have
         none. speed: [m/s] through the water, None: the cruising speed; of propelled vehicles.
+      within_travel: let what pitches the vehicle stop at its end, in place of an error.
 
     Raises:
       MissionError: the vehicle cannot fly it; names the segment and the field.
@@ -72,7 +80,13 @@ def way(
             command[driving] = cruise_rate(vehicle, speed)
         except MissionError as error:
             raise MissionError(f"{label}: {error}") from None
-        return Way(pitch=pitch, vertical_speed=-speed * math.sin(pitch), command=command)
+        return Way(
+            pitch=pitch,
+            vertical_speed=-speed * math.sin(pitch),
+            speed=speed,
+            angle_of_attack=0.0,
+            command=command,
+        )
     if pump is None:
         raise MissionError(
             f"{label}: vehicle {vehicle.name!r} has neither a pump nor a propeller: nothing "
@@ -85,14 +99,20 @@ def way(
     pitching = vehicle.steered("pitch")
     if isinstance(pitching, BatterySlide):
         low, high = float(pitching.low), float(pitching.high)
-        if not low <= glide.shift <= high:
+        if not (within_travel or low <= glide.shift <= high):
             rule = (
                 f"a shallower pitch (it needs the battery at {glide.shift:.4f} m, and vehicle "
                 f"{vehicle.name!r} moves it from {low:g} to {high:g} m)"
             )
             fail(label, field, abs(pitch_deg), rule)
-        command[vehicle.part_names.index(pitching.name)] = glide.shift
-    return Way(pitch=pitch, vertical_speed=glide.vertical_speed, command=command)
+        command[vehicle.part_names.index(pitching.name)] = min(max(glide.shift, low), high)
+    return Way(
+        pitch=pitch,
+        vertical_speed=glide.vertical_speed,
+        speed=glide.speed,
+        angle_of_attack=glide.angle_of_attack,
+        command=command,
+    )
 
 
 def reject_missing(vehicle: Vehicle, label: str, segment: Any) -> None:

@@ -161,6 +161,21 @@ def part_table(model: mujoco.MjModel) -> np.ndarray:
     return table(model, "parts").view(b.PART)
 
 
+def part_names(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Names of the parts, in their order."""
+    return tuple(model.actuator(index).name for index in range(model.nu))
+
+
+def joint_places(model: mujoco.MjModel) -> list[tuple[int, int]]:
+    """(index of the part, place in qpos) of every part that drives a joint."""
+    found = []
+    for index in range(model.nu):
+        if model.actuator_trntype[index] == mujoco.mjtTrn.mjTRN_JOINT:
+            joint = int(model.actuator_trnid[index, 0])
+            found.append((index, int(model.jnt_qposadr[joint])))
+    return found
+
+
 def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int) -> None:
     """Write the vehicle into the model's block of `words` numbers."""
     head = model.numeric_data[-b.HEADER_WORDS :].view(b.HEADER)[0]
@@ -214,7 +229,7 @@ def _part_rows(vehicle: Vehicle, model: mujoco.MjModel) -> np.ndarray:
         row["kind"], row["one_way"] = PARTS.code(part.kind), float(part.one_way)
         row["low"], row["high"], row["rate"] = part.low, part.high, part.rate
         row["lag"] = _step_lag(part.lag, model)
-        row["place"] = part.position
+        row["place"], row["rest"] = part.position, part.rest
         row["values"][: len(values)] = values
         for effect in ("volume", "mass", "wrench"):
             row[f"gives_{effect}"] = float(getattr(kind, f"native_{effect}") is not None)

@@ -83,7 +83,7 @@ class Scenario:
                 f"{self.vehicle.name!r}: {', '.join(self.believed.part_names)}"
             )
         if self.start is not None:
-            self.start.positions(self.vehicle)
+            self.start.positions(self.vehicle.part_names, self.vehicle.rest)
         if not (math.isfinite(self.sample_period) and self.sample_period > 0):
             raise InputError(f"sample period {self.sample_period} s must be positive and finite")
 

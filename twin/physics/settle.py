@@ -22,9 +22,8 @@ from twin.frames import (
     quaternion_to_euler,
     quaternion_to_matrix,
 )
-from twin.physics.mujoco_model import compile_model, state
+from twin.physics.mujoco_model import compile_model, joint_places, state
 from twin.physics.quiet import quiet_mujoco
-from twin.physics.simulation import joint_places
 from twin.physics.steady_motion import Trim, solve_steady_state, trim_positions
 from twin.vehicle.vehicle import Vehicle
 

@@ -15,7 +15,14 @@ from twin.errors import InputError, SimulationUnstable, TwinError
 from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector, quaternion_to_matrix
 from twin.mission import Mission, guidance
 from twin.mission.controller import Command, Controller, Observation
-from twin.physics.mujoco_model import compile_model, header, part_table, state
+from twin.physics.mujoco_model import (
+    compile_model,
+    header,
+    joint_places,
+    part_names,
+    part_table,
+    state,
+)
 from twin.physics.native import block as b
 from twin.physics.outcome import trajectory_of
 from twin.physics.quiet import quiet_mujoco
@@ -208,14 +215,10 @@ class Simulation:
     def reset(self) -> None:
         """Back to the start, with an empty log."""
         mujoco.mj_resetData(self.model, self.data)
-        set_start(self.model, self.data, self.start(), self._current_at_start(), self._vehicle)
+        set_start(self.model, self.data, self.start(), self._current_at_start())
         if header(self.model)["centred"]:
             stagger(self.model, self.data)
         self._count = 0
-
-    @property
-    def _vehicle(self) -> Vehicle:
-        return self.scenario.vehicle
 
     def _current_at_start(self) -> Array:
         program, start = self.tables.current, self.start()
@@ -310,9 +313,7 @@ def stagger(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     ours["time"], ours["known"] = data.time, 1.0
 
 
-def set_start(
-    model: mujoco.MjModel, data: mujoco.MjData, start: Start, current: Array, vehicle: Vehicle
-) -> None:
+def set_start(model: mujoco.MjModel, data: mujoco.MjData, start: Start, current: Array) -> None:
     """Write a start into MuJoCo's data; `current` NED [m/s] is the water's velocity there."""
     quaternion = euler_to_quaternion(start.roll, start.pitch, start.heading)
     velocity = quaternion_to_matrix(quaternion) @ np.array(start.v_rel) + current
@@ -320,20 +321,10 @@ def set_start(
     data.qpos[3:7] = flip_quaternion(quaternion)
     data.qvel[:3] = flip_vector(velocity)
     data.qvel[3:6] = flip_vector(start.rates)
-    positions = start.positions(vehicle)
+    positions = start.positions(part_names(model), part_table(model)["rest"])
     data.act[:] = data.ctrl[:] = positions
     for index, place in joint_places(model):
         data.qpos[place] = positions[index]
-
-
-def joint_places(model: mujoco.MjModel) -> list[tuple[int, int]]:
-    """(index of the part, place in qpos) of every part that drives a joint."""
-    found = []
-    for index in range(model.nu):
-        if model.actuator_trntype[index] == mujoco.mjtTrn.mjTRN_JOINT:
-            joint = int(model.actuator_trnid[index, 0])
-            found.append((index, int(model.jnt_qposadr[joint])))
-    return found
 
 
 def apply_real_vehicle(model: mujoco.MjModel, scenario: Scenario) -> None:

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from twin.errors import InputError
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
+from twin.errors import InputError, unknown_name
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -38,22 +34,26 @@ class Start:
     actuators: tuple[float, ...] | Mapping[str, float] = ()
     """positions of the parts, all in their order or some by name, in their units; empty: at rest"""
 
-    def positions(self, vehicle: Vehicle) -> NDArray[np.float64]:
-        """Position of each part of `vehicle`, shape (parts,).
+    def positions(self, names: Sequence[str], rest: ArrayLike) -> NDArray[np.float64]:
+        """Position of each part, shape (parts,).
+
+        Args:
+          names: of the vehicle's parts. rest: their positions where nothing is said, (parts,).
 
         Raises:
           InputError: `actuators` has another width, or names a part that is not there.
         """
-        positions = vehicle.rest
+        positions = np.array(rest, dtype=np.float64)
         if isinstance(self.actuators, Mapping):
             for name, value in self.actuators.items():
-                vehicle.part(name)
-                positions[vehicle.part_names.index(name)] = value
+                if name not in names:
+                    raise InputError(unknown_name("part", name, names))
+                positions[list(names).index(name)] = value
         elif len(self.actuators):
             if len(self.actuators) != len(positions):
                 raise InputError(
-                    f"start: actuators has {len(self.actuators)} positions, vehicle "
-                    f"{vehicle.name!r} has {len(positions)} parts: {', '.join(vehicle.part_names)}"
+                    f"start: actuators has {len(self.actuators)} positions, the vehicle has "
+                    f"{len(positions)} parts: {', '.join(names)}"
                 )
             positions[:] = self.actuators
         return positions

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from twin.frames import flip_quaternion as flip
 from twin.frames import flip_vector, quaternion_to_euler
 from twin.physics.log_signals import from_log
-from twin.physics.native import block as b
 from twin.physics.quiet import quiet_mujoco
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
@@ -76,8 +75,6 @@ class Live:
         Raises:
           SimulationUnstable: the simulation left the finite numbers.
         """
-        import mujoco
-
         simulation, step = self._simulation, self._simulation.model.opt.timestep
         data = simulation.data
         if time < data.time - step:
@@ -86,7 +83,7 @@ class Live:
         steps = max(int((time - data.time) / step + 1e-9), int(data.time == 0.0))
         if steps > 0:
             with quiet_mujoco():
-                mujoco.mj_step(simulation.model, data, nstep=steps)
+                simulation.step(steps)
         if simulation.failed:
             simulation.trajectory()
         return self._row()
@@ -94,8 +91,7 @@ class Live:
     def _row(self) -> Poses:
         simulation = self._simulation
         data = simulation.data
-        last = max(int(data.userdata[b.U_LOGGED]) - 1, 0)
-        logged = from_log(simulation.rows[last : last + 1], simulation.scenario.vehicle)
+        logged = from_log(simulation.rows[-1:], simulation.scenario.vehicle)
         roll, pitch, heading = quaternion_to_euler(flip(data.qpos[3:7]))
         joints = moving_parts(logged)
         current = [logged[f"true_current_{name}"][0] for name in ("north", "east")]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import MissionError
-from twin.mission.glide import steady_glide
+from twin.mission.way import way
 from twin.suite.environment import Environment
 from twin.suite.task import wrap_angle
 
@@ -27,34 +27,47 @@ class Autopilot:
 
     def __init__(self, environment: Environment):
         self._environment = environment
-        self._trim: dict[tuple[float, float], float] = {}
+        self._trims: dict[tuple[float, float], Array] = {}
 
     def __call__(self, time_step: Any = None) -> Array:
         """The action now; dm_control's viewer hands over the time step, which is not needed."""
         task, physics = self._environment.task, self._environment.physics
         vehicle = task.vehicle
         wanted = task.reference(physics)
-        kp, _, kd = vehicle.pitch_pid
+        command = vehicle.rest
         _, pitch_rate, yaw_rate = physics.rates()
-        shift = self._trim_shift(wanted.pitch, wanted.net_mass)
-        shift -= kp * (wanted.pitch - physics.pitch()) - kd * pitch_rate
-        rotation = 0.0
-        if wanted.heading is not None:
+        pump, driving = vehicle.steered_index("buoyancy"), vehicle.steered_index("speed")
+        if pump is not None:
+            command[pump] = vehicle.pump_for_net_mass(wanted.net_mass)
+        if driving is not None:
+            command[driving] = task.cruise.command[driving]
+        pitching = vehicle.steered("pitch")
+        if pitching is not None:
+            kp, _, kd = vehicle.pitch_pid
+            loop = kp * (wanted.pitch - physics.pitch()) - kd * pitch_rate
+            place = vehicle.part_names.index(pitching.name)
+            command[place] = self._trim(wanted.pitch, wanted.net_mass)[place]
+            command[place] += pitching.sense("pitch") * loop
+        turning = vehicle.steered("heading")
+        if turning is not None and wanted.heading is not None:
             kp, _, kd = vehicle.heading_pid
             error = wrap_angle(wanted.heading - physics.heading())
-            rotation = kp * error - kd * yaw_rate
-            rotation = min(max(rotation, -LARGEST_ROTATION), LARGEST_ROTATION)
-        pump = vehicle.pump_for_net_mass(wanted.net_mass)
-        return task.to_action([shift, rotation, pump])
+            loop = kp * error - kd * yaw_rate
+            loop = min(max(loop, -LARGEST_ROTATION), LARGEST_ROTATION)
+            command[vehicle.part_names.index(turning.name)] = turning.sense("heading") * loop
+        return task.to_action(command)
 
-    def _trim_shift(self, pitch: float, net_mass: float) -> float:
-        """Shift [m] that holds the glide, or 0 where there is none to hold."""
+    def _trim(self, pitch: float, net_mass: float) -> Array:
+        """Positions that hold the steady way, or at rest where there is none to hold."""
         key = (pitch, net_mass)
-        if key not in self._trim:
-            if len(self._trim) > 64:
-                self._trim.clear()  # references that change all the time have no trim to keep
+        if key not in self._trims:
+            if len(self._trims) > 64:
+                self._trims.clear()  # references that change all the time have no trim to keep
+            vehicle = self._environment.task.vehicle
             try:
-                self._trim[key] = steady_glide(self._environment.task.vehicle, *key).shift
+                degrees = math.degrees(pitch)
+                found = way(vehicle, "task", "pitch", degrees, net_mass, None, within_travel=True)
+                self._trims[key] = found.command
             except MissionError:
-                self._trim[key] = 0.0
-        return self._trim[key]
+                self._trims[key] = vehicle.rest
+        return self._trims[key]

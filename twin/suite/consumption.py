@@ -1,8 +1,9 @@
-"""Consumption: electrical energy that a glider's actuators and electronics take.
+"""Consumption: electrical energy that a vehicle's parts and electronics take.
 
-Only pumping oil out against the sea costs; letting it in takes a valve. The battery is moved by a
-screw against friction and its own weight, and nothing is won back. The defaults are ours, of the
-size that small gliders have; none of them is published for the vehicles here.
+Each part says what a move of it takes. Pumping oil out against the sea costs, letting it in takes
+a valve; a battery is moved by a screw against friction and its own weight, and nothing is won
+back. The defaults are ours, of the size that small gliders have; none of them is published for the
+vehicles here.
 """
 
 from __future__ import annotations
@@ -14,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.vehicle.vehicle import CUBIC_CM, Vehicle
+from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Consumption:
-    """Losses of the actuators and power of the electronics."""
+    """Losses of the parts and power of the electronics."""
 
     hotel_power: float = 0.5
     """[W] electronics and sensors, all the time"""
@@ -35,13 +36,15 @@ class Consumption:
     """friction over weight of the sliding battery"""
     bearing_torque: float = 0.2
     """[N m] friction of the turning battery"""
+    propeller_efficiency: float = 0.7
+    """mechanical over electrical power of a propeller's motor and gear"""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise InputError(f"consumption: {field.name} = {value} must be 0 or more")
-        for name in ("pump_efficiency", "screw_efficiency"):
+        for name in ("pump_efficiency", "screw_efficiency", "propeller_efficiency"):
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise InputError(f"consumption: {name} must be above 0 and at most 1")
 
@@ -58,23 +61,15 @@ class Consumption:
         """Energy [J] of one short move.
 
         Args:
-          before, after: actuator positions (shift [m], rotation [rad], pump [cm3]), shape (3,).
+          before, after: positions of the parts, in their order and units, shape (parts,).
           depth: [m]. pitch: [rad]. duration: [s].
         """
-        shift, rotation, pumped = (float(x) for x in after - before)
-        pressure = vehicle.reference_density * vehicle.gravity * max(depth, 0.0)
-        pumping = max(pumped, 0.0) * CUBIC_CM * (pressure + self.hull_vacuum)
-        weight = vehicle.battery.mass * vehicle.gravity
-        sliding = weight * (shift * math.sin(pitch) + self.rail_friction * abs(shift))
-        # the eccentric mass hangs lowest at rotation 0
-        raised = vehicle.battery.eccentricity * (math.cos(before[1]) - math.cos(after[1]))
-        turning = weight * math.cos(pitch) * raised + self.bearing_torque * abs(rotation)
-        moving = max(sliding, 0.0) + max(turning, 0.0)
-        return (
-            self.hotel_power * duration
-            + pumping / self.pump_efficiency
-            + moving / self.screw_efficiency
-        )
+        total = self.hotel_power * duration
+        for part, start, end in zip(vehicle.parts, before, after, strict=True):
+            total += part.energy(
+                vehicle, float(start), float(end), self, depth=depth, pitch=pitch, duration=duration
+            )
+        return total
 
 
 def cost_of_transport(vehicle: Vehicle, energy: float, distance: float) -> float:

@@ -74,7 +74,7 @@ class Energy(GliderTask):
     def __init__(self, *arguments: Any, consumption: Consumption, **settings: Any):
         super().__init__(*arguments, **settings)
         self.consumption = consumption
-        self._before = np.zeros(3)
+        self._before = self.vehicle.rest
         self._time = 0.0
 
     def initialize_episode(self, physics: Physics) -> None:

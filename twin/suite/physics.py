@@ -19,13 +19,22 @@ from dm_control.mujoco import wrapper
 from dm_control.rl.control import PhysicsError
 from numpy.typing import NDArray
 
-from twin.errors import InputError, VehicleError
+from twin.errors import InputError, unknown_name
 from twin.frames import flip_vector
-from twin.physics.mujoco_model import compile_model, fluid_geoms, parameter_block, share
-from twin.physics.native import block as b
-from twin.physics.native import plant
+from twin.physics.mujoco_model import (
+    compile_model,
+    header,
+    part_names,
+    part_table,
+    room,
+    state,
+    table,
+    write_tables,
+)
+from twin.physics.native.install import install
 from twin.physics.simulation import set_start, stagger
 from twin.physics.start import Start
+from twin.physics.tables import Tables
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 from twin.water.current.base import Current
 from twin.water.current.origin import Origin
@@ -57,34 +66,22 @@ MEASUREMENTS = {
     "current_north": "m/s",
     "current_east": "m/s",
     "current_down": "m/s",
-    "shift": "m",
-    "rotation": "rad",
-    "pump": "cm3",
 }
-"""Every scalar measurement and its unit; each is a method of `Physics` or a part of one."""
+"""Every scalar measurement and its unit, besides the positions of the vehicle's parts; each is a
+method of `Physics` or a part of one."""
 
-_POINTERS = (b.P_TABLE, b.P_CURRENT, b.P_DENSITY, b.P_LOG)
-"""Slots of the block that hold an address; the next slot holds the length."""
+ROOM = 4096
+"""Numbers of a current and a density profile that fit a model without compiling it again."""
 
 
 class Physics(dm_mujoco.Physics):
-    """A glider in water: `dm_control.mujoco.Physics` with the twin's model and callbacks.
+    """A vehicle in water: `dm_control.mujoco.Physics` with the twin's model and callbacks.
 
     Build it with `from_vehicle`. Models that `compile_model` did not make are refused, because
-    they would move in vacuum. Keep the Physics alive while its model is stepped: it owns the
-    tables (current, density) that the model's parameter block points into.
+    they would move in vacuum. Copies, pickles and binary models carry their water with them.
     """
 
-    _tables: dict[int, Array]
-    """What the block's addresses point to, by slot: it must live as long as the model."""
-
     # --- making one ---------------------------------------------------------------------------
-
-    def __new__(cls, *args: Any, **keywords: Any) -> Self:
-        """An instance that owns no tables yet; copies are made without `__init__`."""
-        physics = super().__new__(cls, *args, **keywords)
-        physics._tables = {}
-        return physics
 
     @classmethod
     def from_vehicle(
@@ -95,13 +92,17 @@ class Physics(dm_mujoco.Physics):
         timestep: float | None = None,
         integrator: str | None = None,
     ) -> Self:
-        """A glider in still water; the arguments are those of `compile_model`."""
+        """A vehicle in still water; the arguments are those of `compile_model`."""
         model = compile_model(
-            vehicle, hydrodynamics=hydrodynamics, timestep=timestep, integrator=integrator
+            vehicle,
+            hydrodynamics=hydrodynamics,
+            timestep=timestep,
+            integrator=integrator,
+            reserve=ROOM,
         )
         # as in the batch: RK4 evaluates between steps and is centred by itself
         staged = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-        parameter_block(model)[b.P_CENTRED] = float(not staged)
+        header(model)["centred"] = float(not staged)
         return cls.from_model(model)
 
     @classmethod
@@ -113,7 +114,7 @@ class Physics(dm_mujoco.Physics):
         """
         if isinstance(model, mujoco.MjModel):
             model = wrapper.MjModel(model)
-        _require_block(model.ptr)
+        header(model.ptr)  # raises for models without a block
         return super().from_model(model)
 
     @classmethod
@@ -128,53 +129,35 @@ class Physics(dm_mujoco.Physics):
 
     @classmethod
     def from_byte_string(cls, byte_string: bytes) -> Self:
-        """From a binary model, in still water: what it pointed to stayed in another process."""
-        return cls.from_model(_without_pointers(wrapper.MjModel.from_byte_string(byte_string)))
+        """From a binary model, with the water that it carries."""
+        return cls.from_model(wrapper.MjModel.from_byte_string(byte_string))
 
     @classmethod
     def from_binary_path(cls, file_path: str) -> Self:
-        """From a file with a binary model, in still water; see `from_byte_string`."""
-        return cls.from_model(_without_pointers(wrapper.MjModel.from_binary_path(file_path)))
+        """From a file with a binary model, with the water that it carries."""
+        return cls.from_model(wrapper.MjModel.from_binary_path(file_path))
 
     def reload_from_xml_path(self, file_path: str | Path) -> None:
         """Become a new instance of `from_xml_path`."""
-        self._become(self.from_xml_path(file_path))
+        self._reload_from_data(self.from_xml_path(file_path).data)
 
     def reload_from_xml_string(
         self, xml_string: str, assets: Mapping[str, Any] | None = None
     ) -> None:
         """Become a new instance of `from_xml_string`."""
-        self._become(self.from_xml_string(xml_string, assets))
-
-    def _become(self, other: Physics) -> None:
-        self._reload_from_data(other.data)
-        self._tables = other._tables
+        self._reload_from_data(self.from_xml_string(xml_string, assets).data)
 
     def _reload_from_data(self, data: wrapper.MjData) -> None:
         model = data.model.ptr
-        _require_block(model)
-        plant.install()
+        head = header(model)
+        install()
         super()._reload_from_data(data)
-        self._block = parameter_block(model)
         raw = data.ptr
-        self._rotation = raw.xmat[int(self._block[b.P_HULL_BODY])].reshape(3, 3)
-        self._qpos, self._qvel, self._act, self._water = raw.qpos, raw.qvel, raw.act, raw.userdata
-
-    def copy(self, share_model: bool = False) -> Self:
-        """An independent copy; with `share_model` both read the same current from one model."""
-        twin = super().copy(share_model=share_model)
-        twin._tables = self._tables if share_model else dict(self._tables)
-        return twin
-
-    def __getstate__(self) -> Any:
-        return self.data, self._tables
-
-    def __setstate__(self, state: Any) -> None:
-        data, self._tables = state
-        model = _without_pointers(data.model).ptr
-        for slot, values in self._tables.items():
-            _point(model, slot, values)
-        super().__setstate__(data)
+        self._head, self._parts = head, part_table(model)
+        self._names = part_names(model)
+        self._rotation = raw.xmat[int(head["hull_body"])].reshape(3, 3)
+        self._qpos, self._qvel, self._act = raw.qpos, raw.qvel, raw.act
+        self._water = state(raw)
 
     # --- state --------------------------------------------------------------------------------
 
@@ -191,9 +174,9 @@ class Physics(dm_mujoco.Physics):
         super().step(nstep)
         if not self.legacy_step:
             mujoco.mj_step1(self.model.ptr, self.data.ptr)
-        if self._water[b.U_FAILED]:
+        if self._water["failed"]:
             raise PhysicsError(
-                f"the glider's state left the finite numbers at {self._water[b.U_FAIL_TIME]:g} s; "
+                f"the vehicle's state left the finite numbers at {self._water['fail_time']:g} s; "
                 "try a smaller timestep or check the vehicle's parameters"
             )
 
@@ -216,17 +199,15 @@ class Physics(dm_mujoco.Physics):
         Time-centred runs keep velocities half a step back in time, and so does this, in the same
         way as `twin.physics.simulation.Simulation`.
         """
-        data = self.data.ptr
-        size = int(self._block[b.P_CURRENT_SIZE])
-        current = np.zeros(3)
-        if size:
+        model, data = self.model.ptr, self.data.ptr
+        program, current = table(model, "current"), np.zeros(3)
+        if program.size:
             place = (start.north, start.east, start.depth)
-            program = self._tables[b.P_CURRENT]
             current = np.array(sample(program, data.time, *place, 0.0, 0.0, 0.0)[:3])
         data.userdata[:] = 0.0
-        set_start(data, start, current)
-        if self._block[b.P_CENTRED]:
-            stagger(self.model.ptr, self.data.ptr)
+        set_start(model, data, start, current)
+        if self._head["centred"]:
+            stagger(model, data)
 
     # --- water --------------------------------------------------------------------------------
 
@@ -239,21 +220,34 @@ class Physics(dm_mujoco.Physics):
           CurrentError: the current cannot be compiled for that duration.
         """
         program = None if current is None else current.compile(duration, origin)
-        self._set_table(b.P_CURRENT, program)
+        self._set_tables(current=np.zeros(0) if program is None else program)
 
     def set_density(self, profile: Any) -> None:
         """Stratify the water by a `twin.water.density.DensityProfile`; None makes it uniform."""
-        self._set_table(b.P_DENSITY, None if profile is None else profile.compile())
+        self._set_tables(density=np.zeros(0) if profile is None else profile.compile())
 
-    def _set_table(self, slot: int, values: Array | None) -> None:
-        values = np.zeros(0) if values is None else np.array(values, float)
-        _point(self.model.ptr, slot, values)  # first: the old table must outlive its use
-        self._tables[slot] = values
+    def _set_tables(self, **changed: Array) -> None:
+        """Put tables into the model, whose others stay.
+
+        Raises:
+          InputError: they do not fit; the message says how to make room.
+        """
+        model = self.model.ptr
+        tables = {name: table(model, name).copy() for name in ("current", "density")}
+        tables.update(changed)
+        needed = sum(values.size for values in tables.values())
+        if needed > room(model):
+            raise InputError(
+                f"the water of this environment takes {needed} numbers, its model has room for "
+                f"{room(model)}: build it with Physics.from_model(compile_model(vehicle, "
+                f"reserve={needed})), or use a coarser current"
+            )
+        write_tables(model, Tables(current=tables["current"], density=tables["density"]))
 
     # --- measurements -------------------------------------------------------------------------
 
     def measurements(self) -> dict[str, float]:
-        """Every scalar of MEASUREMENTS now, by name."""
+        """Every scalar of MEASUREMENTS now, and the position of each part, by name."""
         roll_rate, pitch_rate, yaw_rate = self.rates()
         surge, sway, heave = self.velocity_through_water()
         north, east, down = self.current()
@@ -268,10 +262,11 @@ class Physics(dm_mujoco.Physics):
             "current_east": east,
             "current_down": down,
         }
-        return {
+        found = {
             name: float(derived[name] if name in derived else getattr(self, name)())
             for name in MEASUREMENTS
         }
+        return {**found, **dict(zip(self._names, self._act.tolist(), strict=True))}
 
     def north(self) -> float:
         """[m] of the CB from the origin."""
@@ -300,9 +295,9 @@ class Physics(dm_mujoco.Physics):
     def _centred(self, part: slice) -> Array:
         """qvel now: time-centred runs store it half a step earlier."""
         velocity = self._qvel[part]
-        if not self._block[b.P_CENTRED] or not self._water[b.U_KNOWN]:
+        if not self._head["centred"] or not self._water["known"]:
             return velocity.copy()
-        earlier = self._water[b.U_EARLIER + part.start : b.U_EARLIER + part.stop]
+        earlier = self._water["earlier"][part]
         return velocity + 0.5 * (velocity - earlier)
 
     def velocity_over_ground(self) -> Array:
@@ -351,71 +346,42 @@ class Physics(dm_mujoco.Physics):
 
     def net_buoyancy(self) -> float:
         """Net buoyancy mass [kg] of the immersed glider, positive = heavy = dives."""
-        return float(self._water[b.U_NET_MASS])
+        return float(self._water["net_mass"])
 
     def immersion(self) -> float:
         """Immersed fraction of the hull, 1 under water."""
-        return float(self._water[b.U_IMMERSION])
+        return float(self._water["immersion"])
 
     def density(self) -> float:
         """[kg/m3] of the water at the CB."""
-        return float(self._water[b.U_DENSITY])
+        return float(self._water["density"])
 
     def current(self) -> Array:
         """Velocity of the water at the CB [m/s], NED, shape (3,)."""
-        return self._water[b.U_CURRENT : b.U_CURRENT + 3].copy()
+        return self._water["current"].copy()
 
-    def shift(self) -> float:
-        """Battery's displacement from neutral [m], positive forward (nose down)."""
-        return float(self._act[0])
+    def part_names(self) -> tuple[str, ...]:
+        """Names of the vehicle's parts, in the order of commands and activations."""
+        return self._names
 
-    def rotation(self) -> float:
-        """Battery's rotation [rad], positive turns to starboard."""
-        return float(self._act[1])
+    def part(self, name: str) -> float:
+        """Position of a part in its own unit: a glider's shift [m], rotation [rad], pump [cm3].
 
-    def pump(self) -> float:
-        """Pumped volume [cm3], positive lighter."""
-        return float(self._act[2])
+        Raises:
+          InputError: the vehicle has no part of that name; the nearest is offered.
+        """
+        if name not in self._names:
+            raise InputError(unknown_name("part of the vehicle", name, self._names))
+        return float(self._act[self._names.index(name)])
 
     def actuator_range(self) -> tuple[Array, Array]:
-        """Ends of travel, each of shape (3,): shift [m], rotation [rad], pump [cm3]."""
-        low = self._block[b.P_ACTUATOR_MIN : b.P_ACTUATOR_MIN + 3]
-        high = self._block[b.P_ACTUATOR_MAX : b.P_ACTUATOR_MAX + 3]
-        return low.copy(), high.copy()
+        """Ends of travel, each of shape (parts,), in the parts' units."""
+        return self._parts["low"].copy(), self._parts["high"].copy()
 
     def actuators(self) -> Array:
-        """Actuator positions as fractions of their travel, -1 to 1, shape (3,)."""
+        """Actuator positions as fractions of their travel, -1 to 1, shape (parts,)."""
         low, high = self.actuator_range()
         return 2.0 * (self._act - low) / (high - low) - 1.0
-
-
-def _require_block(model: mujoco.MjModel) -> None:
-    whole = model.nnumericdata >= b.PARAMETERS and model.nuserdata >= plant.USER_SIZE
-    if not whole or parameter_block(model)[b.P_MAGIC] != b.MAGIC:
-        raise VehicleError(
-            "this MuJoCo model carries no glider parameters, so it would move in vacuum: build it "
-            "with twin.suite.physics.Physics.from_vehicle or "
-            "twin.physics.mujoco_model.compile_model"
-        )
-
-
-def _without_pointers(model: wrapper.MjModel) -> wrapper.MjModel:
-    """Make the model forget the addresses of the process that it comes from."""
-    _require_block(model.ptr)
-    block = parameter_block(model.ptr)
-    for slot in _POINTERS:
-        block[slot] = block[slot + 1] = 0.0
-    block[b.P_CONTROL], block[b.P_LOG_PERIOD] = b.CONTROL_NONE, 0.0
-    if block[b.P_FLUID_COUNT]:
-        block[b.P_FLUID] = share(fluid_geoms(model.ptr))
-    return model
-
-
-def _point(model: mujoco.MjModel, slot: int, values: Array) -> None:
-    block = parameter_block(model)
-    block[slot + 1] = 0.0
-    block[slot] = float(values.ctypes.data) if len(values) else 0.0
-    block[slot + 1] = float(len(values))
 
 
 def _vehicle_from_text(xml: str, assets: Mapping[str, Any] | None) -> Vehicle:

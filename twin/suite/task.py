@@ -14,10 +14,11 @@ from dm_env import specs
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError, VehicleError
-from twin.mission.glide import SteadyGlide, steady_glide
+from twin.mission.way import Way
+from twin.mission.way import way as steady_way
 from twin.physics.start import Start
 from twin.suite.physics import Physics
-from twin.vehicle.vehicle import ACTUATORS, Vehicle
+from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Observation = collections.OrderedDict[str, Array]
@@ -75,36 +76,41 @@ class GliderTask(base.Task):
         self.max_depth = float(max_depth)
         self.normalised = normalised
         self._low, self._high = vehicle.actuator_min, vehicle.actuator_max
-        self.cruise_mass = vehicle.net_mass_for_pump(CRUISE_PUMP * float(self._low[2]))
-        self.cruise = self.glide(-CRUISE_PITCH)
+        pump = vehicle.steered("buoyancy")
+        self.cruise_mass = 0.0
+        """[kg] net buoyancy of a cruise down; 0 without a pump"""
+        if pump is not None:
+            self.cruise_mass = vehicle.net_mass_for_pump(CRUISE_PUMP * float(pump.low))
+        self.cruise = self.way(-CRUISE_PITCH)
         self._colour: Array | None = None
 
     # --- actions ------------------------------------------------------------------------------
 
     def action_spec(self, physics: Physics) -> specs.BoundedArray:
         """Bounds of the commands; the name lists the actuators, separated by tabs."""
-        low, high = (np.full(3, -1.0), np.full(3, 1.0))
+        count = len(self.vehicle.parts)
+        low, high = np.full(count, -1.0), np.full(count, 1.0)
         if not self.normalised:
             low, high = self._low, self._high
         return specs.BoundedArray(
-            shape=(len(ACTUATORS),),
+            shape=(len(self.vehicle.parts),),
             dtype=np.float64,
             minimum=low,
             maximum=high,
-            name="\t".join(ACTUATORS),
+            name="\t".join(self.vehicle.part_names),
         )
 
     def to_command(self, action: ArrayLike) -> Array:
-        """Commanded positions (shift [m], rotation [rad], pump [cm3]) of an action.
+        """Commanded positions of the parts, in their order and units, of an action.
 
         Raises:
           InputError: another shape, or a value that is not finite.
         """
         values: Array = np.asarray(action, float)
-        if values.shape != (len(ACTUATORS),) or not np.isfinite(values).all():
+        if values.shape != (len(self.vehicle.parts),) or not np.isfinite(values).all():
             raise InputError(
-                f"action {values.tolist()} must be {len(ACTUATORS)} finite numbers: "
-                f"{', '.join(ACTUATORS)}"
+                f"action {values.tolist()} must be {len(self.vehicle.parts)} finite numbers: "
+                f"{', '.join(self.vehicle.part_names)}"
             )
         if not self.normalised:
             return np.clip(values, self._low, self._high)
@@ -141,20 +147,21 @@ class GliderTask(base.Task):
             return 0.0
         return None
 
-    def glide(self, pitch: float) -> SteadyGlide:
-        """The steady glide of the cruise's net buoyancy at `pitch` [rad], nose down or up."""
-        return steady_glide(self.vehicle, pitch, -math.copysign(self.cruise_mass, pitch))
+    def way(self, pitch: float) -> Way:
+        """The steady way at `pitch` [rad]: the cruise's glide, or under the propeller."""
+        mass = -math.copysign(self.cruise_mass, pitch)
+        return steady_way(
+            self.vehicle, "task", "pitch", math.degrees(pitch), mass, None, within_travel=True
+        )
 
     def start_gliding(
         self, physics: Physics, *, depth: float, heading: float, pitch: float
     ) -> None:
-        """Start at the origin in the steady glide at `pitch` [rad], depth [m], heading [rad]."""
-        glide = self.glide(pitch)
-        alpha = glide.angle_of_attack
-        v_rel = (glide.speed * math.cos(alpha), 0.0, glide.speed * math.sin(alpha))
-        shift = min(max(glide.shift, float(self._low[0])), float(self._high[0]))
-        pump = self.vehicle.pump_for_net_mass(-math.copysign(self.cruise_mass, pitch))
-        actuators = (shift, 0.0, pump)
+        """Start at the origin on the steady way at `pitch` [rad], depth [m], heading [rad]."""
+        way = self.way(pitch)
+        alpha = way.angle_of_attack
+        v_rel = (way.speed * math.cos(alpha), 0.0, way.speed * math.sin(alpha))
+        actuators = tuple(way.command.tolist())
         physics.set_start(
             Start(depth=depth, heading=heading, pitch=pitch, v_rel=v_rel, actuators=actuators)
         )

@@ -23,10 +23,10 @@ from twin.vehicle.laws import LAWS, FlowFrame, HullLaw
 from twin.vehicle.mjcf import MjcfReader
 from twin.vehicle.moving_mass import MovingMass
 from twin.vehicle.parts import Part, Pump
+from twin.vehicle.parts.pump import CUBIC_CM as CUBIC_CM
 
 Array = NDArray[np.float64]
 
-CUBIC_CM = 1e-6  # [m3]
 CONTROLS = ("pitch", "heading", "buoyancy", "speed")
 """What guidance steers, each with one part of the vehicle that can."""
 
@@ -130,10 +130,17 @@ class Vehicle:
         """Its hull law, when it is the flow-frame one; VehicleError for vehicles of other laws."""
         if not isinstance(self.law, FlowFrame):
             raise VehicleError(
-                f"vehicle {self.name!r} has the hull law {self.law.kind!r}; this needs a glider with "
-                f"lift and drag coefficients (hull law {FlowFrame.kind!r})"
+                f"vehicle {self.name!r} has the hull law {self.law.kind!r}; this needs a glider "
+                f"with lift and drag coefficients (hull law {FlowFrame.kind!r})"
             )
         return self.law
+
+    def moved_by(self, part: str) -> MovingMass:
+        """The mass that a slide or hinge moves; raises VehicleError when it moves none."""
+        for mass in self.masses:
+            if part in (mass.slide, mass.hinge):
+                return mass
+        raise VehicleError(f"vehicle {self.name!r}: part {part!r} moves no mass")
 
     def pump_for_net_mass(self, net_mass: float) -> float:
         """Position of its pump [cm3] that makes it `net_mass` [kg] heavy at reference density.

@@ -73,7 +73,9 @@ def test_side_force_grows_with_drag():
     nominal = load_calibration("slocum")
     (drag,) = choose(["drag"])
     scaled = drag.set(nominal, 3.0 * nominal.vehicle.flow_frame.drag[0])
-    assert scaled.vehicle.flow_frame.side_force[0] == pytest.approx(3.0 * nominal.vehicle.flow_frame.side_force[0])
+    assert scaled.vehicle.flow_frame.side_force[0] == pytest.approx(
+        3.0 * nominal.vehicle.flow_frame.side_force[0]
+    )
 
 
 def test_without_ctd_the_sea_is_compressed_like_sea_water():

@@ -177,7 +177,9 @@ def test_an_unstable_run_names_itself_and_keeps_what_it_had():
 
 
 def test_an_unstable_mission_is_called_by_its_name():
-    tumbling = VEHICLE.replace(pitch_moment=(*VEHICLE.flow_frame.pitch_moment[:2], 5e4))  # fed, not damped
+    tumbling = VEHICLE.replace(
+        pitch_moment=(*VEHICLE.flow_frame.pitch_moment[:2], 5e4)
+    )  # fed, not damped
     wild = Scenario(plan=load_mission("default"), vehicle=tumbling, duration=600.0)
     with pytest.raises(SimulationUnstable, match=r"mission 'default' went unstable"):
         simulate(wild)

@@ -26,7 +26,9 @@ def _check(name: str, kind: object) -> type[Segment]:
             f"{Segment.__module__}.{Segment.__name__}"
         )
     if kind.kind != name:
-        raise MissionError(f"kind of segment {name!r}: the class {kind.__name__} calls itself {kind.kind!r}")
+        raise MissionError(
+            f"kind of segment {name!r}: the class {kind.__name__} calls itself {kind.kind!r}"
+        )
     lacks = _lacks(kind)
     if lacks:
         raise MissionError(f"the kind of segment {name!r} is only half there: it lacks {lacks}")

@@ -33,6 +33,7 @@ PART = np.dtype(
         ("lag", "f8"),  # [s]
         ("rate", "f8"),  # per second
         ("one_way", "f8"),  # 1: never rises again
+        ("rest", "f8"),  # position at which it neither drives nor steers
         ("zero", "f8"),  # position when its encoder says 0, of parts without a joint
         ("gives_volume", "f8"),
         ("gives_mass", "f8"),

@@ -23,7 +23,9 @@ def _check(name: str, kind: object) -> type[HullLaw]:
             f"{HullLaw.__module__}.{HullLaw.__name__}"
         )
     if kind.kind != name:
-        raise VehicleError(f"hull law {name!r}: the class {kind.__name__} calls itself {kind.kind!r}")
+        raise VehicleError(
+            f"hull law {name!r}: the class {kind.__name__} calls itself {kind.kind!r}"
+        )
     lacks = _lacks(kind)
     if lacks:
         raise VehicleError(f"the hull law {name!r} is only half there: it lacks {lacks}")

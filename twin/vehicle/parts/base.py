@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -26,6 +26,34 @@ Kernel = Callable[..., Any]
 
 VALUES = 24
 """Most parameters of a part that its kernels read."""
+
+
+class Losses(Protocol):
+    """What the drives of a vehicle lose; see `twin.suite.consumption.Consumption`."""
+
+    @property
+    def pump_efficiency(self) -> float:
+        """Hydraulic over electrical power of a pump."""
+
+    @property
+    def hull_vacuum(self) -> float:
+        """[Pa] below the sea-level pressure inside the hull."""
+
+    @property
+    def screw_efficiency(self) -> float:
+        """Mechanical over electrical power of a battery's drive."""
+
+    @property
+    def rail_friction(self) -> float:
+        """Friction over weight of a sliding mass."""
+
+    @property
+    def bearing_torque(self) -> float:
+        """[N m] friction of a turning mass."""
+
+    @property
+    def propeller_efficiency(self) -> float:
+        """Mechanical over electrical power of a propeller's motor."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -141,6 +169,25 @@ class Part:
     def sense(self, axis: str) -> float:
         """+1 when a larger position raises pitch or turns to starboard, -1 when it does not."""
         return 1.0
+
+    # --- what it takes --------------------------------------------------------------------------
+
+    def energy(
+        self,
+        vehicle: Vehicle,
+        before: float,
+        after: float,
+        losses: Losses,
+        *,
+        depth: float,
+        pitch: float,
+        duration: float,
+    ) -> float:
+        """Electrical energy [J] of a short move between two positions; 0 unless a kind says.
+
+        depth: [m]. pitch: [rad]. duration: [s].
+        """
+        return 0.0
 
     # --- what is drawn and shown ----------------------------------------------------------------
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from twin.vehicle.parts.base import Part, Quantity
+from twin.vehicle.parts.base import Losses, Part, Quantity
 
 if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
@@ -32,6 +32,24 @@ class BatteryHinge(Part):
     def controls(self) -> tuple[str, ...]:
         """It turns."""
         return ("heading",)
+
+    def energy(
+        self,
+        vehicle: Vehicle,
+        before: float,
+        after: float,
+        losses: Losses,
+        *,
+        depth: float,
+        pitch: float,
+        duration: float,
+    ) -> float:
+        """Raising its eccentric mass, which hangs lowest at 0, and friction [J]."""
+        mass = vehicle.moved_by(self.name)
+        raised = mass.eccentricity * (math.cos(before) - math.cos(after))
+        turning = mass.mass * vehicle.gravity * math.cos(pitch) * raised
+        turning += losses.bearing_torque * abs(after - before)
+        return max(turning, 0.0) / losses.screw_efficiency
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Vehicle) -> float:
         """Every other command is level."""

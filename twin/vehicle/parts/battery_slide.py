@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from twin.vehicle.parts.base import Part, Quantity
+from twin.vehicle.parts.base import Losses, Part, Quantity
 
 if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
@@ -37,6 +38,23 @@ class BatterySlide(Part):
     def sense(self, axis: str) -> float:
         """Forward is nose down."""
         return -1.0
+
+    def energy(
+        self,
+        vehicle: Vehicle,
+        before: float,
+        after: float,
+        losses: Losses,
+        *,
+        depth: float,
+        pitch: float,
+        duration: float,
+    ) -> float:
+        """Lifting its mass along the pitched hull and against friction [J]."""
+        weight = vehicle.moved_by(self.name).mass * vehicle.gravity
+        moved = after - before
+        sliding = weight * (moved * math.sin(pitch) + losses.rail_friction * abs(moved))
+        return max(sliding, 0.0) / losses.screw_efficiency
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Vehicle) -> float:
         """Forward in a dive, aft in a climb."""

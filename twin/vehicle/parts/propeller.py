@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from twin.compiled import jit
-from twin.vehicle.parts.base import Part, Quantity
+from twin.vehicle.parts.base import Losses, Part, Quantity
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
@@ -127,6 +127,22 @@ class Propeller(Part):
         motion = (speed, 0.0, 0.0, 0.0, 0.0, 0.0)
         wrench = native_wrench(np.array(self.values()), still, rate, *motion, density, 1e3)
         return float(wrench[0])
+
+    def energy(
+        self,
+        vehicle: Vehicle,
+        before: float,
+        after: float,
+        losses: Losses,
+        *,
+        depth: float,
+        pitch: float,
+        duration: float,
+    ) -> float:
+        """Shaft power of its torque, over the efficiency of its motor [J]."""
+        rate = 0.5 * (before + after)
+        torque = vehicle.reference_density * self.diameter**5 * self.torque_coefficient * rate**2
+        return torque * abs(rate) * duration / losses.propeller_efficiency
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Vehicle) -> float:
         """Ahead, from a quarter of its largest rate to three quarters."""

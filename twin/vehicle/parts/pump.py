@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from twin.compiled import inline, jit
-from twin.vehicle.parts.base import Part, Quantity
+from twin.vehicle.parts.base import Losses, Part, Quantity
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
     from twin.vehicle.vehicle import Vehicle
 
+CUBIC_CM = 1e-6  # [m3]
 NET_MASS = (0.15, 0.45)
 """[kg] magnitude of the net buoyancy that a random manoeuvre draws"""
 
@@ -68,6 +69,22 @@ class Pump(Part):
     def rest(self) -> float:
         """The neutral volume [cm3]."""
         return self.neutral
+
+    def energy(
+        self,
+        vehicle: Vehicle,
+        before: float,
+        after: float,
+        losses: Losses,
+        *,
+        depth: float,
+        pitch: float,
+        duration: float,
+    ) -> float:
+        """Pumping out against the sea [J]; letting in takes a valve and costs nothing."""
+        pressure = vehicle.reference_density * vehicle.gravity * max(depth, 0.0)
+        pumping = max(after - before, 0.0) * CUBIC_CM * (pressure + losses.hull_vacuum)
+        return pumping / losses.pump_efficiency
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Vehicle) -> float:
         """Heavy or light, as far as it reaches."""

@@ -28,7 +28,9 @@ def _check(name: str, kind: object) -> type[Part]:
             f"{Part.__module__}.{Part.__name__}"
         )
     if kind.kind != name:
-        raise VehicleError(f"vehicle part {name!r}: the class {kind.__name__} calls itself {kind.kind!r}")
+        raise VehicleError(
+            f"vehicle part {name!r}: the class {kind.__name__} calls itself {kind.kind!r}"
+        )
     lacks = _lacks(kind)
     if lacks:
         raise VehicleError(f"the vehicle part {name!r} is only half there: it lacks {lacks}")
