@@ -18,8 +18,8 @@ from twin.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
     from learn.runs.run import Run
-    from learn.training.fitting import FitConfig, Job
-    from learn.training.loop import Report
+    from learn.training.settings import FitConfig, Job
+    from learn.training.trainer import Report
     from twin.cli.progress import Progress
 
 
@@ -163,7 +163,7 @@ class Fit(JsonOption):
 
     def _stored(self, folder: Path) -> FitConfig | None:
         """Settings of the run that is gone on with, None where there is none yet."""
-        from learn.training.fitting import FitConfig
+        from learn.training.settings import FitConfig
 
         if not (folder / DESCRIPTION).is_file():
             return None
@@ -173,9 +173,9 @@ class Fit(JsonOption):
         """The settings: those that are given, the stored ones of a run that is gone on with, and
         the defaults."""
         from learn.data.features import INPUT_SETS, select_features
-        from learn.networks.network import NetworkConfig
-        from learn.training.fitting import FitConfig
+        from learn.networks.config import NetworkConfig
         from learn.training.schedule import TrainingConfig
+        from learn.training.settings import FitConfig
 
         base = stored or FitConfig(
             store=str(DEFAULT_STORE),

@@ -16,7 +16,8 @@ from learn.data.dataset import Mission
 from learn.data.features import FEATURES
 from learn.data.normalisation import Normalisation
 from learn.files import read_json, write_json
-from learn.networks.network import Network, NetworkConfig, build_network
+from learn.networks.base import Network, build_network
+from learn.networks.config import NetworkConfig
 from twin.errors import InputError, StoreError, unknown_name
 
 Floats = NDArray[np.float32]

@@ -11,7 +11,8 @@ from learn.evaluation.evaluation import evaluate
 from learn.files import write_json
 from learn.runs.run import ABLATION, Run
 from learn.studies.judge import judged_split
-from learn.training.fitting import FitConfig, Watch, fit
+from learn.training.fitting import Watch, fit
+from learn.training.settings import FitConfig
 from twin.cli.console import to_json
 
 

@@ -15,7 +15,8 @@ from learn.data.logs import SPEED, is_real
 from learn.data.missions import open_missions
 from learn.files import write_json
 from learn.runs.run import Run
-from learn.training.fitting import FitConfig, Watch, fit
+from learn.training.fitting import Watch, fit
+from learn.training.settings import FitConfig
 from twin.cli.console import to_json
 from twin.errors import InputError
 

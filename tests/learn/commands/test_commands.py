@@ -13,10 +13,11 @@ from factory.commands.generate import DEFAULT_OUT
 from learn.__main__ import PROGRAM
 from learn.files import write_json
 from learn.navigation.baselines import BASELINES
-from learn.networks.network import NetworkConfig
+from learn.networks.config import NetworkConfig
 from learn.runs.run import DEFAULT_STORE, newest_run, open_run
-from learn.training.fitting import FitConfig, fit
+from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
+from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError
 
 PAGE = Path(__file__).parents[3] / "docs" / "learn.md"

@@ -19,10 +19,11 @@ from learn.data.logs import LogRow, filled, nearest
 from learn.data.preparation import prepare
 from learn.evaluation.log_score import LogReference, score_row
 from learn.navigation.baselines import Estimate
-from learn.networks.network import NetworkConfig
+from learn.networks.config import NetworkConfig
 from learn.studies.folds import dives_with_truth, leave_out_each
-from learn.training.fitting import FitConfig, fit
-from learn.training.loop import TrainingConfig
+from learn.training.fitting import fit
+from learn.training.schedule import TrainingConfig
+from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError
 from twin.records.store import open_store, write_store
 from twin.vehicle.vehicle import load_vehicle
@@ -105,7 +106,7 @@ def test_a_log_without_truth_cannot_be_learned_from(
         raise AssertionError("read or trained for nothing")
 
     monkeypatch.setattr("learn.training.fitting.load_missions", started)
-    monkeypatch.setattr("learn.training.fitting.train_aside", started)
+    monkeypatch.setattr("learn.training.fitting.train_in_workers", started)
     with pytest.raises(StoreError, match=r"no truth to learn surge from.*plain.zarr`"):
         fit(config(store), tmp_path / "run", workers=2)
 

@@ -11,7 +11,8 @@ from onnx import helper
 
 from learn.data.dataset import Mission
 from learn.data.normalisation import Normalisation
-from learn.networks.network import NETWORKS, NetworkConfig, build_network
+from learn.networks.base import build_network
+from learn.networks.config import NetworkConfig
 from learn.networks.onnx_export import (
     INPUTS,
     OUTPUTS,
@@ -21,6 +22,7 @@ from learn.networks.onnx_export import (
     step_model,
 )
 from learn.networks.predictor import Predictor
+from learn.networks.registry import NETWORKS
 from twin.errors import StoreError
 
 FEATURES = ("sin_roll", "sin_pitch", "cos_pitch", "depth_rate", "pump")

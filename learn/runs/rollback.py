@@ -1,4 +1,4 @@
-"""Claim: a run's folder from the start of a fit until something is trained in it.
+"""Rollback: a run's folder from the start of a fit until something is trained in it.
 
 A start that fails or is interrupted leaves everything as it was: a new folder goes away again, and
 a run that was to be replaced comes back. That run waits beside the new one under a name of its own,
@@ -39,7 +39,7 @@ def recover(folder: Path) -> None:
     old.rename(folder)
 
 
-class Claim:
+class Rollback:
     """A context in which a run is begun or gone on with.
 
     Args:
@@ -50,7 +50,7 @@ class Claim:
         self.folder, self._new = folder, new
         self._given_up = False
 
-    def __enter__(self) -> Claim:
+    def __enter__(self) -> Rollback:
         if self._new:
             if self.folder.exists() and any(self.folder.iterdir()):
                 self.folder.rename(aside(self.folder))

@@ -8,16 +8,14 @@ direction comes from a second gradient, and a Levenberg-Marquardt term lambda ke
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from typing import Any
 
 import torch
 from torch import Tensor
 
+from learn.training.optimisers.base import FullBatchOptimiser, Objective
+from learn.training.schedule import TrainingConfig
 from twin.errors import InputError
-
-Objective = Callable[[Tensor], tuple[float, Tensor]]
-"""From parameters (n,) to the error and its gradient (n,)."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -164,18 +162,18 @@ _STATE = (
 )
 
 
-def minimise(
-    objective: Objective,
-    start: Tensor,
-    *,
-    config: ScgConfig | None = None,
-    max_iterations: int = 1000,
-    stop: Callable[[ScaledConjugateGradient], bool] | None = None,
-) -> ScaledConjugateGradient:
-    """Iterate until converged, `max_iterations`, or `stop(optimiser)` after an iteration."""
-    optimiser = ScaledConjugateGradient(objective, start, config)
-    while not optimiser.converged and optimiser.iterations < max_iterations:
-        optimiser.step()
-        if stop is not None and stop(optimiser):
-            break
-    return optimiser
+FLOAT32_SIGMA = 3e-3
+"""Finite difference of the curvature in parameter space: large against the rounding of float32
+gradients, small against the distance on which curvature changes."""
+
+
+class ScgOptimiser(FullBatchOptimiser):
+    """The paper's scaled conjugate gradients."""
+
+    summary = "scaled conjugate gradients over all samples at once, the paper's"
+
+    def build(
+        self, objective: Objective, start: Tensor, config: TrainingConfig
+    ) -> ScaledConjugateGradient:
+        """See `FullBatchOptimiser`."""
+        return ScaledConjugateGradient(objective, start, ScgConfig(sigma=FLOAT32_SIGMA))

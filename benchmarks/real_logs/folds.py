@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from learn.benchmark.public import SteadyModel, fit_steady
-from learn.benchmark.source import Deployment
+from benchmarks.real_logs.public import SteadyModel, fit_steady
+from benchmarks.real_logs.source import Deployment
 from twin.errors import InputError
-from twin.identify import Calibration, Log, identify, load_calibration, load_logs
+from twin.identify import Calibration, identify, load_calibration, load_logs
 
 BLOCKS = 4
 """Held-out blocks: of 24 segments 6 at a time."""
@@ -89,8 +89,3 @@ def fold_of(fitted: Sequence[Fitted], row: int) -> Fitted:
         if row in fold.block:
             return fold
     raise InputError(f"row {row} is in no fold")
-
-
-def usable(deployment: Deployment) -> list[Log]:
-    """Logs of the rows that hold a dive."""
-    return deployment.logs()

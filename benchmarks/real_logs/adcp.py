@@ -13,13 +13,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from learn.benchmark.dvl import published
-from learn.benchmark.folds import FoldJob, fit_fold, jobs
-from learn.benchmark.ridge import ridge
-from learn.benchmark.row import Row, rmse
-from learn.benchmark.samples import Samples, level_speed, sample
-from learn.benchmark.source import Deployment, at_times, tables_with
-from learn.benchmark.surge_networks import Pretrained, predict_dive
+from benchmarks.real_logs.folds import FoldJob, fit_fold, jobs
+from benchmarks.real_logs.published import published_rows
+from benchmarks.real_logs.ridge import ridge
+from benchmarks.real_logs.row import Row, rmse
+from benchmarks.real_logs.samples import Samples, level_speed, sample
+from benchmarks.real_logs.source import Deployment, at_times, tables_with
+from benchmarks.real_logs.surge_networks import Pretrained, predict_dive
 from learn.navigation.dead_reckoning import Array
 from twin.identify import load_logs, motion_of
 
@@ -27,11 +27,6 @@ TASK = "surge against ADCP"
 COLUMNS = ("u_ttw", "v_ttw", "depth_m")
 LEAST_DEPTH = 5.0
 """[m] shallower the inverse solution is pulled to the constraint at the surface"""
-GOAL = 0.038
-"""[m/s]"""
-PUBLISHED = {
-    "sg171": (("factory flight model", 0.097), ("ridge regression, leave one dive out", 0.041))
-}
 FACTORY = "fm_hspeed_ms"
 """[m/s] horizontal speed by the factory's model"""
 VEHICLE = "slocum"
@@ -163,17 +158,13 @@ TITLES = {
     ),
 }  # fmt: skip
 """Name, kind and note of each method of `run_fold`."""
-WITH_GOAL = "twin sim real"
 
 
-def judge(deployment: Deployment, held: Sequence[Held]) -> list[Row]:
+def rows_of(deployment: Deployment, held: Sequence[Held]) -> list[Row]:
     """Rows of one deployment from all its folds."""
     if not held:
         return []
-    rows = [
-        Row(task=TASK, data=deployment.name, method=method, kind="published", value=value)
-        for method, value in published(deployment.name, PUBLISHED)
-    ]
+    rows = published_rows(TASK, deployment.name)
     factory = _factory(deployment)
     if factory is not None:
         rows.append(factory)
@@ -197,7 +188,6 @@ def judge(deployment: Deployment, held: Sequence[Held]) -> list[Row]:
                 kind=kind,  # type: ignore[arg-type]
                 value=value,
                 samples=int(every.size),
-                goal=GOAL if name == WITH_GOAL else None,
                 note=f"{note}; {scheme}; bias {1e3 * every.mean():+.1f} mm/s",
             )
         )

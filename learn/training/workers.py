@@ -1,4 +1,4 @@
-"""Trainers: the networks of a run side by side, a process of one thread each."""
+"""Workers: the networks of a run side by side, a process of one thread each."""
 
 from __future__ import annotations
 
@@ -8,16 +8,18 @@ import os
 from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from learn.training.loop import Report
-from learn.training.parent import end_with
+from learn.networks.registry import NETWORKS
+from learn.training.job import train
+from learn.training.optimisers.registry import OPTIMISERS
+from learn.training.settings import Job
+from learn.training.trainer import Report
+from learn.training.watchdog import end_with
 from twin.errors import TwinError
 
 if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
-
-    from learn.training.fitting import Job
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,7 +31,19 @@ class _Worker:
     messages: Connection
 
 
-def train_aside(
+@dataclasses.dataclass(frozen=True)
+class Kinds:
+    """What users registered in this process, for the workers."""
+
+    networks: dict[str, Any]
+    optimisers: dict[str, Any]
+
+
+def _kinds() -> Kinds:
+    return Kinds(NETWORKS.registered(), OPTIMISERS.registered())
+
+
+def train_in_workers(
     jobs: Sequence[Job],
     folder: Path,
     workers: int,
@@ -69,20 +83,21 @@ def _start(job: Job, folder: Path) -> _Worker:
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(
-        target=work, args=(job, folder, sender, os.getpid()), daemon=True, name=job.name
+        target=work,
+        args=(job, folder, sender, os.getpid(), _kinds()),
+        daemon=True,
+        name=job.name,
     )
     process.start()
     sender.close()  # so that the process's death shows as the end of the messages
     return _Worker(job, process, receiver)
 
 
-def work(job: Job, folder: Path, messages: Connection, parent: int) -> None:
+def work(job: Job, folder: Path, messages: Connection, parent: int, kinds: Kinds) -> None:
     """One process: reports and the result go through the pipe."""
     import logging
     import signal
     import sys
-
-    from learn.training.fitting import train
 
     def leave(*_: object) -> None:
         # reads of a store that are under way are dropped, of which nobody needs to be told
@@ -91,6 +106,8 @@ def work(job: Job, folder: Path, messages: Connection, parent: int) -> None:
 
     end_with(parent)  # after an interrupt the parent ends this process, which leaves in good order
     signal.signal(signal.SIGTERM, leave)
+    NETWORKS.adopt(kinds.networks)
+    OPTIMISERS.adopt(kinds.optimisers)
     try:
         last = train(job, folder, lambda report: messages.send(("report", report)))
     except TwinError as error:

@@ -1,4 +1,4 @@
-"""Parent: processes that work for another one and end with it, however it ends."""
+"""Watchdog: a worker process ends with the process that started it, however that one ends."""
 
 from __future__ import annotations
 

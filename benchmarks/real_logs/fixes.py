@@ -13,12 +13,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from learn.benchmark.dvl import published
-from learn.benchmark.folds import LEAST_ROWS, Fitted, FoldJob, fold_of, jobs
-from learn.benchmark.public import kinematic
-from learn.benchmark.row import Row, rmse
-from learn.benchmark.source import Deployment, at_times, tables_with
-from learn.benchmark.surge_networks import ZERO_SHOT, Pretrained, level_of
+from benchmarks.real_logs.folds import LEAST_ROWS, Fitted, FoldJob, fold_of, jobs
+from benchmarks.real_logs.public import kinematic
+from benchmarks.real_logs.published import published_rows
+from benchmarks.real_logs.row import Row, rmse
+from benchmarks.real_logs.source import Deployment, at_times, tables_with
+from benchmarks.real_logs.surge_networks import ZERO_SHOT, Pretrained, level_of
 from learn.navigation.dead_reckoning import Array, integrate
 from twin.identify import Log, density_of, estimate
 from twin.identify.speed import steady_parts
@@ -28,15 +28,6 @@ RATE, TRACK = "depth rate", "dead reckoning between fixes"
 HOUR = 3600.0
 VEHICLE = "slocum"
 """Where identification starts, whatever the glider: the shipped file that is nearest to all."""
-RATE_GOALS = {"unit334": 0.010}
-"""[m/s]"""
-TRACK_GOALS = {"unit334": 72.0}
-"""[m/h]"""
-RATE_PUBLISHED = {
-    "unit334": (("flight model, two fitted parameters", 0.012),),
-    "sg561": (("factory flight model", 0.009),),
-}
-TRACK_PUBLISHED = {"unit334": (("w/tan(pitch + 3 deg)", 72.0), ("on-board", 103.0))}
 LEAST_DIVES = 6
 """Dives with fixes below which no dead reckoning is scored."""
 FACTORY_RATE = "fm_vspeed_ms"
@@ -55,7 +46,7 @@ def fold_jobs(deployment: Deployment) -> list[FoldJob]:
     return jobs(deployment, rows, VEHICLE) if len(rows) >= LEAST_ROWS else []
 
 
-def judge(
+def rows_of(
     deployment: Deployment, fitted: Sequence[Fitted], networks: Pretrained | None
 ) -> list[Row]:
     """Rows of one deployment.
@@ -74,9 +65,7 @@ def judge(
 def _rates(deployment: Deployment, logs: list[Log], fitted: Sequence[Fitted]) -> list[Row]:
     name = deployment.name
 
-    def row(
-        method: str, kind: str, errors: list[Array], note: str, goal: float | None = None
-    ) -> Row:
+    def row(method: str, kind: str, errors: list[Array], note: str) -> Row:
         every = np.concatenate(errors)
         return Row(
             task=RATE,
@@ -85,14 +74,10 @@ def _rates(deployment: Deployment, logs: list[Log], fitted: Sequence[Fitted]) ->
             kind=kind,  # type: ignore[arg-type]
             value=rmse(every),
             samples=int(every.size),
-            goal=goal,
             note=note,
         )
 
-    rows = [
-        Row(task=RATE, data=name, method=method, kind="published", value=value)
-        for method, value in published(name, RATE_PUBLISHED)
-    ]
+    rows = published_rows(RATE, name)
     held_out = "tuned on other dives; all samples deeper than 3 m"
     steady, twin, gliding = [], [], []
     for log in logs:
@@ -106,8 +91,7 @@ def _rates(deployment: Deployment, logs: list[Log], fitted: Sequence[Fitted]) ->
         gliding.append(rise[log.use & steady_parts(log)])
     rows.append(row("steady flight model, two parameters", "public method", steady, held_out))
     factory = _factory(deployment, logs, fitted)
-    goal = next((g for n, g in RATE_GOALS.items() if name.startswith(n)), None)
-    rows.append(row("twin, flight model", "twin", twin, held_out, goal))
+    rows.append(row("twin, flight model", "twin", twin, held_out))
     rows.append(
         row("twin, flight model, gliding only", "twin", gliding, "45 s and more off inflections")
     )
@@ -183,7 +167,6 @@ def track_row(
     method: str,
     kind: str,
     note: str,
-    goal: float | None = None,
 ) -> Row:
     """Median over dives of the error per hour."""
     errors = errors_per_hour(couples, tracks)
@@ -195,7 +178,6 @@ def track_row(
         value=float(np.median(errors)),
         unit="m h-1",
         samples=errors.size,
-        goal=goal,
         note=f"{note}; {_spread(errors)}",
     )
 
@@ -209,18 +191,7 @@ def _tracks(
     couples = pairs(logs)
     if len(couples) < LEAST_DIVES - 1:
         return []
-    rows = [
-        Row(
-            task=TRACK,
-            data=deployment.name,
-            method=method,
-            kind="published",
-            value=value,
-            unit="m h-1",
-        )
-        for method, value in published(deployment.name, TRACK_PUBLISHED)
-    ]
-    goal = next((g for n, g in TRACK_GOALS.items() if deployment.name.startswith(n)), None)
+    rows = published_rows(TRACK, deployment.name)
     own = _onboard(deployment, couples)
     if own is not None:
         rows.append(own)
@@ -258,7 +229,6 @@ def _tracks(
             value=float(np.median(found)),
             unit="m h-1",
             samples=found.size,
-            goal=goal,
             note=f"tuned on other dives; {_spread(found)}",
         )
     )

@@ -8,26 +8,20 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
-from learn.benchmark.public import fit_steady, kinematic
-from learn.benchmark.row import Row, rmse
-from learn.benchmark.source import Deployment, at_times, tables_with
-from learn.benchmark.surge_networks import ZERO_SHOT, Pretrained, level_of
+from benchmarks.real_logs.public import fit_steady, kinematic
+from benchmarks.real_logs.published import published_rows
+from benchmarks.real_logs.row import Row, rmse
+from benchmarks.real_logs.source import Deployment, at_times, tables_with
+from benchmarks.real_logs.surge_networks import ZERO_SHOT, Pretrained, level_of
 from learn.navigation.dead_reckoning import Array
 from twin.identify import Calibration, Log, density_of, estimate, identify, load_calibration
 
 TASK = "speed through the water"
 SPEED = "U_dvl_ms"
 CORRECTED_PITCH = "pitch_rad_corrected"
-GOAL = 0.025
-"""[m/s]"""
-PUBLISHED = {
-    "comet": (("steady flight model tuned on depth rate", 0.028), ("w/sin(pitch + 3 deg)", 0.034))
-}
-"""[m/s] by the first word of the deployment's name"""
 MOST_PITCH_RESIDUAL = math.radians(0.5)
 """[rad] RMSE beyond which corrected and logged pitch are no straight line of each other"""
 LEAST_SAMPLES = 100
@@ -92,17 +86,14 @@ class DvlJob:
     """trained on simulation; None: no networks are judged"""
 
 
-def judge(job: DvlJob) -> list[Row]:
+def rows_of(job: DvlJob) -> list[Row]:
     """Rows of one deployment; none without a DVL."""
     deployment = job.deployment
     truth = read_truth(deployment)
     if truth is None or truth.time.size < LEAST_SAMPLES:
         return []
     logs = deployment.logs()
-    rows = [
-        Row(task=TASK, data=deployment.name, method=method, kind="published", value=value)
-        for method, value in published(deployment.name, PUBLISHED)
-    ]
+    rows = published_rows(TASK, deployment.name)
     nominal = load_calibration(
         VEHICLE, pitch_scale=truth.pitch_scale, pitch_offset=truth.pitch_offset
     )
@@ -110,9 +101,7 @@ def judge(job: DvlJob) -> list[Row]:
     if (truth.pitch_scale, truth.pitch_offset) == (1.0, 0.0):
         pitch = "pitch as logged"
 
-    def row(
-        method: str, kind: str, speeds: list[Array], note: str, goal: float | None = None
-    ) -> Row:
+    def row(method: str, kind: str, speeds: list[Array], note: str) -> Row:
         error = score(deployment, logs, speeds, truth)
         missed = int((~np.isfinite(error)).sum())
         if missed:
@@ -126,7 +115,6 @@ def judge(job: DvlJob) -> list[Row]:
             kind=kind,  # type: ignore[arg-type]
             value=rmse(error),
             samples=int(error.size),
-            goal=goal,
             note=f"{note}; bias {1e3 * bias:+.1f} mm/s",
         )
 
@@ -145,7 +133,7 @@ def judge(job: DvlJob) -> list[Row]:
     )
     found = _identified(logs, nominal)
     note = f"depth rate only; {pitch}"
-    rows.append(row("twin, flight model", "twin", _speeds(logs, found), note, GOAL))
+    rows.append(row("twin, flight model", "twin", _speeds(logs, found), note))
     if truth.pitch_scale != 1.0:
         plain = load_calibration(VEHICLE)
         note = "depth rate only; pitch as logged"
@@ -175,13 +163,3 @@ def score(deployment: Deployment, logs: list[Log], speeds: list[Array], truth: T
         values = at_times(deployment.clock(log), speed, truth.time)
         found = np.where(np.isfinite(values), values, found)
     return found - truth.speed
-
-
-def published(
-    name: str, figures: Mapping[str, tuple[tuple[str, float], ...]]
-) -> tuple[tuple[str, float], ...]:
-    """Published figures of a deployment by the beginning of its name."""
-    for word, rows in figures.items():
-        if name.lower().startswith(word):
-            return rows
-    return ()

@@ -1,4 +1,4 @@
-"""Page: the benchmark as one HTML file, a chart for each figure that something was asked of."""
+"""Page: the benchmark as one HTML file, a chart wherever there are published figures."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from learn.benchmark.row import Kind, Row, table
+from benchmarks.real_logs.row import Kind, Row, table
 from learn.report.page import Page
 
 COLOURS: dict[Kind, str] = {
@@ -29,7 +29,7 @@ def build_page(
     """Write `index.html` and the charts as PNG.
 
     Args:
-      rows: as `learn.benchmark.run.run_benchmark` returns them.
+      rows: as `benchmarks.real_logs.run.run_benchmark` returns them.
       tasks: order of the sections; those without rows are left out.
       lead: a line below the title.
 
@@ -42,10 +42,10 @@ def build_page(
         if not mine:
             continue
         page.section(task)
-        for data in dict.fromkeys(row.data for row in mine if row.goal is not None):
+        for data in dict.fromkeys(row.data for row in mine if row.kind == "published"):
             chosen = [r for r in mine if r.data == data and math.isfinite(r.value)]
             name = f"{task} {data}".replace(" ", "-")
-            caption = f"{data}: {task}. Hollow: as published; line: what was asked for."
+            caption = f"{data}: {task}. Hollow: as published."
             page.figure(name, chart(chosen), caption)
         for unit in dict.fromkeys(row.unit for row in mine):
             page.table(table([row for row in mine if row.unit == unit]), first=False)
@@ -65,16 +65,9 @@ def chart(rows: Sequence[Row]) -> Figure:
         "white" if row.kind == "published" else c for row, c in zip(ordered, colours, strict=True)
     ]
     bars = axes.barh(range(len(ordered)), values, height=0.7, color=hollow, edgecolor=colours)
-    white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}  # over the line of the goal
     labels = [f"{value:.3g}" for value in values]
-    axes.bar_label(bars, labels, padding=4, fontsize=9, bbox=white)
+    axes.bar_label(bars, labels, padding=4, fontsize=9)
     axes.set_yticks(range(len(ordered)), [row.method for row in ordered])
-    goals = [row.goal for row in rows if row.goal is not None]
-    if goals:
-        axes.axvline(goals[0], color="#1a1a1a", linewidth=1.2, linestyle=(0, (4, 3)))
-        axes.text(
-            goals[0], len(ordered) - 0.35, f" asked for {goals[0]:.3g}", fontsize=9, va="bottom"
-        )
     axes.set_xlim(0.0, 1.15 * max(values))
     axes.set_ylim(-0.6, len(ordered) + 0.2)
     unit = rows[0].unit.replace("m s-1", "m/s").replace("m h-1", "m/h")

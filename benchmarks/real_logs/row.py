@@ -28,10 +28,8 @@ class Row:
     unit: str = "m s-1"
     samples: int = 0
     """Truth samples, or dives, that it is the error over."""
-    goal: float | None = None
-    """What was asked of this figure."""
     note: str = ""
-    """How it was tuned, or why it is missing."""
+    """How it was tuned, where it was published, or why it is missing."""
 
 
 def rmse(errors: Array) -> float:
@@ -48,7 +46,6 @@ def table(rows: Sequence[Row]) -> list[dict[str, object]]:
             "method": row.method,
             "": row.kind,
             row.unit: row.value if math.isfinite(row.value) else None,
-            "goal": row.goal,
             "samples": row.samples or None,
             "note": row.note,
         }

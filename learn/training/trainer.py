@@ -1,4 +1,4 @@
-"""Training: one network of one velocity, by SOAP, Adam or scaled conjugate gradients.
+"""Trainer: one network of one velocity, by any optimiser.
 
 What is minimised is the mean squared error of the free-running network over all samples of the
 training missions, the launch from rest included. Missions are cut into windows that start some
@@ -20,11 +20,12 @@ import torch
 from torch import Tensor
 
 from learn.data.dataset import Sequences, batches, cut_windows, pack_windows
-from learn.networks.network import Network, NetworkConfig, build_network
+from learn.networks.base import Network, build_network
+from learn.networks.config import NetworkConfig
 from learn.networks.predictor import free_run
-from learn.training.scg import ScaledConjugateGradient, ScgConfig
+from learn.training.optimisers.base import FullBatchOptimiser, MinibatchOptimiser
+from learn.training.optimisers.registry import OPTIMISERS
 from learn.training.schedule import Clock, TrainingConfig, step_size
-from learn.training.soap import Soap
 from twin.errors import InputError, StoreError
 
 TRAINING_PER_VALIDATION = 4.0
@@ -36,7 +37,7 @@ class Report:
     """How far a training is; the last one is also its result."""
 
     step: int
-    """Updates, or iterations of scg."""
+    """Updates, or iterations over all samples."""
     epoch: float
     """Passes over the training missions."""
     seconds: float
@@ -44,7 +45,7 @@ class Report:
     share: float
     """Share of the budget, 0 to 1."""
     rate: float
-    """Step size, or the scale lambda of scg."""
+    """Step size, or the scale of a full-batch method."""
     train_mse: float
     """[(m/s)^2] over the windows since the last report."""
     validation_mse: float
@@ -131,24 +132,22 @@ class Trainer:
           InputError: the loss is no longer finite.
         """
         saved = self._load()
-        if self.config.optimiser == "scg":
-            self._scg(saved)
+        optimiser = OPTIMISERS[self.config.optimiser]()
+        if isinstance(optimiser, FullBatchOptimiser):
+            self._full_batch(optimiser, saved)
         else:
-            self._stochastic(saved)
+            assert isinstance(optimiser, MinibatchOptimiser)
+            self._minibatches(optimiser, saved)
         self.network.load_state_dict(self.best_state)
         if self.checkpoint is not None:
             self.checkpoint.unlink(missing_ok=True)
         return Trained(self.network, tuple(self.history), self.stopped)
 
-    # --- SOAP and Adam --------------------------------------------------------------------------
+    # --- batches of windows ---------------------------------------------------------------------
 
-    def _stochastic(self, saved: dict[str, Any] | None) -> None:
+    def _minibatches(self, kind: MinibatchOptimiser, saved: dict[str, Any] | None) -> None:
         config, network = self.config, self.network
-        optimiser: torch.optim.Optimizer
-        if config.optimiser == "soap":
-            optimiser = Soap(network.parameters(), lr=config.rate, weight_decay=config.weight_decay)
-        else:
-            optimiser = torch.optim.Adam(network.parameters(), lr=config.rate)
+        optimiser = kind.build(network.parameters(), config)
         epoch = position = step = 0
         passed = 0.0
         clock = Clock(config)
@@ -214,9 +213,9 @@ class Trainer:
         output = self.network(inputs)[0][..., 0]
         return (counted * (output - wanted).square()).sum(), weight
 
-    # --- scaled conjugate gradients -------------------------------------------------------------
+    # --- all windows at once --------------------------------------------------------------------
 
-    def _scg(self, saved: dict[str, Any] | None) -> None:
+    def _full_batch(self, kind: FullBatchOptimiser, saved: dict[str, Any] | None) -> None:
         config, network = self.config, self.network
         windows = cut_windows(
             self.train_data.lengths,
@@ -241,7 +240,7 @@ class Trainer:
 
         clock = Clock(config, saved["seconds"] if saved else 0.0)
         start = torch.nn.utils.parameters_to_vector(parameters).detach()
-        optimiser = ScaledConjugateGradient(objective, start, ScgConfig(sigma=SCG_FLOAT32_SIGMA))
+        optimiser = kind.build(objective, start, config)
         if saved:
             optimiser.load_state_dict(saved["optimiser"])
         share = clock.share(optimiser.iterations)
@@ -332,11 +331,6 @@ class Trainer:
         self.best, self.best_state = saved["best"], saved["best_state"]
         self.bad = saved["bad"]
         return saved
-
-
-SCG_FLOAT32_SIGMA = 3e-3
-"""Finite difference of the curvature in parameter space: large against the rounding of float32
-gradients, small against the distance on which curvature changes."""
 
 
 def mean_squared_error(network: Network, sequences: Sequences) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import concurrent.futures
 import dataclasses
-import math
 import multiprocessing
 import os
 import tempfile
@@ -13,12 +12,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-from learn.benchmark import adcp, dvl, fixes, surge_networks
-from learn.benchmark.folds import fit_fold
-from learn.benchmark.row import Row
-from learn.benchmark.source import Deployment, gather
-from learn.benchmark.surge_networks import Pretrained
-from learn.training.parent import end_with
+from benchmarks.real_logs import adcp, dvl, fixes, surge_networks
+from benchmarks.real_logs.folds import fit_fold
+from benchmarks.real_logs.row import Row
+from benchmarks.real_logs.source import Deployment, gather
+from benchmarks.real_logs.surge_networks import Pretrained
+from learn.training.watchdog import end_with
 from twin.errors import TwinError
 
 Say = Callable[[str], None]
@@ -100,7 +99,7 @@ def run_benchmark(
     """Every row that the logs below a folder allow.
 
     Args:
-      root: folders of logs, see `learn.benchmark.source`.
+      root: folders of logs, see `benchmarks.real_logs.source`.
       workers: processes.
       networks: train and judge networks too; without, it takes a third of the time.
       say: told what is being done.
@@ -155,7 +154,7 @@ def _speeds(
     say("speed through the water against a DVL")
     chosen = [d for d in deployments if d.kind == "slocum"]
     jobs = [dvl.DvlJob(deployment, pretrained) for deployment in chosen]
-    found = pool.run(dvl.judge, jobs, lambda part: progress(part * SHARES["speed"]))
+    found = pool.run(dvl.rows_of, jobs, lambda part: progress(part * SHARES["speed"]))
     if not chosen:
         progress(SHARES["speed"])
     rows: list[Row] = []
@@ -199,7 +198,7 @@ def _fixes(
         if bad:
             rows.append(failed(fixes.RATE, deployment, bad[0].why))
         elif good:
-            rows += fixes.judge(deployment, good, pretrained)
+            rows += fixes.rows_of(deployment, good, pretrained)
     return rows
 
 
@@ -232,7 +231,7 @@ def _surges(
         if bad:
             rows.append(failed(adcp.TASK, deployment, bad[0].why))
         elif good:
-            rows += adcp.judge(deployment, good)
+            rows += adcp.rows_of(deployment, good)
     return rows
 
 
@@ -257,12 +256,3 @@ def _pretrained(store: Path, pool: Pool, progress: Done) -> Pretrained:
             raise TwinError(f"training on simulation failed: {weights.why}")
         pretrained.setdefault(job.kind, []).append(weights)
     return pretrained
-
-
-def summary(rows: Sequence[Row]) -> dict[str, int]:
-    """How many goals are reached, of those that have a figure."""
-    judged = [row for row in rows if row.goal is not None and math.isfinite(row.value)]
-    return {
-        "goals": len(judged),
-        "reached": sum(1 for row in judged if row.goal is not None and row.value <= row.goal),
-    }

@@ -1,7 +1,7 @@
 """Surge networks: trained on simulation, on real dives, and on one after the other.
 
 Small memoryless-or-recurrent ensembles of the run's own networks, one sample a minute
-(`learn.benchmark.samples`). With ten dives to learn from, what keeps them from learning dives
+(`benchmarks.real_logs.samples`). With ten dives to learn from, what keeps them from learning dives
 by heart is their size, early stopping on a dive of their own and the mean over members.
 """
 
@@ -15,17 +15,26 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from benchmarks.real_logs.samples import (
+    AVERAGE,
+    GLIDER,
+    TWIN,
+    Samples,
+    averaged,
+    level_speed,
+    sample,
+)
 from factory.generation.bulk import generate
 from factory.recipe.recipe import make_recipe
-from learn.benchmark.samples import AVERAGE, GLIDER, TWIN, Samples, averaged, level_speed, sample
 from learn.data.dataset import Sequences
 from learn.data.normalisation import Normalisation, fit_normalisation
 from learn.data.thinning import thin_store
 from learn.navigation.dead_reckoning import Array
-from learn.networks.network import NetworkConfig, build_network
+from learn.networks.base import build_network
+from learn.networks.config import NetworkConfig
 from learn.networks.predictor import Predictor, free_run
-from learn.training.loop import Trainer
 from learn.training.schedule import TrainingConfig
+from learn.training.trainer import Trainer
 from twin.errors import InputError
 from twin.identify import Calibration, Log, identify, load_calibration, load_logs
 from twin.records.schema import MISSION

@@ -14,6 +14,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from learn.training.optimisers.base import MinibatchOptimiser
+from learn.training.schedule import TrainingConfig
+
 
 class Soap(torch.optim.Optimizer):
     """The optimiser; vectors (biases) get plain Adam.
@@ -118,3 +121,14 @@ def _rotate_back(state: dict[str, Any], matrix: Tensor) -> Tensor:
     if "rows" not in state:
         return matrix
     return state["row_basis"] @ matrix @ state["column_basis"].T
+
+
+class SoapOptimiser(MinibatchOptimiser):
+    """SOAP with weight decay."""
+
+    summary = "Adam in the eigenbasis of Shampoo's preconditioner, a cosine schedule, weight decay"
+    settings = (*MinibatchOptimiser.settings, "weight_decay")
+
+    def build(self, parameters: Iterable[Tensor], config: TrainingConfig) -> torch.optim.Optimizer:
+        """See `MinibatchOptimiser`."""
+        return Soap(parameters, lr=config.rate, weight_decay=config.weight_decay)

@@ -1,4 +1,4 @@
-"""`learn benchmark`: public methods, the twin and networks on real logs with truth."""
+"""The command: public methods, the twin and networks on real logs with truth."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 
@@ -17,28 +17,26 @@ from twin.cli.program import EXIT_OK
 
 
 @dataclass(frozen=True, kw_only=True)
-class Benchmark(JsonOption):
+class RealLogs(JsonOption):
     """Judge the twin and the networks on real logs with truth, public methods on the same samples.
 
     Nothing is tuned on the dives that it is scored on, except to depth rate where speed is scored.
     """
 
-    data: Annotated[Literal["real"], tyro.conf.Positional, tyro.conf.arg(metavar="real")]
-    """real: logs of vehicles at sea"""
     folder: Annotated[Path, tyro.conf.Positional]
     """holds folders slocum_..., seaglider_..., seaexplorer_... with logs; those there are judged"""
     workers: int | None = None
     """processes [default: the CPUs that this process may use]"""
     out: Path | None = None
-    """folder for a page with the tables and a chart of each figure that has a goal"""
+    """folder for a page with the tables and charts beside published figures"""
     no_networks: bool = False
     """leave the networks out, and with them the simulation that they are trained on"""
 
     def run(self, console: Console) -> int:
         """Import, identify, train, judge, print."""
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-        from learn.benchmark.row import table
-        from learn.benchmark.run import TASKS, run_benchmark, summary
+        from benchmarks.real_logs.row import table
+        from benchmarks.real_logs.run import TASKS, run_benchmark
         from learn.files import check_folder
         from twin.errors import InputError
 
@@ -61,17 +59,14 @@ class Benchmark(JsonOption):
                 chosen = [row for row in rows if row.task == task and row.unit == unit]
                 console.table(table(chosen), title=task, digits=3)
                 console.say()
-        goals = summary(rows)
-        console.say(f"{goals['reached']} of {goals['goals']} goals reached, {seconds:.0f} s")
+        console.say(f"{seconds:.0f} s")
         page = None
         if self.out is not None:
-            from learn.benchmark.page import build_page
+            from benchmarks.real_logs.page import build_page
 
-            lead = (
-                f"{goals['reached']} of {goals['goals']} goals reached on the logs in {self.folder}"
-            )
-            command = shlex.join(["learn", *sys.argv[1:]])
+            lead = f"the logs in {self.folder}"
+            command = shlex.join(["python", "-m", "benchmarks.real_logs", *sys.argv[1:]])
             page = build_page(self.out, rows, TASKS, lead=lead, command=command)
             console.say(f"page: {page}")
-        console.answer(folder=self.folder, rows=rows, seconds=seconds, page=page, **goals)
+        console.answer(folder=self.folder, rows=rows, seconds=seconds, page=page)
         return EXIT_OK
