@@ -14,7 +14,7 @@ from learn.networks.config import NetworkConfig
 class Gated(Network):
     """Layers of one cell. State columns: layer by layer the outputs, then the cells of an LSTM."""
 
-    cell: ClassVar[type[nn.RNNBase]]
+    cell: ClassVar[type[nn.LSTM] | type[nn.GRU]]
     parts: ClassVar[int]
     """Matrices of the state: outputs, and the cells of an LSTM."""
 

@@ -49,6 +49,9 @@ TOLERANCE = 1e-5
 class _Step(nn.Module):
     """One step with the scales inside: (features, state) to (velocity, next_state)."""
 
+    mean: Tensor
+    scale: Tensor
+
     def __init__(self, predictor: Predictor) -> None:
         super().__init__()
         scales = predictor.normalisation

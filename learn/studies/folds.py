@@ -102,7 +102,9 @@ def leave_out_each(
     folds = []
     for row in dives:
         settings = dataclasses.replace(config, held_out=(row,))
-        part = fit(settings, run.path / f"without-{row}", resume=True, workers=workers, watch=watch)
+        part = fit(
+            settings, run.folder / f"without-{row}", resume=True, workers=workers, watch=watch
+        )
         networks = part.networks()
         channels = [*channels_of(config.features), *_truth_channels(config.store)]
         missions = load_missions(config.store, channels, split="all", period=config.period)
@@ -114,7 +116,7 @@ def leave_out_each(
             Fold(row=row, samples=int(known.sum()), squared=float(np.square(error[known]).sum()))
         )
     found = Folds(tuple(folds))
-    write_json(run.path / FOLDS, found.to_json())
+    write_json(run.folder / FOLDS, found.to_json())
     return found
 
 

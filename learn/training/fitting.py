@@ -21,7 +21,9 @@ from learn.runs.run import (
     DESCRIPTION,
     FORMAT,
     METRICS,
+    ORIGIN,
     TARGETS,
+    TRUTH,
     Run,
     now,
     open_run,
@@ -190,7 +192,15 @@ def _describe(config: FitConfig, content: str, history: str) -> dict[str, Any]:
     """The description of a new run."""
     dataset = open_missions(config.store)
     attributes = {k: dataset.attrs[k] for k in STORE_ATTRIBUTES if k in dataset.attrs}
+    truth = [name for name in (*(f"true_{t}" for t in TARGETS), SPEED) if name in dataset]
     dataset.close()
+    origins: dict[str, dict[str, Any]] = {}
+    if config.start is not None:
+        first = open_run(config.start)
+        origin = {"run": str(first.folder), "store": str(first.store)}
+        origins[ORIGIN] = {**first.description["store"], **origin}
+        if earlier := first.description.get(ORIGIN):
+            origins[ORIGIN][ORIGIN] = earlier
     return {
         "format": FORMAT,
         "created": now(),
@@ -198,6 +208,8 @@ def _describe(config: FitConfig, content: str, history: str) -> dict[str, Any]:
         "history": history,
         "settings": to_json(config),
         "store": attributes,
+        TRUTH: truth,
+        **origins,
         CONTENT: content,
         "versions": versions(),
     }

@@ -6,6 +6,8 @@ import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
+import torch
+
 from learn.data.preparation import prepare
 from learn.networks.predictor import Predictor
 from learn.runs.rollback import CHECKPOINT
@@ -35,15 +37,19 @@ def train(job: Job, folder: Path, report: Callable[[Report], None]) -> Report | 
         scales=None if start is None else start.normalisation,
         held_out=config.held_out,
     )
-    trained = Trainer(
-        config.network,
-        dataclasses.replace(config.training, seed=job.seed),
-        data.train,
-        data.validation,
-        target_scale=data.normalisation.target_scale,
-        checkpoint=folder / f"{job.name}{CHECKPOINT}",
-        report=report,
-        start=None if start is None else start.network.state_dict(),
-    ).run()
+    threads = torch.get_num_threads()
+    try:
+        trained = Trainer(
+            config.network,
+            dataclasses.replace(config.training, seed=job.seed),
+            data.train,
+            data.validation,
+            target_scale=data.normalisation.target_scale,
+            checkpoint=folder / f"{job.name}{CHECKPOINT}",
+            report=report,
+            start=None if start is None else start.network.state_dict(),
+        ).run()
+    finally:
+        torch.set_num_threads(threads)  # the caller's, who may go on in this process
     Predictor(trained.network.cpu(), data.normalisation).save(stem(folder, job.target, job.member))
     return trained.history[-1] if trained.history else None

@@ -12,7 +12,7 @@ from navigation import add_fixes, trimmed_mission, write_store
 from factory.commands.generate import DEFAULT_OUT
 from learn.__main__ import PROGRAM
 from learn.files import write_json
-from learn.navigation.baselines import BASELINES
+from learn.navigation.baselines.registry import BASELINES
 from learn.networks.config import NetworkConfig
 from learn.runs.run import DEFAULT_STORE, newest_run, open_run
 from learn.training.fitting import fit
@@ -88,7 +88,7 @@ def test_fit_writes_everything_a_run_needs(here):
     assert {row["network"] for row in run.metrics()} == {"surge-0", "sway-0"}
     assert run.report.is_file()
     assert run.error_model().velocity_sd > 0
-    assert run.evaluation()["missions"] == 1
+    assert run.figures["missions"] == 1
 
 
 def test_fit_answers_with_one_object(here, capsys):
@@ -152,7 +152,7 @@ def test_two_processes_train_the_same_networks_as_one(here):
         training=TrainingConfig(**settings["training"]),
     )
     run = fit(config, here / "runs" / "aside", workers=2)
-    assert_same_networks(run.path, here / "runs" / "first")
+    assert_same_networks(run.folder, here / "runs" / "first")
     assert {row["network"] for row in run.metrics()} == {"surge-0", "sway-0"}
 
 
@@ -198,7 +198,7 @@ def test_evaluate_takes_the_newest_run_and_the_default_store(here, capsys):
     code, out, err = call(capsys, "evaluate", "--json")
     assert code == 0, err
     found = json.loads(out)
-    assert found["run"] == str(newest_run().path)
+    assert found["run"] == str(newest_run().folder)
     assert found["store"] == str(DEFAULT_STORE) == str(DEFAULT_OUT)
     assert found["split"] == "test"
     assert found["floor"]["surge_mse"] == 0.0
@@ -262,7 +262,7 @@ def test_the_help_of_fit_names_the_defaults_that_apply(here, capsys):
         (("fit", "--name", "a/b"), "must be a plain name"),
         (("fit", "--name", ""), "must be a plain name"),
         (("fit", "--resume"), "needs the --name"),
-        (("fit", "--kind", "rnn"), "(allowed: elman, gru, lstm, mlp, tcn)"),
+        (("fit", "--network", "rnn"), "(allowed: elman, gru, lstm, mlp, tcn)"),
         (("fit", "--device", "cud"), "did you mean 'cuda'"),
         (("evaluate", "first", "--tracks", "data"), "the ending must be one of"),
         (("evaluate", "first", "--out", "data/missions.zarr/zarr.json"), "is a file, not a folder"),

@@ -18,7 +18,7 @@ from learn.data.features import INPUT_SETS, select_features
 from learn.data.logs import LogRow, filled, nearest
 from learn.data.preparation import prepare
 from learn.evaluation.log_score import LogReference, score_row
-from learn.navigation.baselines import Estimate
+from learn.navigation.baselines.base import Estimate
 from learn.networks.config import NetworkConfig
 from learn.studies.folds import dives_with_truth, leave_out_each
 from learn.training.fitting import fit
@@ -150,7 +150,7 @@ def test_training_goes_on_from_a_run(store: Path, tmp_path: Path) -> None:
     assert first.period == 8.0
     # no step: what comes out is what went in
     still = dataclasses.replace(SHORT, epochs=1, rate=1e-12)
-    go_on = config(store, period=8.0, start=str(first.path), training=still)
+    go_on = config(store, period=8.0, start=str(first.folder), training=still)
     second = fit(go_on, tmp_path / "second", workers=1)
     missions = load_missions(
         store, [c for c in open_store(store).data_vars if c.startswith("measured_")], period=8.0
@@ -177,7 +177,7 @@ def test_a_dive_that_is_left_out_is_seen_by_no_network(store: Path, tmp_path: Pa
     found = leave_out_each(run, settings, [0, 2], workers=1)
     assert [fold.row for fold in found.folds] == [0, 2]
     assert 0.0 < found.rmse < 1.0
-    assert (run.path / "leave-out-each-dive.json").is_file()
+    assert (run.folder / "leave-out-each-dive.json").is_file()
 
 
 def test_leaving_out_needs_real_logs(small_store: Path) -> None:

@@ -1,91 +1,32 @@
-"""Judge: evaluate a run, draw its page and write its card."""
+"""Finishing: what follows the training of a run: error model, evaluations, page and card."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from learn.data.dataset import SPLITS, Mission, load_missions
-from learn.data.logs import is_real
+from learn.data.dataset import Mission, load_missions
 from learn.data.missions import open_missions
-from learn.evaluation.evaluation import NETWORK, Evaluation, Watch, evaluate
+from learn.evaluation.evaluation import NETWORK, Evaluation, evaluate
 from learn.evaluation.score import Reference
-from learn.evaluation.uncertainty import Coverage, ErrorModel, fit_error_model
+from learn.evaluation.uncertainty import ErrorModel, fit_error_model
 from learn.files import read_json, write_json
-from learn.navigation.baselines import BASELINES, Estimate
-from learn.report.build import Contents, Judged, build_page
+from learn.navigation.baselines.base import Estimate
+from learn.report.build import build_page
 from learn.report.card import model_card
-from learn.report.figures import TRAINING_PANELS
+from learn.report.contents import Contents, RunEvaluation
+from learn.report.figures.training_data import TRAINING_PANELS
 from learn.report.log_page import build_log_page
-from learn.report.shown import Showcase
 from learn.runs.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
-from twin.cli.console import to_json
+from learn.studies.run_evaluation import evaluate_run, evaluation_split, is_log_store
 
 IDEAL_SENSORS = "ideal"
 """The store's attribute `sensors` when its compass has no error."""
 PAPER_TEST_STORE = "paper-test.zarr"
 
 Say = Callable[[str], None]
-
-
-def judge(
-    run: Run,
-    store: str | Path,
-    *,
-    split: str = "test",
-    baselines: Sequence[str] = tuple(BASELINES),
-    watches: Sequence[Watch] = (),
-) -> Judged:
-    """Evaluate a run on a store, with the missions that a page draws; errors as `evaluate`."""
-    if is_log_store(store):
-        return _judge_logs(run, store, split=split, baselines=baselines, watches=watches)
-    showcase, coverage = Showcase(), Coverage(run.error_model())
-
-    def watch(reference: Reference, estimates: Mapping[str, Estimate]) -> None:
-        for see in (showcase.add, coverage.add, *watches):
-            see(reference, estimates)
-
-    evaluation = evaluate(
-        run.networks(), store, split=split, baselines=baselines, watch=watch, period=run.period
-    )
-    found = {
-        "run": str(run.path),
-        **evaluation.to_json(),
-        "uncertainty": coverage.figures(),
-    }
-    return Judged(evaluation=evaluation, figures=to_json(found), shown=showcase.missions)
-
-
-def is_log_store(store: str | Path) -> bool:
-    """Whether it holds real logs."""
-    dataset = open_missions(store)
-    try:
-        return is_real(dataset.attrs)
-    finally:
-        dataset.close()
-
-
-def _judge_logs(
-    run: Run,
-    store: str | Path,
-    *,
-    split: str,
-    baselines: Sequence[str],
-    watches: Sequence[Watch],
-) -> Judged:
-    """As `judge`: no missions to draw, since a log's true track is not known."""
-
-    def watch(reference: Any, estimates: Mapping[str, Estimate]) -> None:
-        for see in watches:
-            see(reference, estimates)
-
-    evaluation = evaluate(
-        run.networks(), store, split=split, baselines=baselines, watch=watch, period=run.period
-    )
-    found = {"run": str(run.path), **evaluation.to_json()}
-    return Judged(evaluation=evaluation, figures=to_json(found), shown=())
 
 
 def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
@@ -98,26 +39,26 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
     Returns:
       The run with its error model.
     """
-    split, others = judged_split(run)
+    split, others = evaluation_split(run)
     if not is_log_store(run.store):
         say("learning how far off the networks are from missions that they were not trained on")
         run = run.remember(error_model=dataclasses.asdict(_error_model(run, others)))
     say(f"evaluating on {split} missions, with floor and baselines")
-    test = judge(run, run.store, split=split)
-    write_json(run.path / EVALUATION, test.figures)
+    test = evaluate_run(run, run.store, split=split)
+    write_json(run.folder / EVALUATION, test.figures)
     paper = None if is_log_store(run.store) else _paper_test(run, say)
     if paper is not None:
-        write_json(run.path / PAPER_TEST, paper.figures)
+        write_json(run.folder / PAPER_TEST, paper.figures)
     write_page(run, test, paper, history=history)
-    (run.path / CARD).write_text(model_card(run, test.figures, split), encoding="utf-8")
+    (run.folder / CARD).write_text(model_card(run, test.figures, split), encoding="utf-8")
     return run
 
 
-def write_page(run: Run, test: Judged, paper: Judged | None, *, history: str) -> Path:
+def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, history: str) -> Path:
     """The run's page from its evaluations."""
     settings = run.description["settings"]
     if is_log_store(run.store):
-        return build_log_page((run.path / REPORT).parent, run, test, provenance(run), history)
+        return build_log_page((run.folder / REPORT).parent, run, test, provenance(run), history)
     contents = Contents(
         title=f"Surge and sway networks: {run.name}",
         lead=f"{settings['network']['kind']} networks, {test.figures['missions']} "
@@ -131,12 +72,12 @@ def write_page(run: Run, test: Judged, paper: Judged | None, *, history: str) ->
         provenance=provenance(run),
         command=history or str(run.description.get("history", "")),
     )
-    return build_page((run.path / REPORT).parent, contents)
+    return build_page((run.folder / REPORT).parent, contents)
 
 
 def _ablation(run: Run) -> dict[str, Any]:
     """What `ablation.json` holds; empty without one."""
-    path = run.path / ABLATION
+    path = run.folder / ABLATION
     remedy = f"`learn fit --name {run.name} --resume --ablation` writes it anew"
     return read_json(path, remedy) if path.is_file() else {}
 
@@ -159,18 +100,6 @@ def provenance(run: Run) -> dict[str, object]:
     }
 
 
-def judged_split(run: Run) -> tuple[str, str]:
-    """The split to judge on, and the one to learn the size of errors from.
-
-    Test and validation missions; where a store has none, what comes nearest to unseen missions.
-    """
-    if run.description["settings"]["division"] == "samples":
-        return "all", "all"
-    parts = {m.split for m in load_missions(run.store, ("measured_depth",), split="all")}
-    held_out = [split for split in reversed(SPLITS) if split in parts] or ["all"]
-    return held_out[0], held_out[min(1, len(held_out) - 1)]
-
-
 def _error_model(run: Run, split: str) -> ErrorModel:
     seconds: list[float] = []
 
@@ -184,7 +113,7 @@ def _error_model(run: Run, split: str) -> ErrorModel:
     return fit_error_model(found.methods[NETWORK].scores, seconds, ideal_compass=ideal)
 
 
-def _paper_test(run: Run, say: Say) -> Judged | None:
+def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
     """The run on the paper's three missions, flown with the sensors of its store.
 
     None for a store that the factory did not make: its sensors are not known.
@@ -196,10 +125,10 @@ def _paper_test(run: Run, say: Say) -> Judged | None:
     from factory.generation.bulk import generate
     from factory.recipe.recipe import make_recipe
 
-    path = run.path / PAPER_TEST_STORE
+    path = run.folder / PAPER_TEST_STORE
     recipe = make_recipe(preset="paper-test", sensors=str(sensors))
     generate(recipe, path, workers=1, overwrite=True, history="learn fit")
-    return judge(run, path, split="all")
+    return evaluate_run(run, path, split="all")
 
 
 def _training_mission(run: Run) -> Mission | None:
