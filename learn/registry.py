@@ -85,10 +85,6 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
         """
         _imported(self._check)(name, kind)
 
-    def forget(self, name: str) -> None:
-        """Take a registered kind out again; nothing happens without one of this name."""
-        self._registered.pop(name, None)
-
     def __getitem__(self, name: str) -> type[Kind]:
         """The class of a name.
 

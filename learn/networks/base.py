@@ -67,10 +67,6 @@ class Network(nn.Module, abc.ABC):
         y, state = self.forward(x[None], state)
         return y[0], state
 
-    def parameter_count(self) -> int:
-        """Number of trained numbers."""
-        return sum(p.numel() for p in self.parameters())
-
 
 def build_network(config: NetworkConfig) -> Network:
     """The network that `config` describes, with fresh weights from torch's random generator."""

@@ -54,14 +54,13 @@ def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:
         "- free-running: no velocity is fed back; a state starts at zero at the first sample of a "
         f"{origin.row}",
         f"- trained with {training['optimiser']}, seed {training['seed']}"
-        + (", every mission mirrored too" if settings.get("mirror") else ""),
+        + (f", every {origin.row} mirrored too" if settings.get("mirror") else ""),
         "",
         "## What they were made from",
         "",
         *(f"- {line}" for line in origin.made_from()),
         *(f"- {name}: {value}" for name, value in run.description["store"].items()),
-        f"- division into training and validation: by {settings['division']}"
-        + (" (leaks between neighbouring samples)" if settings["division"] == "samples" else ""),
+        f"- division into training and validation: {origin.division()}",
         "",
         f"## How good they are ({split} {origin.rows} of that store)",
         "",

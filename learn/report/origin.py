@@ -45,6 +45,12 @@ class Origin:
             origin = origin.get(ORIGIN)
         return found
 
+    def division(self) -> str:
+        """What is trained on and what is not."""
+        if self._settings["division"] == "samples":
+            return "by samples (leaks between neighbouring samples)"
+        return "by blocks of dives" if self._logs else "by missions"
+
     def units(self) -> str:
         """What the table's numbers are."""
         if self._logs:

@@ -200,6 +200,9 @@ def stem(folder: Path, target: str, member: int) -> Path:
 def open_run(path: str | Path) -> Run:
     """A finished run by its folder, or by its name in `runs/`.
 
+    Args:
+      path: the folder or the name.
+
     Raises:
       InputError: there is no such folder, or it is no run.
       StoreError: it is unfinished, damaged or of another version.
@@ -280,6 +283,9 @@ def write_description(folder: Path, description: Mapping[str, Any]) -> None:
 
 def newest_run(root: Path = RUNS) -> Run:
     """The finished run that was started last.
+
+    Args:
+      root: folder of the runs.
 
     Raises:
       InputError: there is none.

@@ -67,7 +67,7 @@ def test_the_papers_network_has_its_size():
     network = build_network(NetworkConfig(inputs=12))
     first = 50 * 12 + 50 * 250 + 50
     other = 50 * 50 + 50 * 250 + 50
-    assert network.parameter_count() == first + 2 * other + 51
+    assert sum(p.numel() for p in network.parameters()) == first + 2 * other + 51
     assert network.state_size == 3 * 5 * 50
 
 

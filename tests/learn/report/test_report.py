@@ -305,7 +305,7 @@ def test_the_model_card_has_its_head_and_says_what_it_is_not(judged, tmp_path):
         "features": ["sin_pitch"],
         "members": 2,
         "division": "samples",
-        "network": {"kind": "elman", "layers": 3, "hidden": 50},
+        "network": {"kind": "elman", "layers": 3, "hidden": 50, "delays": 5},
         "training": {"optimiser": "scg", "seed": 1},
     }
     run = Run(tmp_path / "mine", {"settings": settings, "store": {"preset": "paper"}})
@@ -314,6 +314,9 @@ def test_the_model_card_has_its_head_and_says_what_it_is_not(judged, tmp_path):
     assert "leaks" in card
     assert "know nothing of the current" in card
     assert "| networks |" in card
+    assert "simulated missions (preset paper)" in card
+    assert "trained on samples of what they are judged on" not in card
+    assert "trained on samples of what they are judged on" in model_card(run, judged.figures, "all")
 
 
 def test_showcase_keeps_the_longest(judged):
