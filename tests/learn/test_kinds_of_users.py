@@ -90,6 +90,7 @@ def test_a_module_is_named_when_its_network_is_not_registered(flown_store, tmp_p
     settings = {"network": "mine", "features": ("sin_pitch",), "epochs": 1, "members": 1}
     run = learn.fit(flown_store, folder=tmp_path / "run", hidden=4, **settings)
     assert learn.evaluate(run).figures["missions"] == 1
+    monkeypatch.setattr(learn.NETWORKS, "_registered", {})  # as in a session without that import
     with pytest.raises(InputError, match=r"surge-0\.json: unknown network 'mine'.*import my_kinds"):
         learn.evaluate(tmp_path / "run")
 
