@@ -32,6 +32,7 @@ from learn.training.optimisers.registry import OPTIMISERS
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, unknown_name
+from twin.extras import require
 
 if TYPE_CHECKING:
     from learn.evaluation.evaluation import Watch as EvaluationWatch
@@ -306,9 +307,11 @@ def export(
       By the name of the network, such as surge-0, the file and how far it is from the network.
 
     Raises:
-      InputError: torch cannot export the network.
+      InputError: the extra onnx is not installed, or torch cannot export the network.
       StoreError: a model differs by more than 1e-5 m/s, or a file cannot be read or written.
     """
+    for package in ("onnx", "onnxscript", "onnxruntime"):
+        require(package, extra="onnx", purpose="learn export")
     from learn.data.dataset import load_missions
     from learn.data.features import channels_of
     from learn.networks.onnx_export import export_step

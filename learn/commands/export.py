@@ -34,10 +34,12 @@ class Export(JsonOption):
         """Export, check, say where."""
         os.environ.setdefault("OMP_NUM_THREADS", "1")
         from learn.api import export
+
+        folder = self.run_folder or newest_run().folder
+        checked = export(folder, self.out, store=self.store)
         from learn.networks.onnx_export import TOLERANCE
 
-        run = newest_run() if self.run_folder is None else open_run(self.run_folder)
-        checked = export(run, self.out, store=self.store)
+        run = open_run(folder)
         first = next(iter(checked.values()))
         console.answer(run=run.folder, tolerance=TOLERANCE, models=checked)
         console.table(

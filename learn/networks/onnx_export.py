@@ -29,6 +29,8 @@ from learn.data.dataset import Mission
 from learn.data.features import FEATURES
 from learn.networks.predictor import Predictor
 from twin.errors import InputError, StoreError
+from twin.extras import require
+from twin.preload import preload_triton
 
 Floats = NDArray[np.float32]
 
@@ -74,6 +76,7 @@ def step_model(predictor: Predictor, period: float) -> onnx.ModelProto:
     Raises:
       InputError: torch cannot export the network, a kind of the user's own.
     """
+    preload_triton()  # torch.export imports triton where it is installed
     network = predictor.network
     kind = network.config.kind
     step = _Step(dataclasses.replace(predictor, network=copy.deepcopy(network).cpu())).eval()
@@ -150,9 +153,11 @@ class StepModel:
         """Open a file that `step_model` made.
 
         Raises:
+          InputError: onnxruntime is not installed.
           StoreError: no such file, not ONNX, other names of inputs and outputs, another layout, or
             features that this version does not know.
         """
+        require("onnxruntime", extra="onnx", purpose="running an exported model")
         import onnxruntime
 
         if not path.is_file():

@@ -27,6 +27,7 @@ from learn.training.optimisers.base import FullBatchOptimiser, MinibatchOptimise
 from learn.training.optimisers.registry import OPTIMISERS
 from learn.training.schedule import Clock, TrainingConfig, step_size
 from twin.errors import InputError, StoreError
+from twin.preload import preload_triton
 
 TRAINING_PER_VALIDATION = 4.0
 """Least ratio of the time in training to that in validation: a large store validates less often."""
@@ -147,6 +148,7 @@ class Trainer:
 
     def _minibatches(self, kind: MinibatchOptimiser, saved: dict[str, Any] | None) -> None:
         config, network = self.config, self.network
+        preload_triton()  # torch.optim imports triton where it is installed
         optimiser = kind.build(network.parameters(), config)
         epoch = position = step = 0
         passed = 0.0

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from learn.registry import check_class, place_of
 from learn.training.schedule import TrainingConfig
 from twin.errors import InputError
+from twin.preload import preload_triton
 
 Objective = Callable[[Tensor], tuple[float, Tensor]]
 """From parameters (n,) to the error and its gradient (n,)."""
@@ -101,6 +102,7 @@ def check_optimiser(name: str, kind: type[Optimiser]) -> None:
         raise InputError(
             f"optimiser {name!r} names setting {unknown[0]!r}; there are {', '.join(SETTINGS)}"
         )
+    preload_triton()  # torch.optim imports triton where it is installed
     with torch.random.fork_rng(devices=[]):
         trial = kind()
         wrong = _minibatch(trial) if isinstance(trial, MinibatchOptimiser) else _full_batch(trial)
