@@ -61,7 +61,7 @@ def here(place, tmp_path, monkeypatch):
     """A copy of it, so that tests may break it."""
     shutil.copytree(place, tmp_path / "here")
     monkeypatch.chdir(tmp_path / "here")
-    monkeypatch.setattr("learn.studies.judge.finish", lambda run, **_: run)
+    monkeypatch.setattr("learn.api.finish", lambda run, **_: run)
     monkeypatch.setattr(Fit, "_report", lambda *_: None)
     return tmp_path / "here"
 
