@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from learn.navigation.baselines.registry import BASELINES
 from learn.runs.run import DEFAULT_STORE, newest_run, open_run
 from twin.cli.console import Console, JsonOption
 from twin.cli.program import EXIT_OK
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
     from learn.navigation.baselines.base import Estimate
     from learn.report.contents import RunEvaluation
     from learn.runs.run import Run
-
-BASELINE_NAMES = tyro.conf.arg(metavar="{" + ",".join(BASELINES) + "} ...")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,8 +34,6 @@ class Evaluate(JsonOption):
     """store of missions"""
     split: Literal["test", "train", "validation", "all"] = "test"
     """which missions"""
-    baselines: Annotated[tuple[str, ...] | None, BASELINE_NAMES] = None
-    """methods to set beside the networks [default: all]"""
     tracks: Path | None = None
     """write the dead-reckoned tracks to this file (.nc, .zarr, .npz or .csv), as
     `twin render --tracks` reads them"""
@@ -77,7 +72,6 @@ class Evaluate(JsonOption):
                 run,
                 self.store,
                 split=self.split,
-                baselines=self.baselines,
                 watches=[*watches, see],
             )
         reasons: dict[str, list[str]] = {}

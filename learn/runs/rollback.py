@@ -40,7 +40,7 @@ def recover(folder: Path) -> None:
 
 
 class Rollback:
-    """A context in which a run is begun or gone on with.
+    """A context in which a run is begun or continued.
 
     Args:
       new: the folder is made here, and an old run of its name makes room; else it is there already.

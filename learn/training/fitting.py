@@ -81,9 +81,7 @@ def fit(
     if workers < 1:
         raise InputError(f"workers must be at least 1, not {workers}")
     if resume and replace:
-        raise InputError(
-            "a run is either gone on with or replaced: leave out --resume or --overwrite"
-        )
+        raise InputError("a run is either continued or replaced: leave out --resume or --overwrite")
     recover(folder)
     there = _run_there(folder)
     if there is not None and not (resume or replace):
