@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from factory.importing import import_logs
-from factory.importing.importer import PERIODS
 from factory.importing.reading.columns import Table, read_table
 from learn.navigation.dead_reckoning import Array
 from twin.errors import InputError, TwinError
@@ -96,14 +95,14 @@ def gather(
 
 def imported(folder: Path, kind: str, work: Path) -> list[Deployment]:
     """The deployments of one folder; errors as `import_logs`."""
-    dataset, _ = import_logs(kind, [folder], period=PERIODS[kind])
+    dataset, report = import_logs(kind, [folder])
     store = work / f"{folder.name}.zarr"
     write_store(dataset, store, overwrite=True)
     loaded = open_store(store)
     names = np.array([str(name) for name in loaded["deployment"].values])
     start = loaded["start_time"].values.astype("datetime64[ns]").astype("i8") * 1e-9
     length = loaded["n_samples"].values.astype(float) - 1.0
-    end = start + PERIODS[kind] * length
+    end = start + report.period * length
     loaded.close()
     deployments = []
     for name in dict.fromkeys(names):

@@ -41,10 +41,13 @@ class Impossible(TwinError):
 
 def bounds(name: str) -> tuple[float, float]:
     """Possible values of a signal."""
+    variable = VARIABLES[name]
+    if variable.limits is not None:
+        return variable.limits
     for ending, limits in NAME_BOUNDS.items():
         if name.endswith(ending):
             return limits
-    unit = VARIABLES[name].units
+    unit = variable.units
     return (-TRACK_BOUND, TRACK_BOUND) if unit == "m" else UNIT_BOUNDS[unit]
 
 

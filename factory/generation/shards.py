@@ -31,7 +31,6 @@ from factory.recipe.sampling import KINDS
 from twin.errors import StoreError
 from twin.physics.scenario import SAMPLE_PERIOD
 from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.sensors import DRAWN_UNITS
 
 UNUSED_CODE = -1
 """Stands in integer parameters where NaN stands in the others."""
@@ -140,7 +139,7 @@ def small_arrays(recipe: Recipe, records: Sequence[Record]) -> dict[str, Small]:
         array = _parameter_array(recipe, name, parameter, records, longest)
         if array is not None:
             small[parameter.variable] = array
-    for name, unit in DRAWN_UNITS.items():
+    for name, unit in recipe.suite.drawn_units().items():
         values = np.array([record.sensors.get(name, 0.0) for record in records])
         if values.any():
             text = "constant of this mission's sensors: " + name.replace("_", " ")

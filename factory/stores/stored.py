@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import json
 import math
-import typing
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,7 @@ from factory.recipe.sampling import Parameters
 from twin.errors import StoreError
 from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.store import IMPORT_REPORT, check_arrays, open_store
-from twin.sensors import DRAWN_UNITS, SensorSuite
+from twin.sensors import SensorSuite
 from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
 
@@ -161,13 +160,7 @@ class StoredRun(Stored):
     @functools.cached_property
     def suite(self) -> SensorSuite:
         """The sensors, from their settings in the store."""
-        hints = typing.get_type_hints(SensorSuite)
-        return SensorSuite(
-            **{
-                name: hints[name](**{k: _tuples(v) for k, v in fields.items()})
-                for name, fields in self.settings["sensors"].items()
-            }
-        )
+        return SensorSuite.from_settings(self.settings["sensors"])
 
     @functools.cached_property
     def given_current(self) -> GivenCurrent | None:
@@ -239,7 +232,7 @@ class StoredRun(Stored):
             name: float(self.small(SENSOR_PREFIX + name)[mission])
             if SENSOR_PREFIX + name in self.dataset
             else 0.0
-            for name in DRAWN_UNITS
+            for name in self.suite.drawn_units()
         }
 
     def failures(self) -> list[tuple[int, Failure]]:
@@ -266,7 +259,3 @@ class StoredRun(Stored):
 def is_log(dataset: xr.Dataset) -> bool:
     """Whether `factory import` wrote the store."""
     return IMPORT_REPORT in dataset.attrs
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value

@@ -24,8 +24,11 @@ TRACK_BOUND = 1e7
 
 def bounds(name: str) -> tuple[float, float]:
     """Lowest and highest possible value of a schema variable, in its unit."""
+    variable = VARIABLES[name]
+    if variable.limits is not None:
+        return variable.limits
     for ending, limits in NAME_BOUNDS.items():
         if name.endswith(ending):
             return limits
-    unit = VARIABLES[name].units
+    unit = variable.units
     return (-TRACK_BOUND, TRACK_BOUND) if unit == "m" else UNIT_BOUNDS[unit]

@@ -120,12 +120,11 @@ class Simulate(JsonOption):
         )
 
     def _write(self, scenario: Scenario, trajectory: Trajectory) -> None:
-        import json
-
+        from twin.facade import provenance_of
         from twin.records.store import mission_dataset, write_store
 
         assert self.out is not None
-        attributes = {"scenario": json.dumps(scenario.describe())}
+        attributes = {**trajectory.provenance, **provenance_of(scenario)}
         write_store(mission_dataset([trajectory], attributes=attributes), self.out, overwrite=True)
 
     def _draw(self, trajectory: Trajectory) -> None:

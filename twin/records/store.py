@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import StoreError
-from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES
+from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES, declare_stored
 from twin.records.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -180,9 +180,13 @@ def open_store(path: str | Path) -> xr.Dataset:
             f"{SCHEMA_VERSION}; upgrade glider-twin"
         )
     try:
-        return xr.open_zarr(path, consolidated=None)
+        dataset = xr.open_zarr(path, consolidated=None)
     except Exception as error:
         raise StoreError(f"store {path} cannot be read: {' '.join(str(error).split())}") from error
+    for name, array in dataset.data_vars.items():
+        if array.dims == (MISSION, TIME):
+            declare_stored(str(name), array.attrs)
+    return dataset
 
 
 def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:

@@ -1,0 +1,113 @@
+"""Sensors against truth: what was measured, what was true, and the difference."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from twin.errors import InputError, UnknownName
+from twin.plot import style
+from twin.plot.registry import FigureKind
+from twin.plot.signals import thinned_time, unit_text
+from twin.records.schema import variable
+from twin.records.trajectory import Trajectory
+from twin.sensors import SENSORS, Sensor
+
+Array = NDArray[np.float64]
+
+WORDS = {"dvl": "DVL", "gps": "GPS", "onboard": "on-board"}
+"""Words of signals as titles write them"""
+DEFAULT = (
+    "pitch",
+    "roll",
+    "heading",
+    "depth",
+    "yaw_rate",
+    "specific_force_x",
+    "dvl_surge",
+    "onboard_north",
+    "onboard_east",
+)
+"""Signals shown when none are named, those that the trajectory has."""
+MOST_SHOWN = 6
+"""Of the others, where it has none of them"""
+
+
+def truth_of(name: str, trajectory: Trajectory) -> Array | None:
+    """The true signal that `measured_<name>` observes, or None when truth has no such signal.
+
+    The sensor that measures it says which; of what only real vehicles measure it has that name.
+    """
+    return _sensor_of(name).observed(name, trajectory)
+
+
+def _sensor_of(name: str) -> type[Sensor]:
+    written = f"measured_{name}"
+    for sensor in SENSORS.values():
+        if any(entry.name == written for entry in sensor.writes):
+            return sensor
+    return Sensor
+
+
+def _of_ones_own(name: str) -> bool:
+    """Whether a sensor measures it that the package does not bring: always shown."""
+    return getattr(_sensor_of(name), "name", "") not in ("", *SENSORS.shipped())
+
+
+def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure:
+    """Measured over true, and measured minus true beside it, one row per sensor.
+
+    Args:
+      names: signals without their prefix, e.g. ("pitch", "depth"); empty shows DEFAULT.
+
+    Raises:
+      InputError: the trajectory has no measured signals. UnknownName: not the named one.
+    """
+    have = [n.removeprefix("measured_") for n in trajectory.signals if n.startswith("measured_")]
+    have = [n for n in have if truth_of(n, trajectory) is not None]
+    if not have:
+        raise InputError("this trajectory has no measured signals: simulate it with sensors")
+    for name in names:
+        if name not in have:
+            raise UnknownName("measured signal", name, have)
+    usual = [n for n in have if _of_ones_own(n)]
+    shown = list(names) or [n for n in DEFAULT if n in have] + usual or have[:MOST_SHOWN]
+    with style.styled():
+        figure = style.new_figure(style.PAGE_WIDTH, 0.5 + 0.95 * len(shown))
+        axes = figure.subplots(len(shown), 2, sharex=True, squeeze=False)
+        time, seconds, unit = thinned_time(trajectory)
+        time = time / seconds
+        for (left, right), name in zip(axes, shown, strict=True):
+            measured, true = style.thin(
+                trajectory[f"measured_{name}"], np.asarray(truth_of(name, trajectory))
+            )
+            error = measured - true
+            units = variable(f"measured_{name}").units
+            if units == "degree":  # the short way round
+                error = (error + 180.0) % 360.0 - 180.0
+            sparse = bool(np.isnan(measured).mean() > 0.5)
+            mark = {"marker": ".", "ms": 2.5, "ls": "none"} if sparse else {"lw": 0.8}
+            left.plot(time, true, color=style.TRUTH, lw=2.2, label="true")
+            left.plot(time, measured, color=style.ESTIMATE, label="measured", **mark)
+            right.axhline(0.0, color=style.GUIDE, lw=0.7)
+            right.plot(time, error, color=style.ESTIMATE, **mark)
+            for panel in (left, right):
+                panel.set_ylabel(unit_text(units))
+            left.set_title(" ".join(WORDS.get(w, w) for w in name.split("_")))
+            finite = error[np.isfinite(error)]
+            spread = f"mean {finite.mean():.2g}, std {finite.std():.2g}" if len(finite) else "none"
+            right.set_title(f"measured − true: {spread}", fontweight="normal")
+        axes[0, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.1)
+        axes[0, 0].set_xlim(time[0], time[-1])
+        for panel in axes[-1]:
+            style.label_time(panel, unit)
+        figure.align_ylabels()
+    return figure
+
+
+FIGURE = FigureKind(
+    name="sensor",
+    summary="each measured signal over the true one, and the difference",
+    draw=sensor_figure,
+)
