@@ -24,11 +24,6 @@ PROGRAM = Program(
             loader="learn.commands.compare:Compare",
         ),
         Command(
-            name="benchmark",
-            summary="public methods, the twin and networks on real logs with truth",
-            loader="learn.commands.benchmark:Benchmark",
-        ),
-        Command(
             name="export",
             summary="ONNX step models for on-board use, with a parity check",
             loader="learn.commands.export:Export",

@@ -32,14 +32,14 @@ class Compare(JsonOption):
         figures = {}
         for run in [open_run(path) for path in self.runs] or [newest_run()]:
             if self.store is not None:
-                from learn.studies.judge import judge
+                from learn.api import evaluate
 
-                found = dict(judge(run, self.store, split=self.split).figures)
+                found = dict(evaluate(run, self.store, split=self.split).figures)
             else:
-                found = run.evaluation() or {}
+                found = run.figures or {}
                 if not found:
-                    raise InputError(f"run {run.path} was not evaluated; give --store STORE")
-            figures[run.name if run.name not in figures else str(run.path)] = found
+                    raise InputError(f"run {run.folder} was not evaluated; give --store STORE")
+            figures[run.name if run.name not in figures else str(run.folder)] = found
         console.answer(runs=figures)
         stores = {(f["store"], f["split"]) for f in figures.values()}
         if len(stores) > 1:

@@ -19,8 +19,8 @@ from twin.errors import InputError
 
 if TYPE_CHECKING:
     from learn.evaluation.score import Reference
-    from learn.navigation.baselines import Estimate
-    from learn.report.build import Judged
+    from learn.navigation.baselines.base import Estimate
+    from learn.report.contents import RunEvaluation
     from learn.runs.run import Run
 
 
@@ -43,11 +43,12 @@ class Evaluate(JsonOption):
     def run(self, console: Console) -> int:
         """Evaluate, print, write what was asked for."""
         os.environ.setdefault("OMP_NUM_THREADS", "1")
+        from learn.api import evaluate
         from learn.evaluation.log_score import sentences
         from learn.evaluation.tracks import TrackCollector, check_ending
         from learn.files import check_file, check_folder
         from learn.report.tables import dive_rows, summary_rows, verdicts
-        from learn.studies.judge import is_log_store, judge
+        from learn.studies.run_evaluation import is_log_store
 
         run = newest_run() if self.run_folder is None else open_run(self.run_folder)
         if self.tracks is not None and is_log_store(self.store):
@@ -67,22 +68,27 @@ class Evaluate(JsonOption):
             def see(reference: Reference, estimates: Mapping[str, Estimate]) -> None:
                 progress.update(1)
 
-            judged = judge(run, self.store, split=self.split, watches=[*watches, see])
+            found = evaluate(
+                run,
+                self.store,
+                split=self.split,
+                watches=[*watches, see],
+            )
         reasons: dict[str, list[str]] = {}
-        for name, why in judged.evaluation.missing.items():
+        for name, why in found.evaluation.missing.items():
             reasons.setdefault(why, []).append(name)
         if reasons:
             parts = [f"{', '.join(names)}: {why}" for why, names in reasons.items()]
             console.warn(f"no baseline {'; '.join(parts)}")
         if self.tracks is not None:
             collector.write(self.tracks)
-        page = self._page(run, judged) if self.out is not None else None
+        page = self._page(run, found) if self.out is not None else None
 
-        figures = dict(judged.figures)
+        figures = dict(found.figures)
         console.answer(**figures, tracks=self.tracks, report=page)
         console.table(
             summary_rows(figures),
-            title=f"{run.path} on {figures['missions']} missions ({self.split}) of {self.store}: "
+            title=f"{run.folder} on {figures['missions']} missions ({self.split}) of {self.store}: "
             "MSE in (m/s)^2, dead reckoning in % of the distance through the water",
             digits=3,
         )
@@ -90,7 +96,7 @@ class Evaluate(JsonOption):
             console.say()
             console.table(dives, title="over ground between GPS fixes, % of the dive", digits=3)
         console.say()
-        if counts := judged.evaluation.counts:
+        if counts := found.evaluation.counts:
             for sentence in sentences(counts):
                 console.say(f"- {sentence}")
         for sentence in verdicts(figures):
@@ -100,21 +106,23 @@ class Evaluate(JsonOption):
                 console.say(f"{label}: {path}")
         return EXIT_OK
 
-    def _page(self, run: Run, judged: Judged) -> Path:
-        from learn.report.build import Contents, build_page
+    def _page(self, run: Run, found: RunEvaluation) -> Path:
+        from learn.report.build import build_page
+        from learn.report.contents import Contents
         from learn.report.log_page import build_log_page
-        from learn.studies.judge import is_log_store, provenance
+        from learn.studies.finishing import provenance
+        from learn.studies.run_evaluation import is_log_store
 
         assert self.out is not None
         if is_log_store(self.store):
             command = shlex.join(["learn", *sys.argv[1:]])
-            return build_log_page(self.out, run, judged, provenance(run), command)
+            return build_log_page(self.out, run, found, provenance(run), command)
         return build_page(
             self.out,
             Contents(
                 title=f"{run.name} on {self.store.name}",
-                lead=f"{judged.figures['missions']} missions ({self.split}) of {self.store}",
-                test=judged,
+                lead=f"{found.figures['missions']} missions ({self.split}) of {self.store}",
+                test=found,
                 error_model=run.error_model(),
                 provenance=provenance(run),
                 command=shlex.join(["learn", *sys.argv[1:]]),

@@ -14,7 +14,6 @@ import tyro
 from learn.runs.run import newest_run, open_run
 from twin.cli.console import Console, JsonOption
 from twin.cli.program import EXIT_OK
-from twin.extras import require
 
 WIDTH = 100
 """Columns of the answer's text."""
@@ -34,26 +33,15 @@ class Export(JsonOption):
     def run(self, console: Console) -> int:
         """Export, check, say where."""
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-        require("onnx", extra="onnx", purpose="learn export")
-        require("onnxruntime", extra="onnx", purpose="learn export")
-        from learn.data.dataset import load_missions
-        from learn.data.features import channels_of
-        from learn.networks.onnx_export import TOLERANCE, export_step
+        from learn.api import export
 
-        run = newest_run() if self.run_folder is None else open_run(self.run_folder)
-        folder = self.out or run.path / "onnx"
-        networks = run.networks()
-        channels = [
-            c for ensemble in networks.values() for c in channels_of(ensemble.members[0].features)
-        ]
-        missions = load_missions(self.store or run.store, channels, split="all")
-        longest = max(missions, key=lambda mission: mission.samples)
-        checked = {
-            f"{target}-{k}": export_step(member, folder / f"{target}-{k}.onnx", longest)
-            for target, ensemble in networks.items()
-            for k, member in enumerate(ensemble.members)
-        }
-        console.answer(run=run.path, tolerance=TOLERANCE, models=checked)
+        folder = self.run_folder or newest_run().folder
+        checked = export(folder, self.out, store=self.store)
+        from learn.networks.onnx_export import TOLERANCE
+
+        run = open_run(folder)
+        first = next(iter(checked.values()))
+        console.answer(run=run.folder, tolerance=TOLERANCE, models=checked)
         console.table(
             [
                 {
@@ -63,7 +51,7 @@ class Export(JsonOption):
                 }
                 for parity in checked.values()
             ],
-            title=f"checked over the {longest.samples} samples of mission {longest.index}: at most "
+            title=f"checked over the {first.samples} samples of mission {first.mission}: at most "
             f"{TOLERANCE:g} m/s from the trained network",
             digits=3,
         )

@@ -5,30 +5,31 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from learn.runs.run import DEFAULT_STORE, DESCRIPTION, RUNS, free_name, open_run, read_description
+from learn.networks.registry import NETWORKS
+from learn.registry import Registry
+from learn.runs.run import RUNS, free_name
+from learn.training.optimisers.registry import OPTIMISERS
 from twin.cli.console import Console, JsonOption
 from twin.cli.program import EXIT_OK
 from twin.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
     from learn.runs.run import Run
-    from learn.training.fitting import FitConfig, Job
-    from learn.training.loop import Report
+    from learn.training.settings import FitConfig, Job
+    from learn.training.trainer import Report
     from twin.cli.progress import Progress
 
 
-DEFAULT_MEMBERS = 2
-DEFAULT_INPUTS = "full"
 CHOICES = {
-    "kind": ("elman", "lstm", "gru", "tcn", "mlp"),
+    "network": NETWORKS,
     "inputs": ("full", "glider"),
-    "optimiser": ("soap", "adam", "scg"),
+    "optimiser": OPTIMISERS,
     "division": ("missions", "samples"),
     "device": ("auto", "cpu", "cuda"),
 }
@@ -40,19 +41,19 @@ def _words(option: str) -> Any:
     return tyro.conf.arg(metavar="{" + ",".join(CHOICES[option]) + "}")
 
 
-KIND, INPUTS, OPTIMISER, DIVISION, DEVICE = (_words(option) for option in CHOICES)
+NETWORK, INPUTS, OPTIMISER, DIVISION, DEVICE = (_words(option) for option in CHOICES)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(JsonOption):
     """Train surge and sway networks on a store, judge them by dead reckoning, write a report."""
 
-    # An option that is not given is None, so that a run that is gone on with keeps its own.
+    # An option that is not given is None, so that a resumed run keeps its own.
     store: Annotated[Path | None, tyro.conf.Positional] = None
     """store of missions [default: data/missions.zarr]"""
     name: str | None = None
     """name of the run, its folder in runs/ [default: date and number]"""
-    kind: Annotated[str | None, KIND] = None
+    network: Annotated[str | None, NETWORK] = None
     """kind of network [default: elman, the paper's]"""
     hidden: int | None = None
     """units per hidden layer [default: 50]"""
@@ -89,7 +90,7 @@ class Fit(JsonOption):
     period: float | None = None
     """seconds between samples, a multiple of the store's: simulated missions as slow as a log"""
     start: Path | None = None
-    """run whose networks the training goes on from, with their inputs, scales and period:
+    """run whose networks the training starts from, with their inputs, scales and period:
     simulation then real"""
     leave_out_each_dive: bool = False
     """real logs: train once per dive with truth, without it, and judge it; then go on as usual"""
@@ -102,7 +103,7 @@ class Fit(JsonOption):
     tensorboard: bool = False
     """write TensorBoard events into the run too (needs the package tensorboard)"""
     resume: bool = False
-    """go on with the run of this --name and its settings; start it if there is none"""
+    """continue the run of this --name and its settings; start it if there is none"""
     overwrite: bool = False
     """replace the run of this --name once the new one trains"""
 
@@ -110,123 +111,62 @@ class Fit(JsonOption):
         """Train, judge, report."""
         # must be said before numpy is imported: each network trains in one thread
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-        from learn.data.preparation import check_window
-        from learn.studies.judge import finish
-        from learn.training.fitting import fit
+        from learn.api import fit_settings, train_and_finish
 
         if self.resume and self.name is None:
-            raise InputError("--resume needs the --name of the run to go on with")
+            raise InputError("--resume needs the --name of the run to continue")
         if self.resume and self.overwrite:
-            raise InputError("--resume goes on with a run, --overwrite replaces it: give one")
+            raise InputError("--resume continues a run, --overwrite replaces it: give one")
         self._check_choices()
         folder = self._folder()
-        config = self._config(self._stored(folder) if self.resume else None)
+        options = {name: getattr(self, name) for name in SETTINGS}
+        config = fit_settings(
+            resumed=folder if self.resume else None, mirror=not self.no_mirror, **options
+        )
         if self.tensorboard:
             _event_writer_type()
-        if self.window is not None and config.training.optimiser != "scg":
-            check_window(config.store, self.window, division=config.division, period=config.period)
         if self.leave_out_each_dive:
             from learn.studies.folds import dives_with_truth
 
             dives_with_truth(config)
         workers = len(os.sched_getaffinity(0)) if self.workers is None else self.workers
-        history = shlex.join(["learn", *sys.argv[1:]])
         with _Watcher(console, config, folder, events=self.tensorboard) as watcher:
-            run = fit(
+
+            def studies(run: Run) -> None:
+                watcher.close()
+                if self.leave_out_each_dive:
+                    self._leave_out(console, run, config, workers)
+                if self.ablation:
+                    self._ablate(console, run, config, workers)
+
+            run = train_and_finish(
                 config,
                 folder,
                 resume=self.resume,
-                replace=self.overwrite,
+                overwrite=self.overwrite,
                 workers=workers,
                 watch=watcher.see,
-                history=history,
+                studies=studies,
+                say=console.note,
+                history=shlex.join(["learn", *sys.argv[1:]]),
             )
-        if self.leave_out_each_dive:
-            self._leave_out(console, run, config, workers)
-        if self.ablation:
-            self._ablate(console, run, config, workers)
-        run = finish(run, history=history, say=console.note)
         self._report(console, run)
         return EXIT_OK
 
     def _check_choices(self) -> None:
         for option, allowed in CHOICES.items():
             given = getattr(self, option)
-            if given is not None and given not in allowed:
-                raise InputError(unknown_name(f"word for --{option}", given, allowed))
+            if given is None or given in allowed:
+                continue
+            if isinstance(allowed, Registry):
+                raise InputError(allowed.unknown(given))
+            raise InputError(unknown_name(f"word for --{option}", given, allowed))
 
     def _folder(self) -> Path:
         name = free_name() if self.name is None else self.name
         if not name.strip() or Path(name).name != name or name.startswith("."):
             raise InputError(f"--name {name!r} must be a plain name: the run goes into {RUNS}/NAME")
         return RUNS / name
-
-    def _stored(self, folder: Path) -> FitConfig | None:
-        """Settings of the run that is gone on with, None where there is none yet."""
-        from learn.training.fitting import FitConfig
-
-        if not (folder / DESCRIPTION).is_file():
-            return None
-        return FitConfig.of(read_description(folder)["settings"], folder)
-
-    def _config(self, stored: FitConfig | None) -> FitConfig:
-        """The settings: those that are given, the stored ones of a run that is gone on with, and
-        the defaults."""
-        from learn.data.features import INPUT_SETS, select_features
-        from learn.networks.network import NetworkConfig
-        from learn.training.fitting import FitConfig
-        from learn.training.schedule import TrainingConfig
-
-        base = stored or FitConfig(
-            store=str(DEFAULT_STORE),
-            features=select_features(INPUT_SETS[DEFAULT_INPUTS]),
-            members=DEFAULT_MEMBERS,
-        )
-        features, network, period, start = base.features, base.network, base.period, base.start
-        kinds = {name: getattr(self, name) for name in ("kind", "hidden", "layers", "delays")}
-        kinds = {name: value for name, value in kinds.items() if value is not None}
-        inputs = self.features or self.without or self.inputs is not None
-        if self.start is not None:
-            first = open_run(self.start)
-            if inputs or kinds:
-                raise InputError(
-                    "--start takes inputs and kind of network from the run: leave out --inputs, "
-                    "--features, --without, --kind, --hidden, --layers and --delays"
-                )
-            start, period, features = str(first.path), first.period, first.features
-            network = NetworkConfig(**first.description["settings"]["network"])
-            if self.period not in (None, period):
-                raise InputError(
-                    f"run {first.name} has a sample every {period:g} s: leave --period out"
-                )
-        elif self.period is not None:
-            period = self.period
-        if inputs:
-            chosen = self.features or INPUT_SETS[self.inputs or DEFAULT_INPUTS]
-            features = select_features(chosen, self.without)
-        budget = {"seconds": self.seconds, "epochs": self.epochs}
-        if self.epochs is not None and self.seconds is None:
-            budget["seconds"] = 0.0
-        settings = {name: getattr(self, name) for name in ("optimiser", "seed", "device")}
-        settings |= {"window": self.window, "washin": self.washin, **budget}
-        settings = {name: value for name, value in settings.items() if value is not None}
-        return FitConfig(
-            store=self._store(base),
-            features=features,
-            network=NetworkConfig(**{**asdict(network), **kinds}),
-            training=TrainingConfig(**{**asdict(base.training), **settings}),
-            members=base.members if self.members is None else self.members,
-            division=base.division if self.division is None else self.division,  # type: ignore[arg-type]
-            mirror=base.mirror and not self.no_mirror,
-            period=period,
-            start=start,
-        )
-
-    def _store(self, base: FitConfig) -> str:
-        """The store as the settings have it: another way to the same place is no other store."""
-        if self.store is None or self.store.absolute() == Path(base.store).absolute():
-            return base.store
-        return str(self.store)
 
     def _ablate(self, console: Console, run: Run, config: FitConfig, workers: int) -> None:
         from learn.studies.ablation import ablate, masked
@@ -264,7 +204,7 @@ class Fit(JsonOption):
     def _report(self, console: Console, run: Run) -> None:
         from learn.report.tables import summary_rows, verdicts
 
-        figures = run.evaluation()
+        figures = run.figures
         assert figures is not None
         console.answer(
             **figures,
@@ -282,8 +222,16 @@ class Fit(JsonOption):
         for sentence in verdicts(figures):
             console.say(f"- {sentence}")
         console.say()
-        console.say(f"run:    {run.path}")
+        console.say(f"run:    {run.folder}")
         console.say(f"report: {run.report}")
+
+
+SETTINGS = (
+    *("store", "network", "hidden", "layers", "delays", "inputs", "features", "without"),
+    *("optimiser", "seconds", "epochs", "window", "washin", "seed", "members", "division"),
+    *("period", "start", "device"),
+)
+"""Options that `learn.fit_settings` takes under the same name."""
 
 
 class _Watcher:
@@ -296,15 +244,26 @@ class _Watcher:
         self._shares: dict[str, float] = {}
         self._folder, self._events = folder, events
         self._writer: Any = None
+        self._open = False
 
     def __enter__(self) -> _Watcher:
         self._progress.__enter__()
+        self._open = True
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._progress.__exit__(*error)  # type: ignore[arg-type]
-        if self._writer is not None:
-            self._writer.close()
+        self._close(*error)
+
+    def close(self) -> None:
+        """End the progress of the training: what follows shows its own."""
+        self._close(None, None, None)
+
+    def _close(self, *error: object) -> None:
+        if self._open:
+            self._open = False
+            self._progress.__exit__(*error)  # type: ignore[arg-type]
+            if self._writer is not None:
+                self._writer.close()
 
     def see(self, job: Job, report: Report) -> None:
         """Show one validation."""

@@ -23,7 +23,8 @@ from learn.evaluation.score import (
     score_mission,
     summarise_scores,
 )
-from learn.navigation.baselines import BASELINES, Baseline, Estimate
+from learn.navigation.baselines.base import Baseline, Estimate, check_estimate
+from learn.navigation.baselines.registry import BASELINES
 from learn.navigation.dead_reckoning import Array
 from twin.errors import StoreError
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
@@ -87,7 +88,7 @@ def evaluate(
     store: str | Path,
     *,
     split: str = "test",
-    baselines: Sequence[str] = tuple(BASELINES),
+    baselines: Sequence[str] | None = None,
     limit: int | None = None,
     watch: Watch | None = None,
     period: float | None = None,
@@ -98,7 +99,7 @@ def evaluate(
       networks: `surge` and `sway`.
       store: path of the store.
       split: train, validation, test or all.
-      baselines: names of the baselines to run.
+      baselines: names of the baselines to run; None runs all.
       limit: the first so many missions only.
       watch: sees every mission with its estimates, for tracks, figures and progress.
       period: [s] between the samples that the networks were trained on; a finer store is thinned.
@@ -107,17 +108,19 @@ def evaluate(
     watch is given a `LogReference`.
 
     Raises:
+      InputError: a baseline is unknown, or gives something else than an `Estimate`.
       StoreError: no store, an empty one, no split in it, a missing channel or one that is not
         finite (named).
     """
+    names = tuple(BASELINES if baselines is None else baselines)
     present, attributes = _describe(store)
     vehicle = nominal_vehicle(attributes, store)
     missing = {
         name: f"the store has no channel {gone[0]}"
-        for name in baselines
+        for name in names
         if (gone := [c for c in BASELINES[name].channels if c not in present])
     }
-    runners = {name: BASELINES[name](vehicle=vehicle) for name in baselines if name not in missing}
+    runners = {name: BASELINES[name](vehicle=vehicle) for name in names if name not in missing}
     wanted = [
         *NAVIGATION_CHANNELS,
         *TRUTH_CHANNELS,
@@ -144,7 +147,8 @@ def evaluate(
                 }
                 seen = visible(mission)
                 for name, runner in runners.items():
-                    estimates[name] = runner.estimate(seen, mission.period)
+                    found = runner.estimate(seen, mission.period)
+                    estimates[name] = check_estimate(name, found, mission.samples)
             except StoreError as error:
                 raise StoreError(f"store {store}, mission {mission.index}: {error}") from error
             for name, estimate in estimates.items():

@@ -22,7 +22,7 @@ import numpy as np
 from learn.data.dataset import Mission
 from learn.data.logs import LogRow
 from learn.evaluation.score import LAUNCH_S, TARGETS, MissionScore, TrackError
-from learn.navigation.baselines import Baseline, Estimate
+from learn.navigation.baselines.base import Baseline, Estimate, check_estimate
 from learn.navigation.baselines.pitch_plus_alpha import PitchPlusAlpha
 from learn.navigation.dead_reckoning import (
     Array,
@@ -216,7 +216,8 @@ def score_logs(
             seen = visible(mission)
             for name, runner in baselines.items():
                 try:
-                    estimates[name] = runner.estimate(seen, mission.period)
+                    found = runner.estimate(seen, mission.period)
+                    estimates[name] = check_estimate(name, found, mission.samples)
                 except StoreError:  # this row lacks a channel that others have
                     continue
             before = last if last is not None and reference.row.follows(last[0].row) else None

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.evaluation.score import Reference
-from learn.navigation.baselines import Estimate
+from learn.navigation.baselines.base import Estimate
 from learn.navigation.dead_reckoning import Array
 from learn.navigation.dives import CurrentKnowledge, ground_track
 from twin.errors import InputError

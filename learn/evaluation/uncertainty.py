@@ -30,7 +30,7 @@ from twin.errors import InputError
 
 if TYPE_CHECKING:
     from learn.evaluation.score import MissionScore, Reference
-    from learn.navigation.baselines import Estimate
+    from learn.navigation.baselines.base import Estimate
 
 SECONDS_PER_HOUR = 3600.0
 BIAS_TIME_S = 4.0 * SECONDS_PER_HOUR

@@ -3,175 +3,68 @@
     features (1, inputs), state (1, state_size)  ->  velocity (1, 1), next_state (1, state_size)
 
 Features are in their own units and the velocity in m/s: the scales are inside. Everything is
-float32. The file's metadata say which features in which order, their units, the velocity, the
-sample period and the version of this layout. The graph is written operator by operator, so that it
-needs no exporter and has nothing in it that a small runtime lacks.
+float32 and every shape is fixed. The file's metadata say which features in which order, their
+units, the velocity, the sample period and the version of this layout. The graph is torch's own
+export of `Network.step` between the scales, so that a kind of network needs no second description.
 """
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import json
-from collections.abc import Mapping, Sequence
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import onnx
+import torch
 from numpy.typing import NDArray
-from onnx import TensorProto, helper, numpy_helper
+from torch import Tensor, nn
 
 from learn.data.dataset import Mission
 from learn.data.features import FEATURES
-from learn.networks.network import NetworkConfig
 from learn.networks.predictor import Predictor
-from twin.errors import StoreError
+from twin.errors import InputError, StoreError
 from twin.extras import require
+from twin.preload import preload_triton
 
 Floats = NDArray[np.float32]
 
 LAYOUT = 1
 """Version of names and metadata."""
-OPSET = 17
-"""ONNX operator set (2022): old enough for embedded runtimes; tanh, MatMul and Split suffice."""
+OPSET = 18
+"""ONNX operator set (2022): the oldest that torch's exporter writes."""
 IR_VERSION = 8
 """Of the file format that goes with it."""
 INPUTS = ("features", "state")
 OUTPUTS = ("velocity", "next_state")
+EXPORTER_MODULES = r"(torch|onnxscript|onnx_ir|copyreg)(\.|$)"
+"""Where the exporter's own warnings come from; those of a user's network come from its file."""
 TOLERANCE = 1e-5
 """[m/s] largest difference to the trained network over a mission."""
 
 
-class Graph:
-    """Collects nodes; values are named by counting."""
+class _Step(nn.Module):
+    """One step with the scales inside: (features, state) to (velocity, next_state)."""
 
-    def __init__(self) -> None:
-        self.nodes: list[onnx.NodeProto] = []
-        self.constants: list[onnx.TensorProto] = []
+    mean: Tensor
+    scale: Tensor
 
-    def op(self, kind: str, *inputs: str, **attributes: Any) -> str:
-        """One node with one output; returns the output's name."""
-        return self.ops(kind, 1, *inputs, **attributes)[0]
+    def __init__(self, predictor: Predictor) -> None:
+        super().__init__()
+        scales = predictor.normalisation
+        self.network = predictor.network
+        self.register_buffer("mean", torch.tensor([scales.mean], dtype=torch.float32))
+        self.register_buffer("scale", torch.tensor([scales.scale], dtype=torch.float32))
+        self.target_mean, self.target_scale = scales.target_mean, scales.target_scale
 
-    def ops(self, kind: str, count: int, *inputs: str, **attributes: Any) -> list[str]:
-        """One node with `count` outputs; returns their names."""
-        place = len(self.nodes)
-        names = [f"{kind.lower()}_{place}_{k}" for k in range(count)]
-        self.nodes.append(helper.make_node(kind, list(inputs), names, **attributes))
-        return names
-
-    def constant(self, values: Any) -> str:
-        """A constant of float32, or of int64 for integers; returns its name."""
-        array = np.asarray(values)
-        array = array.astype(np.int64 if array.dtype.kind == "i" else np.float32)
-        name = f"constant_{len(self.constants)}"
-        self.constants.append(numpy_helper.from_array(np.ascontiguousarray(array), name))
-        return name
-
-    def affine(self, x: str, weight: Floats, bias: Floats | None) -> str:
-        """x W^T + b."""
-        product = self.op("MatMul", x, self.constant(weight.T))
-        return product if bias is None else self.op("Add", product, self.constant(bias))
-
-    def split(self, x: str, widths: Sequence[int]) -> list[str]:
-        """Columns of x in parts of these widths."""
-        if len(widths) == 1:
-            return [x]
-        return self.ops("Split", len(widths), x, self.constant(list(widths)), axis=1)
-
-    def concat(self, parts: Sequence[str]) -> str:
-        """Parts side by side."""
-        return parts[0] if len(parts) == 1 else self.op("Concat", *parts, axis=1)
-
-    def columns(self, x: str, start: int, end: int) -> str:
-        """x[:, start:end]."""
-        bounds = (self.constant([v]) for v in (start, end, 1))
-        return self.op("Slice", x, *bounds)
-
-
-Weights = Mapping[str, Floats]
-
-
-def _elman(g: Graph, config: NetworkConfig, w: Weights, x: str, state: str) -> tuple[str, str]:
-    width = config.delays * config.hidden
-    ends = []
-    for layer, history in enumerate(g.split(state, [width] * config.layers)):
-        name = f"hidden.{layer}"
-        total = g.op(
-            "Add",
-            g.affine(x, w[f"{name}.weight"], w[f"{name}.bias"]),
-            g.affine(history, w[f"{name}.recurrent"], None),
-        )
-        x = g.op("Tanh", total)
-        if config.delays > 1:
-            ends.append(g.columns(history, config.hidden, width))
-        ends.append(x)
-    return g.affine(x, w["out.weight"], w["out.bias"]), g.concat(ends)
-
-
-def _lstm(g: Graph, config: NetworkConfig, w: Weights, x: str, state: str) -> tuple[str, str]:
-    parts = g.split(state, [config.hidden] * (2 * config.layers))
-    outputs, cells = parts[: config.layers], parts[config.layers :]
-    for layer in range(config.layers):
-        gates = g.op(
-            "Add",
-            g.affine(x, w[f"cells.weight_ih_l{layer}"], w[f"cells.bias_ih_l{layer}"]),
-            g.affine(outputs[layer], w[f"cells.weight_hh_l{layer}"], w[f"cells.bias_hh_l{layer}"]),
-        )
-        enter, forget, new, leave = g.split(gates, [config.hidden] * 4)
-        kept = g.op("Mul", g.op("Sigmoid", forget), cells[layer])
-        gained = g.op("Mul", g.op("Sigmoid", enter), g.op("Tanh", new))
-        cells[layer] = g.op("Add", kept, gained)
-        x = outputs[layer] = g.op("Mul", g.op("Sigmoid", leave), g.op("Tanh", cells[layer]))
-    return g.affine(x, w["out.weight"], w["out.bias"]), g.concat([*outputs, *cells])
-
-
-def _gru(g: Graph, config: NetworkConfig, w: Weights, x: str, state: str) -> tuple[str, str]:
-    outputs = g.split(state, [config.hidden] * config.layers)
-    for layer in range(config.layers):
-        given = g.affine(x, w[f"cells.weight_ih_l{layer}"], w[f"cells.bias_ih_l{layer}"])
-        past = g.affine(
-            outputs[layer], w[f"cells.weight_hh_l{layer}"], w[f"cells.bias_hh_l{layer}"]
-        )
-        reset, update, new = g.split(given, [config.hidden] * 3)
-        reset_past, update_past, new_past = g.split(past, [config.hidden] * 3)
-        reset = g.op("Sigmoid", g.op("Add", reset, reset_past))
-        update = g.op("Sigmoid", g.op("Add", update, update_past))
-        new = g.op("Tanh", g.op("Add", new, g.op("Mul", reset, new_past)))
-        # (1 - z) n + z h, written with one product less
-        change = g.op("Mul", update, g.op("Sub", outputs[layer], new))
-        x = outputs[layer] = g.op("Add", new, change)
-    return g.affine(x, w["out.weight"], w["out.bias"]), g.concat(outputs)
-
-
-def _tcn(g: Graph, config: NetworkConfig, w: Weights, x: str, state: str) -> tuple[str, str]:
-    sizes = [config.inputs] + [config.hidden] * (config.layers - 1)
-    spacings = [config.dilation**layer for layer in range(config.layers)]
-    reaches = [(config.kernel - 1) * spacing for spacing in spacings]
-    pasts = g.split(state, [r * s for r, s in zip(reaches, sizes, strict=True)])
-    ends = []
-    for layer, (size, spacing) in enumerate(zip(sizes, spacings, strict=True)):
-        seen = g.concat([pasts[layer], x])
-        ends.append(g.columns(seen, size, (reaches[layer] + 1) * size))
-        taps, bias = w[f"taps.{layer}.weight"], w[f"taps.{layer}.bias"]
-        total = g.constant(bias[None])
-        for tap in range(config.kernel):
-            sample = g.columns(seen, tap * spacing * size, (tap * spacing + 1) * size)
-            total = g.op("Add", total, g.affine(sample, taps[:, :, tap], None))
-        new = g.op("Tanh", total)
-        x = g.op("Add", new, x) if size == config.hidden else new
-    return g.affine(x, w["out.weight"], w["out.bias"]), g.concat(ends)
-
-
-def _mlp(g: Graph, config: NetworkConfig, w: Weights, x: str, state: str) -> tuple[str, str]:
-    for layer in range(config.layers):
-        name = f"body.{2 * layer}"
-        x = g.op("Tanh", g.affine(x, w[f"{name}.weight"], w[f"{name}.bias"]))
-    name = f"body.{2 * config.layers}"
-    return g.affine(x, w[f"{name}.weight"], w[f"{name}.bias"]), state
-
-
-_BUILDERS = {"elman": _elman, "lstm": _lstm, "gru": _gru, "tcn": _tcn, "mlp": _mlp}
+    def forward(self, features: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        y, next_state = self.network.step((features - self.mean) / self.scale, state)
+        return self.target_scale * y + self.target_mean, next_state
 
 
 def step_model(predictor: Predictor, period: float) -> onnx.ModelProto:
@@ -179,35 +72,39 @@ def step_model(predictor: Predictor, period: float) -> onnx.ModelProto:
 
     Args:
       period: [s] between samples of the missions that it was trained on.
+
+    Raises:
+      InputError: torch cannot export the network, a kind of the user's own.
     """
-    network, scales = predictor.network, predictor.normalisation
-    weights = {k: v.detach().cpu().numpy() for k, v in network.state_dict().items()}
-    graph = Graph()
-    shifted = graph.op("Sub", INPUTS[0], graph.constant([scales.mean]))
-    x = graph.op("Div", shifted, graph.constant([scales.scale]))
-    y, state = _BUILDERS[network.config.kind](graph, network.config, weights, x, INPUTS[1])
-    scaled = graph.op("Mul", y, graph.constant([[scales.target_scale]]))
-    velocity = graph.op("Add", scaled, graph.constant([[scales.target_mean]]))
-    for value, name in zip((velocity, state), OUTPUTS, strict=True):
-        graph.nodes.append(helper.make_node("Identity", [value], [name]))
-
-    def tensor(name: str, width: int) -> onnx.ValueInfoProto:
-        return helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, width])
-
-    widths = (len(predictor.features), network.state_size)
-    model = helper.make_model(
-        helper.make_graph(
-            graph.nodes,
-            f"{predictor.target} step",
-            [tensor(name, width) for name, width in zip(INPUTS, widths, strict=True)],
-            [tensor(name, width) for name, width in zip(OUTPUTS, (1, widths[1]), strict=True)],
-            graph.constants,
-        ),
-        opset_imports=[helper.make_opsetid("", OPSET)],
-        ir_version=IR_VERSION,
-        producer_name="glider-twin",
-    )
-    helper.set_model_props(
+    preload_triton()  # torch.export imports triton where it is installed
+    network = predictor.network
+    kind = network.config.kind
+    step = _Step(dataclasses.replace(predictor, network=copy.deepcopy(network).cpu())).eval()
+    given = (torch.zeros(1, len(predictor.features)), step.network.initial_state(1))
+    try:
+        with _quiet_exporter(), torch.no_grad():
+            program = torch.onnx.export(
+                step,
+                given,
+                input_names=INPUTS,
+                output_names=OUTPUTS,
+                opset_version=OPSET,
+                dynamo=True,
+                verbose=False,
+            )
+    except torch.onnx.errors.OnnxExporterError as error:
+        reason = " ".join(str(error.__cause__ or error).split())
+        raise InputError(
+            f"torch cannot export network {kind!r} ({reason[:200]}): its step must be made of "
+            "operators that torch.onnx.export knows, without data-dependent branches"
+        ) from error
+    assert program is not None
+    model = program.model_proto
+    _strip(model)
+    model.ir_version, model.producer_name = IR_VERSION, "glider-twin"
+    model.producer_version = ""
+    model.graph.name = f"{predictor.target} step"
+    onnx.helper.set_model_props(
         model,
         {
             "layout": str(LAYOUT),
@@ -222,6 +119,31 @@ def step_model(predictor: Predictor, period: float) -> onnx.ModelProto:
     )
     onnx.checker.check_model(model, full_check=True)
     return model
+
+
+@contextmanager
+def _quiet_exporter() -> Iterator[None]:
+    """Silence what torch's exporter says of itself: its deprecations, and torchvision's absence."""
+    logger = logging.getLogger("torch.onnx._internal.exporter._registration")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", module=EXPORTER_MODULES)
+            yield
+    finally:
+        logger.setLevel(level)
+
+
+def _strip(model: onnx.ModelProto) -> None:
+    """Take out the stack traces of the export: they name folders of the machine that made it."""
+    graph = model.graph
+    for part in (*graph.node, *graph.initializer, *graph.input, *graph.output, *graph.value_info):
+        part.ClearField("metadata_props")
+        part.ClearField("doc_string")
+    for part in (model, graph):
+        part.ClearField("metadata_props")
+        part.ClearField("doc_string")
 
 
 class StepModel:

@@ -16,13 +16,17 @@ from learn.data.dataset import Mission
 from learn.data.features import FEATURES
 from learn.data.normalisation import Normalisation
 from learn.files import read_json, write_json
-from learn.networks.network import Network, NetworkConfig, build_network
+from learn.networks.base import Network, build_network
+from learn.networks.config import NetworkConfig
+from learn.networks.registry import NETWORKS
 from twin.errors import InputError, StoreError, unknown_name
 
 Floats = NDArray[np.float32]
 
 FORMAT = 1
 """Version of the files that `save` writes."""
+PLACE = "class"
+"""Entry of the description: `module:Class` of a kind of network that is not a shipped one."""
 
 SIDE_BY_SIDE = 32
 """Missions predicted at once: keeps the memory of 10 000 s missions near 0.5 GB."""
@@ -70,6 +74,8 @@ class Predictor:
             "network": dataclasses.asdict(self.network.config),
             "normalisation": dataclasses.asdict(self.normalisation),
         }
+        if place := NETWORKS.place(self.network.config.kind):
+            description[PLACE] = place
         write_json(stem.with_suffix(".json"), description)
 
 
@@ -94,6 +100,11 @@ def load_predictor(stem: Path) -> Predictor:
             f"{description_path} has format {version}, this program reads {FORMAT}; train it anew"
         )
     try:
+        kind = description["network"]["kind"]
+        if kind not in NETWORKS:
+            raise InputError(
+                f"{description_path}: {NETWORKS.unknown(str(kind), description.get(PLACE, ''))}"
+            )
         config = NetworkConfig(**description["network"])
         fields: dict[str, Any] = description["normalisation"]
         for name in ("features", "mean", "scale"):

@@ -8,15 +8,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from learn.networks.registry import NETWORKS
+from learn.report.origin import Origin
 from learn.report.tables import summary_rows, verdicts
 from learn.runs.run import Run
 from twin.cli.text_table import format_number
+
+TRAINED_ON = ("all", "train")
+"""Splits that hold missions that the networks were trained on."""
+SEEN = (
+    "The networks were trained on samples of what they are judged on here: on what they never saw "
+    "they are worse."
+)
 
 
 def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:
     """The card's text."""
     settings = run.description["settings"]
     network, training = settings["network"], settings["training"]
+    origin = Origin(run.description)
     lines = [
         "---",
         "tags: [underwater-glider, dead-reckoning, time-series]",
@@ -38,38 +48,42 @@ def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:
         "",
         "## What they are",
         "",
-        f"- {settings['members']} network(s) per velocity: {network['kind']}, "
-        f"{network['layers']} hidden layers of {network['hidden']}",
+        f"- {settings['members']} network(s) per velocity: {network['kind']}, {_sizes(network)}",
         f"- inputs: {', '.join(settings['features'])}",
         "- output: velocity through the water [m/s], body axes forward and starboard",
-        "- free-running: no velocity is fed back, the state starts at zero at launch",
-        f"- trained with {training['optimiser']}, seed {training['seed']}",
+        "- free-running: no velocity is fed back; a state starts at zero at the first sample of a "
+        f"{origin.row}",
+        f"- trained with {training['optimiser']}, seed {training['seed']}"
+        + (f", every {origin.row} mirrored too" if settings.get("mirror") else ""),
         "",
         "## What they were made from",
         "",
-        f"- store: {settings['store']}",
+        *(f"- {line}" for line in origin.made_from()),
         *(f"- {name}: {value}" for name, value in run.description["store"].items()),
-        f"- division into training and validation: by {settings['division']}"
-        + (" (leaks between neighbouring samples)" if settings["division"] == "samples" else ""),
+        f"- division into training and validation: {origin.division()}",
         "",
-        f"## How good they are ({split} missions of that store)",
+        f"## How good they are ({split} {origin.rows} of that store)",
         "",
+        *([SEEN, ""] if split in TRAINED_ON else []),
         *_markdown(summary_rows(evaluation)),
         "",
-        "MSE in (m/s)² over all samples; dead reckoning in % of the horizontal path through the "
-        "water at mission end.",
+        origin.units(),
         "",
         *(f"- {sentence}" for sentence in verdicts(evaluation)),
         "",
         "## What they are not",
         "",
-        "- They were trained on simulated missions of one vehicle; another hull, or this one with "
-        "a payload outside, needs training anew.",
+        *(f"- {line}" for line in origin.limits()),
         "- They know nothing of the current. A steady current leaves no trace in the inputs.",
-        "- Sensor errors that the training missions lacked are not covered.",
+        f"- Sensor errors that the training {origin.rows} lacked are not covered.",
         "",
     ]
     return "\n".join(lines)
+
+
+def _sizes(network: Mapping[str, Any]) -> str:
+    """The sizes that its kind uses."""
+    return ", ".join(f"{size} {network[size]}" for size in NETWORKS[network["kind"]].sizes)
 
 
 def _markdown(rows: list[dict[str, object]]) -> list[str]:

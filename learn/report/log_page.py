@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from learn.evaluation.log_score import sentences
-from learn.report import figures, spread_figures, tables
-from learn.report.build import Judged
+from learn.report import tables
+from learn.report.contents import RunEvaluation
+from learn.report.figures.dives import dive_figure
+from learn.report.figures.learning import learning_figure
 from learn.report.page import Page
 
 if TYPE_CHECKING:
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def build_log_page(
-    folder: Path, run: Run, test: Judged, provenance: Mapping[str, object], command: str
+    folder: Path, run: Run, test: RunEvaluation, provenance: Mapping[str, object], command: str
 ) -> Path:
     """Write `index.html` and its figures as PNG into `folder`; returns the page's path."""
     found = test.figures
@@ -32,7 +34,7 @@ def build_log_page(
     if rows := tables.track_rows(found, "ground"):
         page.section("Dead reckoning")
         page.table(rows, "Over ground from fix to fix, nothing known of the current.")
-    rows, drawn = tables.dive_rows(found), spread_figures.dive_figure(test.evaluation)
+    rows, drawn = tables.dive_rows(found), dive_figure(test.evaluation)
     if rows and drawn is not None:
         page.table(
             rows,
@@ -45,7 +47,7 @@ def build_log_page(
         page.section("Training")
         page.figure(
             "learning",
-            figures.learning_figure(metrics),
+            learning_figure(metrics),
             "Error of the free run over whole validation dives during training.",
         )
     page.section("Where this comes from")

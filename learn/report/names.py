@@ -2,29 +2,12 @@
 
 from __future__ import annotations
 
+from learn.navigation.baselines.registry import BASELINES
 from twin.plot.style import ESTIMATE, GUIDE, PALETTE, TRUTH
 
-TITLES = {
-    "network": "networks",
-    "floor": "floor: true surge and sway",
-    "pitch_plus_alpha": "w / tan(pitch + alpha)",
-    "steady_flight": "steady flight model",
-    "onboard": "on-board track",
-    "ekf": "EKF on the dynamic model",
-    "dvl": "DVL-aided",
-}
-"""What people read."""
-
-COLOURS = {
-    "truth": TRUTH,
-    "network": ESTIMATE,
-    "floor": GUIDE,
-    "pitch_plus_alpha": PALETTE["orange"],
-    "steady_flight": PALETTE["green"],
-    "onboard": PALETTE["purple"],
-    "ekf": PALETTE["sky"],
-    "dvl": PALETTE["black"],
-}
+TITLES = {"network": "networks", "floor": "floor: true surge and sway"}
+"""What people read, of what is no baseline."""
+COLOURS = {"truth": TRUTH, "network": ESTIMATE, "floor": GUIDE}
 
 KNOWLEDGE_TITLES = {
     "none": "no current",
@@ -34,10 +17,14 @@ KNOWLEDGE_TITLES = {
 
 
 def title_of(method: str) -> str:
-    """The method in words."""
+    """The method in words; of a baseline that is not registered, its name."""
+    if method in BASELINES:
+        return str(BASELINES[method].title)
     return TITLES.get(method, method.replace("_", " "))
 
 
 def colour_of(method: str) -> str:
     """Its colour."""
+    if method in BASELINES and (colour := BASELINES[method].colour):
+        return PALETTE[colour]
     return COLOURS.get(method, GUIDE)

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 
 from learn.evaluation.score import Reference
-from learn.navigation.baselines import Estimate
+from learn.navigation.baselines.base import Estimate
 from learn.navigation.dead_reckoning import Array, sample_times
 
 DRAWN_MISSIONS = 3

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from learn.navigation.baselines.registry import BASELINES
 from learn.report.names import KNOWLEDGE_TITLES, title_of
 
 Figures = Mapping[str, Any]
@@ -66,23 +67,14 @@ def track_rows(evaluation: Figures, track: str) -> list[Row]:
     return rows
 
 
-WITHOUT_WATER = {
-    "dvl": "The {title} method is missing in the tables through the water: in less "
-    "than half of the samples its log was in water lock, and in bottom lock it measures "
-    "the velocity over ground, so that it says nothing on the one through the water. It is "
-    "among the tracks over ground.",
-    "onboard": "The {title} is missing in them: it was reset at fixes, which puts the current "
-    "into it.",
-}
-"""Why a method can have no track through the water."""
-
-
 def without_track(evaluation: Figures, track: str) -> str:
     """Sentences on the methods that `track_rows` leaves out; empty when there are none."""
     return " ".join(
-        WITHOUT_WATER[name].format(title=title_of(name))
+        BASELINES[name].without_water
         for name, figures in methods_of(evaluation)
-        if name in WITHOUT_WATER and figures[f"dr_{track}_percent_mean"] is None
+        if name in BASELINES
+        and BASELINES[name].without_water
+        and figures[f"dr_{track}_percent_mean"] is None
     )
 
 

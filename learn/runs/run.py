@@ -26,6 +26,7 @@ from twin.version import __version__
 
 if TYPE_CHECKING:
     from learn.evaluation.uncertainty import ErrorModel
+    from learn.networks.prediction import Prediction
     from learn.networks.predictor import Ensemble
 
 RUNS = Path("runs")
@@ -40,6 +41,10 @@ CARD = "README.md"
 REPORT = Path("report") / "index.html"
 FORMAT = 1
 """Version of `run.json`."""
+TRUTH = "truth"
+"""Entry of `run.json`: the channels of truth in its store; runs of version 0.1.0 lack it."""
+ORIGIN = "started_from"
+"""Entry of `run.json`: the run whose weights the training went on from, and what its store was."""
 SETTINGS = ("store", "features", "network", "training", "members", "division")
 """Settings without which a run cannot be read."""
 TARGETS = ("surge", "sway")
@@ -51,14 +56,14 @@ FACTORY_PERIOD = 0.5
 class Run:
     """One run folder."""
 
-    path: Path
+    folder: Path
     description: Mapping[str, Any]
     """What `run.json` says."""
 
     @property
     def name(self) -> str:
         """Name of the folder."""
-        return self.path.name
+        return self.folder.name
 
     @property
     def store(self) -> Path:
@@ -85,7 +90,22 @@ class Run:
     @property
     def report(self) -> Path:
         """Its page."""
-        return self.path / REPORT
+        return self.folder / REPORT
+
+    def predict(self, store: str | Path, *, split: str = "all") -> list[Prediction]:
+        """Surge and sway of missions, running free from the start of each.
+
+        Args:
+          store: path of a store that has what the networks read; a finer one is thinned to the
+            run's period.
+          split: train, validation, test or all.
+
+        Raises:
+          StoreError: a file of the run or of the store cannot be used.
+        """
+        from learn.networks.prediction import predict_missions
+
+        return predict_missions(self.networks(), store, split=split, period=self.period)
 
     def networks(self) -> dict[str, Ensemble]:
         """Surge and sway.
@@ -99,7 +119,7 @@ class Run:
         for target in TARGETS:
             members = []
             for place in range(self.members):
-                path = stem(self.path, target, place)
+                path = stem(self.folder, target, place)
                 members.append(load_predictor(path))
                 if members[-1].target != target:
                     raise StoreError(
@@ -115,7 +135,7 @@ class Run:
         Raises:
           StoreError: another line is damaged (named).
         """
-        path = self.path / METRICS
+        path = self.folder / METRICS
         if not path.is_file():
             return []
         found = []
@@ -128,15 +148,16 @@ class Run:
                 ) from error
         return found
 
-    def evaluation(self) -> dict[str, Any] | None:
-        """What `evaluation.json` holds, None without one.
+    @property
+    def figures(self) -> dict[str, Any] | None:
+        """Figures of its evaluation by name, as `learn evaluate --json` prints them; None before.
 
         Raises:
           StoreError: it is damaged, or lacks a figure (named).
         """
         from learn.evaluation.score import summarise_scores
 
-        path = self.path / EVALUATION
+        path = self.folder / EVALUATION
         if not path.is_file():
             return None
         remedy = f"`learn fit --name {self.name} --resume` writes it anew"
@@ -160,15 +181,15 @@ class Run:
             return ErrorModel(**self.description.get("error_model", {}))
         except TypeError as error:
             raise StoreError(
-                f"{self.path / DESCRIPTION} is damaged: its error_model is not one ({error}); "
+                f"{self.folder / DESCRIPTION} is damaged: its error_model is not one ({error}); "
                 f"`learn fit --name {self.name} --resume` fits it anew"
             ) from error
 
     def remember(self, **entries: object) -> Run:
         """This run with more in its `run.json`."""
         description = {**self.description, **entries}
-        write_description(self.path, description)
-        return Run(self.path, description)
+        write_description(self.folder, description)
+        return Run(self.folder, description)
 
 
 def stem(folder: Path, target: str, member: int) -> Path:
@@ -178,6 +199,9 @@ def stem(folder: Path, target: str, member: int) -> Path:
 
 def open_run(path: str | Path) -> Run:
     """A finished run by its folder, or by its name in `runs/`.
+
+    Args:
+      path: the folder or the name.
 
     Raises:
       InputError: there is no such folder, or it is no run.
@@ -245,7 +269,7 @@ def repair_metrics(folder: Path) -> None:
 def _example() -> str:
     """The newest run's folder, or a word for it."""
     try:
-        return str(newest_run().path)
+        return str(newest_run().folder)
     except InputError:
         return "RUN"
 
@@ -259,6 +283,9 @@ def write_description(folder: Path, description: Mapping[str, Any]) -> None:
 
 def newest_run(root: Path = RUNS) -> Run:
     """The finished run that was started last.
+
+    Args:
+      root: folder of the runs.
 
     Raises:
       InputError: there is none.

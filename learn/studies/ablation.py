@@ -10,8 +10,9 @@ from learn.data.features import SENSORS, features_of
 from learn.evaluation.evaluation import evaluate
 from learn.files import write_json
 from learn.runs.run import ABLATION, Run
-from learn.studies.judge import judged_split
-from learn.training.fitting import FitConfig, Watch, fit
+from learn.studies.run_evaluation import evaluation_split
+from learn.training.fitting import Watch, fit
+from learn.training.settings import FitConfig
 from twin.cli.console import to_json
 
 
@@ -38,16 +39,16 @@ def ablate(
 
     What is there already is kept. The figures are written to `ablation.json` and returned.
     """
-    split, _ = judged_split(run)
+    split, _ = evaluation_split(run)
     figures: dict[str, Any] = {}
     for sensor, settings in masked(config).items():
         say(f"training without {sensor}")
         part = fit(
-            settings, run.path / f"without-{sensor}", resume=True, workers=workers, watch=watch
+            settings, run.folder / f"without-{sensor}", resume=True, workers=workers, watch=watch
         )
         evaluation = evaluate(
             part.networks(), run.store, split=split, baselines=(), period=run.period
         )
         figures[f"without {sensor}"] = to_json(evaluation.to_json())
-    write_json(run.path / ABLATION, figures)
+    write_json(run.folder / ABLATION, figures)
     return figures

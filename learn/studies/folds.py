@@ -15,7 +15,8 @@ from learn.data.logs import SPEED, is_real
 from learn.data.missions import open_missions
 from learn.files import write_json
 from learn.runs.run import Run
-from learn.training.fitting import FitConfig, Watch, fit
+from learn.training.fitting import Watch, fit
+from learn.training.settings import FitConfig
 from twin.cli.console import to_json
 from twin.errors import InputError
 
@@ -101,7 +102,9 @@ def leave_out_each(
     folds = []
     for row in dives:
         settings = dataclasses.replace(config, held_out=(row,))
-        part = fit(settings, run.path / f"without-{row}", resume=True, workers=workers, watch=watch)
+        part = fit(
+            settings, run.folder / f"without-{row}", resume=True, workers=workers, watch=watch
+        )
         networks = part.networks()
         channels = [*channels_of(config.features), *_truth_channels(config.store)]
         missions = load_missions(config.store, channels, split="all", period=config.period)
@@ -113,7 +116,7 @@ def leave_out_each(
             Fold(row=row, samples=int(known.sum()), squared=float(np.square(error[known]).sum()))
         )
     found = Folds(tuple(folds))
-    write_json(run.path / FOLDS, found.to_json())
+    write_json(run.folder / FOLDS, found.to_json())
     return found
 
 

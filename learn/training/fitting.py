@@ -14,28 +14,31 @@ from learn.data.dataset import load_missions
 from learn.data.features import channels_of
 from learn.data.logs import SPEED
 from learn.data.missions import content_hash, open_missions
-from learn.data.preparation import Division, check_truth, prepare
-from learn.networks.network import NetworkConfig
-from learn.runs.claim import CHECKPOINT, Claim, recover
+from learn.data.preparation import check_truth
+from learn.networks.registry import NETWORKS
+from learn.runs.rollback import Rollback, recover
 from learn.runs.run import (
     DESCRIPTION,
     FORMAT,
     METRICS,
+    ORIGIN,
     TARGETS,
+    TRUTH,
     Run,
     now,
     open_run,
     read_description,
     repair_metrics,
-    stem,
     versions,
     write_description,
 )
-from learn.training.loop import Report, Trainer, pick_device
-from learn.training.schedule import TrainingConfig
-from learn.training.trainers import train_aside
+from learn.training.job import train
+from learn.training.optimisers.registry import OPTIMISERS
+from learn.training.settings import FitConfig, Job
+from learn.training.trainer import Report, pick_device
+from learn.training.workers import train_in_workers
 from twin.cli.console import to_json
-from twin.errors import InputError, StoreError
+from twin.errors import InputError
 
 STORE_ATTRIBUTES = (
     *("preset", "seed", "hours", "sensors", "vehicle_sha256", "history"),
@@ -44,108 +47,6 @@ STORE_ATTRIBUTES = (
 """What a run keeps of its store's description."""
 CONTENT = "store_content"
 """Entry of `run.json`: see `learn.data.missions.content_hash`."""
-FREE = ("device", "threads")
-"""Settings of a training with which another machine may go on."""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class FitConfig:
-    """Everything that decides what a run becomes."""
-
-    store: str
-    """Path of the store."""
-    features: tuple[str, ...]
-    """Inputs by name, in order."""
-    network: NetworkConfig = dataclasses.field(default_factory=NetworkConfig)
-    training: TrainingConfig = dataclasses.field(default_factory=TrainingConfig)
-    """Its seed is the first member's of surge; every network gets one of its own."""
-    members: int = 1
-    """Networks per velocity; their spread is an uncertainty."""
-    division: Division = "missions"
-    """`missions`: the store's split. `samples`: the paper's random 70/15/15, which leaks."""
-    mirror: bool = True
-    """Whether the training shows every mission mirrored, port for starboard, too."""
-    period: float | None = None
-    """[s] between samples, a multiple of the store's; None takes all of them."""
-    start: str | None = None
-    """Run whose weights and scales the training goes on from; None starts at random."""
-    held_out: tuple[int, ...] = ()
-    """Rows of the store that are not trained on, see `learn.data.preparation.prepare`."""
-
-    def __post_init__(self) -> None:
-        if self.members < 1:
-            raise InputError(f"members must be at least 1, not {self.members}")
-        if self.period is not None and not (math.isfinite(self.period) and self.period > 0.0):
-            raise InputError(f"period must be a finite number of seconds above 0: {self.period}")
-        if not self.features:
-            raise InputError("the networks need at least one input feature")
-
-    @classmethod
-    def of(cls, settings: Mapping[str, Any], folder: Path) -> FitConfig:
-        """From a run's stored settings; those of a later version than the run are the defaults.
-
-        Raises:
-          StoreError: they are damaged, or of a later version.
-        """
-        values = dict(settings)
-        try:
-            values["network"] = NetworkConfig(**values["network"])
-            values["training"] = TrainingConfig(**values["training"])
-            for name in ("features", "held_out"):
-                values[name] = tuple(values.get(name, ()))
-            return cls(**values)
-        except (TypeError, KeyError) as error:
-            raise StoreError(
-                f"{folder / DESCRIPTION} has settings that this version does not know ({error})"
-            ) from error
-
-    def differences(self, other: FitConfig) -> list[str]:
-        """What `other` has otherwise, setting by setting, without those that may change."""
-        ours, theirs = (dataclasses.asdict(config) for config in (self, other))
-        for part in ("network", "training"):
-            for values in (ours, theirs):
-                values |= {k: v for k, v in values.pop(part).items() if k not in FREE}
-        found = []
-        for name, mine in ours.items():
-            if mine == theirs[name]:
-                continue
-            if isinstance(mine, tuple):
-                gone = [str(v) for v in mine if v not in theirs[name]]
-                new = [str(v) for v in theirs[name] if v not in mine]
-                parts = [f"with {', '.join(gone)}"] * bool(gone)
-                parts += [f"without {', '.join(new)}"] * bool(new)
-                found.append(f"{name} {' and '.join(parts) or 'in another order'}")
-            else:
-                found.append(f"{name} {mine} instead of {theirs[name]}")
-        return found
-
-    def jobs(self) -> list[Job]:
-        """The networks to train."""
-        return [
-            Job(
-                target=target,
-                member=member,
-                config=self,
-                seed=self.training.seed + member * len(TARGETS) + place,
-            )
-            for member in range(self.members)
-            for place, target in enumerate(TARGETS)
-        ]
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Job:
-    """One network of a run."""
-
-    target: str
-    member: int
-    config: FitConfig
-    seed: int
-
-    @property
-    def name(self) -> str:
-        """Name of its files."""
-        return f"{self.target}-{self.member}"
 
 
 Watch = Callable[[Job, Report], None]
@@ -180,50 +81,48 @@ def fit(
     if workers < 1:
         raise InputError(f"workers must be at least 1, not {workers}")
     if resume and replace:
-        raise InputError(
-            "a run is either gone on with or replaced: leave out --resume or --overwrite"
-        )
+        raise InputError("a run is either continued or replaced: leave out --resume or --overwrite")
     recover(folder)
     there = _run_there(folder)
     if there is not None and not (resume or replace):
         raise InputError(f"run {folder} exists; use --resume, --overwrite or another --name")
-    content = _check_sources(config)
+    content = _check_sources(config, workers)
     going_on = there is not None and resume
     if there is not None and resume:
         _check_same(config, there, content, folder)
         description = there
     else:
         description = _describe(config, content, history)
-    claim = Claim(folder, new=not going_on)
+    rollback = Rollback(folder, new=not going_on)
     try:
-        with claim:
+        with rollback:
             if going_on:
                 repair_metrics(folder)
             write_description(folder, description)
-            return _train_all(config, claim, description, workers=workers, watch=watch)
+            return _train_all(config, rollback, description, workers=workers, watch=watch)
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(claim.outcome()) from None
+        raise KeyboardInterrupt(rollback.outcome()) from None
 
 
 def _train_all(
     config: FitConfig,
-    claim: Claim,
+    rollback: Rollback,
     description: dict[str, Any],
     *,
     workers: int,
     watch: Watch | None,
 ) -> Run:
-    folder = claim.folder
+    folder = rollback.folder
     jobs = [job for job in config.jobs() if not (folder / f"{job.name}.json").is_file()]
     results = dict(description.get("networks", {}))
 
     def finished(job: Job, report: Report | None) -> None:
-        claim.settle()
+        rollback.settle()
         results[job.name] = _figures(job, report)
         write_description(folder, {**description, "networks": results})
 
     def seen(job: Job, report: Report) -> None:
-        claim.settle()
+        rollback.settle()
         record = {"network": job.name, **dataclasses.asdict(report)}
         with (folder / METRICS).open("a") as file:
             file.write(json.dumps(to_json(record)) + "\n")
@@ -234,46 +133,10 @@ def _train_all(
         for job in jobs:
             finished(job, train(job, folder, functools.partial(seen, job)))
     else:
-        train_aside(jobs, folder, min(workers, len(jobs)), seen, finished)
+        train_in_workers(jobs, folder, min(workers, len(jobs)), seen, finished)
     description = {**description, "networks": results, "complete": True, "finished": now()}
     write_description(folder, description)
     return Run(folder, description)
-
-
-def train(job: Job, folder: Path, report: Callable[[Report], None]) -> Report | None:
-    """Train one network and save it; its last report, None when nothing was left to do."""
-    config = job.config
-    start = None
-    if config.start is not None:
-        members = open_run(config.start).networks()[job.target].members
-        start = members[job.member % len(members)]
-        if start.features != config.features:
-            raise InputError(f"run {config.start} has other inputs; leave the inputs to --start")
-    data = prepare(
-        config.store,
-        target=job.target,
-        features=config.features,
-        division=config.division,
-        seed=config.training.seed,
-        mirror=config.mirror,
-        period=config.period,
-        scales=None if start is None else start.normalisation,
-        held_out=config.held_out,
-    )
-    from learn.networks.predictor import Predictor
-
-    trained = Trainer(
-        config.network,
-        dataclasses.replace(config.training, seed=job.seed),
-        data.train,
-        data.validation,
-        target_scale=data.normalisation.target_scale,
-        checkpoint=folder / f"{job.name}{CHECKPOINT}",
-        report=report,
-        start=None if start is None else start.network.state_dict(),
-    ).run()
-    Predictor(trained.network.cpu(), data.normalisation).save(stem(folder, job.target, job.member))
-    return trained.history[-1] if trained.history else None
 
 
 def _run_there(folder: Path) -> dict[str, Any] | None:
@@ -289,13 +152,16 @@ def _run_there(folder: Path) -> dict[str, Any] | None:
     return read_description(folder) if (folder / DESCRIPTION).is_file() else None
 
 
-def _check_sources(config: FitConfig) -> str:
+def _check_sources(config: FitConfig, workers: int) -> str:
     """Make sure, before anything is written, that store, device and start can be used.
 
     Returns:
       The store's content, see `learn.data.missions.content_hash`.
     """
     pick_device(config.training.device)
+    if workers > 1:
+        NETWORKS.check_elsewhere(config.network.kind)
+        OPTIMISERS.check_elsewhere(config.training.optimiser)
     if config.start is not None:
         for ensemble in open_run(config.start).networks().values():
             if ensemble.members[0].features != config.features:
@@ -324,7 +190,15 @@ def _describe(config: FitConfig, content: str, history: str) -> dict[str, Any]:
     """The description of a new run."""
     dataset = open_missions(config.store)
     attributes = {k: dataset.attrs[k] for k in STORE_ATTRIBUTES if k in dataset.attrs}
+    truth = [name for name in (*(f"true_{t}" for t in TARGETS), SPEED) if name in dataset]
     dataset.close()
+    origins: dict[str, dict[str, Any]] = {}
+    if config.start is not None:
+        first = open_run(config.start)
+        origin = {"run": str(first.folder), "store": str(first.store)}
+        origins[ORIGIN] = {**first.description["store"], **origin}
+        if earlier := first.description.get(ORIGIN):
+            origins[ORIGIN][ORIGIN] = earlier
     return {
         "format": FORMAT,
         "created": now(),
@@ -332,6 +206,8 @@ def _describe(config: FitConfig, content: str, history: str) -> dict[str, Any]:
         "history": history,
         "settings": to_json(config),
         "store": attributes,
+        TRUTH: truth,
+        **origins,
         CONTENT: content,
         "versions": versions(),
     }

@@ -7,7 +7,10 @@ import math
 import time
 from typing import Literal
 
+from learn.training.optimisers.registry import OPTIMISERS
 from twin.errors import InputError, unknown_name
+
+DEVICES = ("auto", "cpu", "cuda")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -15,26 +18,26 @@ class TrainingConfig:
     """How a network is trained. A budget is seconds or epochs; the schedule fits whichever ends
     first. With `seconds` 0 the result does not depend on the machine's speed."""
 
-    optimiser: Literal["soap", "adam", "scg"] = "soap"
-    """soap or adam with a cosine schedule, or scg (scaled conjugate gradients, the paper's)."""
+    optimiser: str = "soap"
+    """A name of `learn.training.optimisers.registry.OPTIMISERS`."""
     seconds: float = 120.0
     """[s] of computing for one network, whatever else the machine does; 0 leaves it to `epochs`."""
     epochs: int = 0
     """Budget in passes over the training missions (scg: iterations); 0 leaves it to `seconds`."""
     rate: float = 3e-3
-    """soap, adam: highest step size, reached after the warm-up."""
+    """minibatches: highest step size, reached after the warm-up."""
     warmup: float = 0.05
-    """soap, adam: share of the budget in which the step size rises from zero."""
+    """minibatches: share of the budget in which the step size rises from zero."""
     batch: int = 16
-    """soap, adam: windows per step; a multiple of 16 wastes no lanes of the vector kernels."""
+    """minibatches: windows per step; a multiple of 16 wastes no lanes of the vector kernels."""
     window: int = 128
-    """soap, adam: counted samples of a window."""
+    """minibatches: counted samples of a window."""
     washin: int = 48
     """Samples before a window that let the network find its state."""
     clip: float = 1.0
-    """soap, adam: longest gradient, in units of the normalised loss."""
+    """minibatches: longest gradient, in units of the normalised loss."""
     full_window: int = 1024
-    """scg: counted samples of a window; the batch is always all windows."""
+    """scg and its like: counted samples of a window; the batch is always all windows."""
     weight_decay: float = 0.1
     """soap: share of the weights taken off per step and unit of the step size. Few missions are
     learned by heart without it."""
@@ -51,12 +54,10 @@ class TrainingConfig:
     """CPU threads of this process; two networks in two processes beat two threads."""
 
     def __post_init__(self) -> None:
-        for name, allowed in (
-            ("optimiser", ("soap", "adam", "scg")),
-            ("device", ("auto", "cpu", "cuda")),
-        ):
-            if getattr(self, name) not in allowed:
-                raise InputError(unknown_name(f"training {name}", getattr(self, name), allowed))
+        if self.optimiser not in OPTIMISERS:
+            raise InputError(OPTIMISERS.unknown(self.optimiser))
+        if self.device not in DEVICES:
+            raise InputError(unknown_name("training device", self.device, DEVICES))
         for name in ("seconds", "rate", "warmup", "clip", "weight_decay"):
             if not math.isfinite(getattr(self, name)):
                 raise InputError(

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import abc
 import dataclasses
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from learn.navigation.dead_reckoning import Array, Signals, depth_rate
+from learn.registry import check_class, place_of
+from twin.errors import InputError, unknown_name
+from twin.records.schema import VARIABLES
 from twin.vehicle.vehicle import Vehicle
 
 Mask = NDArray[np.bool_]
@@ -50,6 +53,16 @@ class Baseline(abc.ABC):
     It knows the vehicle as its file says, never as a mission drew it.
     """
 
+    title: ClassVar[str]
+    """What people read in tables and legends."""
+    summary: ClassVar[str]
+    """What it does, for tables of methods."""
+    colour: ClassVar[str] = ""
+    """Its colour, a name of `twin.plot.style.PALETTE`; grey without one."""
+    drawn: ClassVar[bool] = False
+    """Whether the figures of tracks draw it; more than a few would hide each other."""
+    without_water: ClassVar[str] = ""
+    """Why it can have no track through the water, a sentence for the report."""
     channels: ClassVar[tuple[str, ...]]
     """Schema variables that it reads; none of them is truth."""
 
@@ -63,6 +76,48 @@ class Baseline(abc.ABC):
         Raises:
           StoreError: a channel is missing or not finite.
         """
+
+
+def check_baseline(name: str, kind: type[Baseline]) -> None:
+    """Make sure that a baseline says what it must.
+
+    Raises:
+      InputError: it is only half there, with what it lacks.
+    """
+    from twin.plot.style import PALETTE
+
+    check_class("baseline", name, kind, Baseline, ("title", "summary"))
+    where = f"baseline {name!r} ({place_of(kind)})"
+    channels = getattr(kind, "channels", None)
+    if not isinstance(channels, tuple) or not channels:
+        raise InputError(f"{where} lacks channels, a tuple of the signals that it reads")
+    for channel in channels:
+        if channel not in VARIABLES:
+            raise InputError(f"{where} reads {unknown_name('signal', channel, VARIABLES)}")
+        if channel.startswith("true_"):
+            raise InputError(f"{where} reads {channel}: a baseline must not see the truth")
+    if kind.colour and kind.colour not in PALETTE:
+        raise InputError(f"{where} has {unknown_name('colour', kind.colour, PALETTE)}")
+
+
+def check_estimate(name: str, estimate: Any, samples: int) -> Estimate:
+    """What a baseline gave, as it must be.
+
+    Raises:
+      InputError: it is no `Estimate`, or an array of it has another shape.
+    """
+    if not isinstance(estimate, Estimate):
+        raise InputError(
+            f"baseline {name!r} gives {type(estimate).__name__} instead of an Estimate"
+        )
+    for field in dataclasses.fields(Estimate):
+        values = getattr(estimate, field.name)
+        wanted = (samples, 2) if field.name == "ground_track" else (samples,)
+        if field.name != "uses_fixes" and values is not None and np.shape(values) != wanted:
+            raise InputError(
+                f"baseline {name!r} gives {field.name} of shape {np.shape(values)}, not {wanted}"
+            )
+    return estimate
 
 
 def afloat(depth: Array, period: float) -> Mask:

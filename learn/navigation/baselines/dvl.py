@@ -48,6 +48,18 @@ LEAST_WATER_SHARE = 0.5
 class Dvl(Baseline):
     """Doppler velocity log, filled by steady flight."""
 
+    title = "DVL-aided"
+    summary = (
+        "Doppler log: over ground in bottom lock, through the water in water lock, gaps filled by "
+        "`steady_flight`, the current found in bottom lock carried on"
+    )
+    colour = "black"
+    without_water = (
+        "The DVL-aided method is missing in the tables through the water: in less than half of "
+        "the samples its log was in water lock, and in bottom lock it measures the velocity over "
+        "ground, so that it says nothing on the one through the water. It is among the tracks "
+        "over ground."
+    )
     channels: ClassVar[tuple[str, ...]] = (
         *(f"measured_dvl_{name}" for name in ("surge", "sway", "heave", "mode")),
         *SteadyFlight.channels,

@@ -77,6 +77,12 @@ class EkfRun(NamedTuple):
 class Ekf(Baseline):
     """Model-based observer with the nominal parameters."""
 
+    title = "EKF on the dynamic model"
+    summary = (
+        "extended Kalman filter on the nominal momentum equations with measured attitude, rates "
+        "and pump, updated with depth; estimates the error of the net buoyancy on the way"
+    )
+    colour = "sky"
     channels: ClassVar[tuple[str, ...]] = (
         *("measured_depth", "measured_roll", "measured_pitch", "measured_heading"),
         *("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate"),

@@ -20,6 +20,16 @@ from learn.navigation.dead_reckoning import Signals, finite_channel
 class Onboard(Baseline):
     """The vehicle's own track."""
 
+    title = "on-board track"
+    summary = (
+        "the track that the vehicle logged itself (w / tan(pitch + 3 deg), fixes, last dive's "
+        "current)"
+    )
+    colour = "purple"
+    without_water = (
+        "The on-board track is missing in them: it was reset at fixes, which puts the current into "
+        "it."
+    )
     channels: ClassVar[tuple[str, ...]] = ("measured_onboard_north", "measured_onboard_east")
 
     def estimate(self, signals: Signals, period: float) -> Estimate:

@@ -33,6 +33,13 @@ MAX_SPEED = 1.0
 class PitchPlusAlpha(Baseline):
     """Speed from depth rate, pitch and one constant angle of attack."""
 
+    title = "w / tan(pitch + alpha)"
+    summary = (
+        "speed from depth rate over sin(pitch + a), along the heading, with one constant a: that "
+        "of the nominal vehicle at 26 deg of pitch"
+    )
+    colour = "orange"
+    drawn = True
     channels: ClassVar[tuple[str, ...]] = ("measured_depth", "measured_pitch")
 
     @functools.cached_property

@@ -31,6 +31,14 @@ buoyancy gliders is near 8."""
 class SteadyFlight(Baseline):
     """Speed, angle of attack and sideslip from forces in balance."""
 
+    title = "steady flight model"
+    summary = (
+        "forces in balance at every sample with the nominal coefficients: angle of attack, "
+        "sideslip and, where the path is flat, speed; where it is steep the depth "
+        "rate gives the speed"
+    )
+    colour = "green"
+    drawn = True
     channels: ClassVar[tuple[str, ...]] = (
         *("measured_depth", "measured_roll", "measured_pitch", "measured_heading"),
         *("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate", "measured_pump"),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from logs import Flight, write_csv, write_slocum
 
+import learn
 from factory.importing import import_logs
 from factory.importing.dives.dive_rows import blocks
 from learn.data.dataset import Mission, load_missions
@@ -18,11 +19,13 @@ from learn.data.features import INPUT_SETS, select_features
 from learn.data.logs import LogRow, filled, nearest
 from learn.data.preparation import prepare
 from learn.evaluation.log_score import LogReference, score_row
-from learn.navigation.baselines import Estimate
-from learn.networks.network import NetworkConfig
+from learn.navigation.baselines.base import Estimate
+from learn.networks.config import NetworkConfig
+from learn.report.origin import Origin
 from learn.studies.folds import dives_with_truth, leave_out_each
-from learn.training.fitting import FitConfig, fit
-from learn.training.loop import TrainingConfig
+from learn.training.fitting import fit
+from learn.training.schedule import TrainingConfig
+from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError
 from twin.records.store import open_store, write_store
 from twin.vehicle.vehicle import load_vehicle
@@ -105,7 +108,7 @@ def test_a_log_without_truth_cannot_be_learned_from(
         raise AssertionError("read or trained for nothing")
 
     monkeypatch.setattr("learn.training.fitting.load_missions", started)
-    monkeypatch.setattr("learn.training.fitting.train_aside", started)
+    monkeypatch.setattr("learn.training.fitting.train_in_workers", started)
     with pytest.raises(StoreError, match=r"no truth to learn surge from.*plain.zarr`"):
         fit(config(store), tmp_path / "run", workers=2)
 
@@ -149,7 +152,7 @@ def test_training_goes_on_from_a_run(store: Path, tmp_path: Path) -> None:
     assert first.period == 8.0
     # no step: what comes out is what went in
     still = dataclasses.replace(SHORT, epochs=1, rate=1e-12)
-    go_on = config(store, period=8.0, start=str(first.path), training=still)
+    go_on = config(store, period=8.0, start=str(first.folder), training=still)
     second = fit(go_on, tmp_path / "second", workers=1)
     missions = load_missions(
         store, [c for c in open_store(store).data_vars if c.startswith("measured_")], period=8.0
@@ -176,7 +179,7 @@ def test_a_dive_that_is_left_out_is_seen_by_no_network(store: Path, tmp_path: Pa
     found = leave_out_each(run, settings, [0, 2], workers=1)
     assert [fold.row for fold in found.folds] == [0, 2]
     assert 0.0 < found.rmse < 1.0
-    assert (run.path / "leave-out-each-dive.json").is_file()
+    assert (run.folder / "leave-out-each-dive.json").is_file()
 
 
 def test_leaving_out_needs_real_logs(small_store: Path) -> None:
@@ -231,3 +234,43 @@ def test_rows_far_apart_or_of_another_vehicle_lend_no_current() -> None:
     assert not late.follows(first)
     assert not other.follows(first)
     assert dataclasses.replace(first, start=1010.0).follows(first)
+
+
+def test_the_card_of_a_run_on_logs_speaks_of_logs(
+    store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("learn.report.page.Page._figure", lambda *_: "")
+    settings = {"inputs": "glider", "network": "mlp", "hidden": 4, "epochs": 1, "members": 1}
+    run = learn.fit(store, folder=tmp_path / "first", **settings)
+    card = (run.folder / "README.md").read_text()
+    assert "simulat" not in card
+    assert "by blocks of dives" in card
+    assert "every dive mirrored too" in card
+    assert "logs of vehicles at sea (slocum)" in card
+    assert "(test dives of that store)" in card
+    assert "over the samples that have a truth" in card
+    # this log knows the speed only
+    assert "sway as zero, so that sway is no estimate" in card
+    later = learn.fit(store, folder=tmp_path / "later", start=run.folder, epochs=1, members=1)
+    card = (later.folder / "README.md").read_text()
+    assert f"weights to start from: run {run.folder}, trained on {store}, logs" in card
+
+
+def test_the_card_tells_simulation_then_real(store: Path, tmp_path: Path) -> None:
+    description = {
+        "settings": {"store": str(store), "start": "runs/sim"},
+        "store": {"source_format": "seaglider", "platform": "sg171"},
+        "truth": ["true_surge", "true_sway"],
+        "started_from": {"run": "runs/sim", "store": "sim.zarr", "preset": "field"},
+    }
+    origin = Origin(description)
+    assert origin.made_from() == [
+        f"store: {store}, logs of vehicles at sea (seaglider)",
+        "weights to start from: run runs/sim, trained on sim.zarr, simulated missions "
+        "(preset field)",
+    ]
+    first, second = origin.limits()
+    assert first.startswith("They were trained on logs of sg171;")
+    assert "where the logs hold a velocity through the water" in second
+    del description["started_from"]  # as runs of version 0.1.0
+    assert "this run keeps no record" in Origin(description).made_from()[1]

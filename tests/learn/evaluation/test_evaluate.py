@@ -12,7 +12,8 @@ from learn.evaluation.evaluation import evaluate, nominal_vehicle, visible
 from learn.evaluation.score import Reference, score_mission, summarise_scores
 from learn.evaluation.tracks import TrackCollector
 from learn.evaluation.uncertainty import Coverage, ErrorModel, fit_error_model
-from learn.navigation.baselines import BASELINES, Estimate
+from learn.navigation.baselines.base import Estimate
+from learn.navigation.baselines.registry import BASELINES
 from twin.cli.console import to_json
 from twin.errors import InputError, StoreError
 from twin.records.tracks import read_tracks

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from navigation import PERIOD, steady_mission, trimmed_mission
 
-from learn.navigation.baselines import BASELINES, ekf
+from learn.navigation.baselines import ekf
 from learn.navigation.baselines.base import bridge, hold, smooth
 from learn.navigation.baselines.dvl import spikes
 from learn.navigation.baselines.ekf import DEPTH, NET_ERROR, SURGE, SWAY, Ekf, EkfNoise
 from learn.navigation.baselines.pitch_plus_alpha import PitchPlusAlpha, steady_angle_of_attack
+from learn.navigation.baselines.registry import BASELINES
 from learn.navigation.baselines.steady_flight import SteadyFlight
 from learn.navigation.dead_reckoning import (
     Attitude,

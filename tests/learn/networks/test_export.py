@@ -1,6 +1,8 @@
 """ONNX step models against the networks that they were made from."""
 
 import json
+import logging
+from pathlib import Path
 
 import numpy as np
 import onnx
@@ -11,7 +13,8 @@ from onnx import helper
 
 from learn.data.dataset import Mission
 from learn.data.normalisation import Normalisation
-from learn.networks.network import NETWORKS, NetworkConfig, build_network
+from learn.networks.base import build_network
+from learn.networks.config import NetworkConfig
 from learn.networks.onnx_export import (
     INPUTS,
     OUTPUTS,
@@ -21,6 +24,7 @@ from learn.networks.onnx_export import (
     step_model,
 )
 from learn.networks.predictor import Predictor
+from learn.networks.registry import NETWORKS
 from twin.errors import StoreError
 
 FEATURES = ("sin_roll", "sin_pitch", "cos_pitch", "depth_rate", "pump")
@@ -83,6 +87,29 @@ def test_the_model_is_float32_and_says_what_it_needs(tmp_path):
     assert json.loads(about["features"])["pump"] == {"unit": "cm3"}
     assert about["period_s"] == "0.5"
     assert about["unit"] == "m s-1"
+    assert about["layout"] == "1"
+    for value in (*graph.input, *graph.output):
+        assert all(size.HasField("dim_value") for size in value.type.tensor_type.shape.dim)
+
+
+@pytest.mark.parametrize("kind", ["elman", "gru"])
+def test_a_model_names_no_folder_of_the_machine_that_made_it(kind):
+    data = step_model(predictor(kind), PERIOD).SerializeToString()
+    for folder in (Path(torch.__file__).parents[1], Path(__file__).parents[3]):
+        assert str(folder).encode() not in data
+
+
+def test_exporting_leaves_the_network_and_the_loggers_as_they_were():
+    whole = predictor("elman")
+    before = {name: value.clone() for name, value in whole.network.state_dict().items()}
+    logger = logging.getLogger("torch.onnx._internal.exporter._registration")
+    level = logger.level
+    whole.network.train()
+    step_model(whole, PERIOD)
+    assert whole.network.training
+    assert logger.level == level
+    for name, value in whole.network.state_dict().items():
+        assert torch.equal(value, before[name])
 
 
 def test_a_model_with_other_inputs_is_refused(tmp_path):

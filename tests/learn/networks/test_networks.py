@@ -1,11 +1,11 @@
 """Every network under the one interface."""
 
-import warnings
-
 import pytest
 import torch
 
-from learn.networks.network import NETWORKS, NetworkConfig, OneStep, build_network
+from learn.networks.base import build_network
+from learn.networks.config import NetworkConfig
+from learn.networks.registry import NETWORKS
 from twin.errors import InputError
 
 KINDS = sorted(NETWORKS)
@@ -67,30 +67,8 @@ def test_the_papers_network_has_its_size():
     network = build_network(NetworkConfig(inputs=12))
     first = 50 * 12 + 50 * 250 + 50
     other = 50 * 50 + 50 * 250 + 50
-    assert network.parameter_count() == first + 2 * other + 51
+    assert sum(p.numel() for p in network.parameters()) == first + 2 * other + 51
     assert network.state_size == 3 * 5 * 50
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_one_step_runs_in_onnxruntime(kind, tmp_path):
-    onnxruntime = pytest.importorskip("onnxruntime")
-    network = network_of(kind).eval()
-    state = network.initial_state(1)
-    x = torch.randn(25, 1, 6)
-    path = tmp_path / "step.onnx"
-    names = {"input_names": ["x", "state"], "output_names": ["y", "next_state"]}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the exporter's own, about its plans
-        torch.onnx.export(OneStep(network), (x[0], state), str(path), dynamo=False, **names)
-    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
-    feeds = {i.name for i in session.get_inputs()}
-    with torch.no_grad():
-        reference = network(x)[0][:, 0]
-    carried = state.numpy()
-    for sample, expected in zip(x, reference, strict=True):
-        given = {"x": sample.numpy(), "state": carried}
-        y, carried = session.run(None, {k: v for k, v in given.items() if k in feeds})
-        assert abs(float(y[0, 0]) - float(expected)) < 1e-5
 
 
 @pytest.mark.parametrize(

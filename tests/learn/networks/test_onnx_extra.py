@@ -12,7 +12,7 @@ from twin.cli.console import Console
 from twin.errors import InputError
 
 
-@pytest.mark.parametrize("package", ["onnx", "onnxruntime"])
+@pytest.mark.parametrize("package", ["onnx", "onnxscript", "onnxruntime"])
 def test_export_needs_the_extra_onnx(
     package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -11,8 +11,9 @@ from navigation import PERIOD, add_fixes, trimmed_mission, write_store
 from learn.data.dataset import Mission
 from learn.evaluation.evaluation import evaluate
 from learn.evaluation.uncertainty import ErrorModel
-from learn.report.build import Contents, Judged, build_page
+from learn.report.build import build_page
 from learn.report.card import model_card
+from learn.report.contents import Contents, RunEvaluation
 from learn.report.page import Page
 from learn.report.shown import Showcase
 from learn.report.tables import (
@@ -50,7 +51,9 @@ def judged(tmp_path_factory):
     showcase = Showcase()
     networks = {"surge": Constant(0.47), "sway": Constant(0.0)}
     evaluation = evaluate(networks, store, watch=showcase.add)
-    return Judged(evaluation=evaluation, figures=evaluation.to_json(), shown=showcase.missions)
+    return RunEvaluation(
+        evaluation=evaluation, figures=evaluation.to_json(), shown=showcase.missions
+    )
 
 
 @pytest.fixture(scope="module")
@@ -104,14 +107,17 @@ def test_every_figure_is_a_png_beside_the_page(page):
 
 
 def test_every_figure_has_labelled_axes(judged):
-    from learn.report import figures, track_figures
+    from learn.report.figures.errors import error_figure
+    from learn.report.figures.track import track_figure
+    from learn.report.figures.uncertainty import uncertainty_figure
+    from learn.report.figures.velocities import velocity_figure
 
     shown = judged.shown[0]
     drawn = [
-        figures.velocity_figure(shown),
-        track_figures.track_figure(shown, ("network", "steady_flight")),
-        track_figures.error_figure(judged.shown),
-        figures.uncertainty_figure(shown, np.linspace(0.0, 10.0, len(shown.time))),
+        velocity_figure(shown),
+        track_figure(shown, ("network", "steady_flight")),
+        error_figure(judged.shown),
+        uncertainty_figure(shown, np.linspace(0.0, 10.0, len(shown.time))),
     ]
     for figure in drawn:
         texts = [axes.get_xlabel() + axes.get_ylabel() for axes in figure.axes]
@@ -119,7 +125,7 @@ def test_every_figure_has_labelled_axes(judged):
 
 
 def test_the_rows_of_errors_have_one_scale_and_name_their_missions(judged):
-    from learn.report.track_figures import error_figure
+    from learn.report.figures.errors import error_figure
 
     figure = error_figure(judged.shown)
     axes = np.reshape(figure.axes, (2, 2))
@@ -135,7 +141,7 @@ def test_the_rows_of_errors_have_one_scale_and_name_their_missions(judged):
 
 
 def test_tracks_tell_methods_apart_and_name_those_without(judged):
-    from learn.report.track_figures import track_figure
+    from learn.report.figures.track import track_figure
 
     methods = ("network", "pitch_plus_alpha", "steady_flight", "sextant")
     figure = track_figure(judged.shown[0], methods)
@@ -150,7 +156,7 @@ def test_tracks_tell_methods_apart_and_name_those_without(judged):
 
 
 def test_the_track_in_space_has_ends_and_a_shadow(judged):
-    from learn.report.track_figures import track_3d_figure
+    from learn.report.figures.track_3d import track_3d_figure
 
     figure = track_3d_figure(judged.shown[0], ("network",))
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
@@ -158,7 +164,7 @@ def test_the_track_in_space_has_ends_and_a_shadow(judged):
 
 
 def test_a_launch_does_not_set_the_scale_of_errors(judged):
-    from learn.report.figures import after_launch, velocity_figure
+    from learn.report.figures.velocities import after_launch, velocity_figure
 
     time = np.arange(0.0, 4000.0)
     error = np.where(time < 20.0, 500.0, np.sin(time))
@@ -173,7 +179,8 @@ def test_a_launch_does_not_set_the_scale_of_errors(judged):
 
 
 def test_what_dots_and_bars_are_is_in_the_figure(judged):
-    from learn.report.spread_figures import distribution_figure, dive_figure
+    from learn.report.figures.distribution import distribution_figure
+    from learn.report.figures.dives import dive_figure
 
     texts = [t.get_text() for t in distribution_figure(judged.evaluation).legends[0].get_texts()]
     assert texts[:2] == ["a mission", "median"]
@@ -186,7 +193,7 @@ def test_what_dots_and_bars_are_is_in_the_figure(judged):
 
 
 def test_dives_have_plain_numbers_and_no_empty_panel():
-    from learn.report.spread_figures import dive_figure
+    from learn.report.figures.dives import dive_figure
 
     def errors(*percents):
         return tuple(SimpleNamespace(percent=p, max_percent=p) for p in percents)
@@ -205,7 +212,8 @@ def test_dives_have_plain_numbers_and_no_empty_panel():
 
 
 def test_the_uncertainty_says_whether_the_end_lies_inside(judged):
-    from learn.report.figures import uncertainty_figure, velocity_figure
+    from learn.report.figures.uncertainty import uncertainty_figure
+    from learn.report.figures.velocities import velocity_figure
 
     shown = judged.shown[0]
     for deviation, place in ((1e6, "inside"), (0.0, "outside")):
@@ -297,7 +305,7 @@ def test_the_model_card_has_its_head_and_says_what_it_is_not(judged, tmp_path):
         "features": ["sin_pitch"],
         "members": 2,
         "division": "samples",
-        "network": {"kind": "elman", "layers": 3, "hidden": 50},
+        "network": {"kind": "elman", "layers": 3, "hidden": 50, "delays": 5},
         "training": {"optimiser": "scg", "seed": 1},
     }
     run = Run(tmp_path / "mine", {"settings": settings, "store": {"preset": "paper"}})
@@ -306,6 +314,9 @@ def test_the_model_card_has_its_head_and_says_what_it_is_not(judged, tmp_path):
     assert "leaks" in card
     assert "know nothing of the current" in card
     assert "| networks |" in card
+    assert "simulated missions (preset paper)" in card
+    assert "trained on samples of what they are judged on" not in card
+    assert "trained on samples of what they are judged on" in model_card(run, judged.figures, "all")
 
 
 def test_showcase_keeps_the_longest(judged):

@@ -13,14 +13,15 @@ import pytest
 from learn_missions import write_synthetic_store
 
 import learn.training.fitting
-import learn.training.trainers
+import learn.training.workers
 from learn.__main__ import PROGRAM
 from learn.commands.fit import Fit
-from learn.networks.network import NetworkConfig
-from learn.runs.claim import Claim, aside, recover
+from learn.networks.config import NetworkConfig
+from learn.runs.rollback import Rollback, aside, recover
 from learn.runs.run import METRICS, Run, newest_run, open_run, read_description
-from learn.training.fitting import FitConfig, fit
+from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
+from learn.training.settings import FitConfig
 from twin.cli.console import to_json
 from twin.errors import InputError, StoreError
 
@@ -60,7 +61,7 @@ def here(place, tmp_path, monkeypatch):
     """A copy of it, so that tests may break it."""
     shutil.copytree(place, tmp_path / "here")
     monkeypatch.chdir(tmp_path / "here")
-    monkeypatch.setattr("learn.studies.judge.finish", lambda run, **_: run)
+    monkeypatch.setattr("learn.api.finish", lambda run, **_: run)
     monkeypatch.setattr(Fit, "_report", lambda *_: None)
     return tmp_path / "here"
 
@@ -179,7 +180,7 @@ def test_an_interrupt_after_training_began_keeps_what_is_trained(here, monkeypat
 def test_a_killed_replacement_is_tidied_up_by_the_next_fit(here):
     folder = here / "runs" / "done"
     before = contents(folder)
-    with Claim(folder, new=True):  # killed here: the context is left without its end
+    with Rollback(folder, new=True):  # killed here: the context is left without its end
         copy = here / "killed"
         shutil.copytree(here / "runs", copy)
         (folder / "surge-0.checkpoint").touch()
@@ -257,7 +258,9 @@ def test_half_a_line_of_metrics_is_left_out_and_taken_out_by_the_next_fit(here):
         run.metrics()
 
 
-CHILD = "import sys, time; from learn.training.parent import end_with; end_with(int(sys.argv[1]));"
+CHILD = (
+    "import sys, time; from learn.training.watchdog import end_with; end_with(int(sys.argv[1]));"
+)
 CHILD += "print(1); sys.stdout.flush(); time.sleep(100)"
 PARENT = """
 import os, subprocess, sys
@@ -292,11 +295,11 @@ def alive(pid):
 
 def test_trainers_watch_their_parent(here, monkeypatch):
     watched = []
-    monkeypatch.setattr("learn.training.trainers.end_with", watched.append)
+    monkeypatch.setattr("learn.training.workers.end_with", watched.append)
     monkeypatch.setattr("signal.signal", lambda *_: None)
-    monkeypatch.setattr("learn.training.fitting.train", lambda *_: None)
+    monkeypatch.setattr("learn.training.workers.train", lambda *_: None)
     receiver, sender = multiprocessing.Pipe(duplex=False)
     (job, _) = small_config("s.zarr").jobs()
-    learn.training.trainers.work(job, here, sender, 123)
+    learn.training.workers.work(job, here, sender, 123, learn.training.workers.Kinds({}, {}))
     assert watched == [123]
     assert receiver.recv() == ("done", None)

@@ -3,8 +3,18 @@
 import pytest
 import torch
 
-from learn.training.scg import ScaledConjugateGradient, ScgConfig, minimise
+from learn.training.optimisers.scg import ScaledConjugateGradient, ScgConfig
 from twin.errors import InputError
+
+
+def minimise(objective, start, *, config=None, max_iterations=1000, stop=None):
+    """Iterate until converged, `max_iterations`, or `stop(optimiser)` after an iteration."""
+    optimiser = ScaledConjugateGradient(objective, start, config)
+    while not optimiser.converged and optimiser.iterations < max_iterations:
+        optimiser.step()
+        if stop is not None and stop(optimiser):
+            break
+    return optimiser
 
 
 def quadratic(n, seed=0, condition=100.0):

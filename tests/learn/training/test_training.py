@@ -10,10 +10,10 @@ import torch
 
 from learn.data.features import DEFAULT_GROUPS, select_features
 from learn.data.preparation import prepare
-from learn.networks.network import NetworkConfig
+from learn.networks.config import NetworkConfig
 from learn.networks.predictor import Ensemble, Predictor, free_run, load_predictor
-from learn.training.loop import Trainer, mean_squared_error, pick_device
 from learn.training.schedule import TrainingConfig, step_size
+from learn.training.trainer import Trainer, mean_squared_error, pick_device
 from twin.errors import InputError, StoreError
 
 SMALL = NetworkConfig(hidden=10, layers=2)
@@ -68,7 +68,7 @@ def test_every_network_trains(surge, kind):
 def test_validation_takes_a_fifth_of_a_time_budget_at_most(surge, monkeypatch):
     import time
 
-    import learn.training.loop
+    import learn.training.trainer
 
     def slow(network, sequences):
         start = time.thread_time()
@@ -76,7 +76,7 @@ def test_validation_takes_a_fifth_of_a_time_budget_at_most(surge, monkeypatch):
             pass
         return 1.0
 
-    monkeypatch.setattr(learn.training.loop, "mean_squared_error", slow)
+    monkeypatch.setattr(learn.training.trainer, "mean_squared_error", slow)
     config = dataclasses.replace(ADAM, seconds=2.0, epochs=0, validations=40)
     assert 2 <= len(trainer(surge, config).run().history) <= 4
 
@@ -178,7 +178,7 @@ def test_divergence_is_an_error_not_a_nan(surge):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"optimiser": "sgd"}, "unknown training optimiser 'sgd'"),
+        ({"optimiser": "sgd"}, "unknown optimiser 'sgd'"),
         ({"batch": 0}, "training batch must be at least 1, not 0"),
         ({"rate": 0.0}, "training rate must be positive"),
         ({"seconds": 0.0}, "training needs a budget"),

@@ -1,0 +1,246 @@
+"""ADCP: surge of a Seaglider against its on-board acoustic Doppler current profiler.
+
+Surge is the horizontal velocity through the water along the heading, u_ttw sin(heading) + v_ttw
+cos(heading): of all definitions the one that the published figures are reproduced with. Scored are
+all samples of the profiler's table deeper than 5 m, at their own times. Whatever is tuned, flight
+model, regression, networks and their scales, is tuned without the dive that it is scored on.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from benchmarks.real_logs.folds import FoldJob, fit_fold, jobs
+from benchmarks.real_logs.published import published_rows
+from benchmarks.real_logs.ridge import ridge
+from benchmarks.real_logs.row import Row, rmse
+from benchmarks.real_logs.samples import Samples, level_speed, sample
+from benchmarks.real_logs.source import Deployment, at_times, tables_with
+from benchmarks.real_logs.surge_networks import Pretrained, predict_dive
+from learn.navigation.dead_reckoning import Array
+from twin.identify import load_logs, motion_of
+
+TASK = "surge against ADCP"
+COLUMNS = ("u_ttw", "v_ttw", "depth_m")
+LEAST_DEPTH = 5.0
+"""[m] shallower the inverse solution is pulled to the constraint at the surface"""
+FACTORY = "fm_hspeed_ms"
+"""[m/s] horizontal speed by the factory's model"""
+VEHICLE = "slocum"
+LEAST_DIVES = 4
+MOST_FOLDS = 12
+"""Above so many dives they are held out in blocks instead of one by one."""
+NOISE = (0.02, 0.03)
+"""[m/s] of the inverse solution, as its data says"""
+PUBLIC_INPUTS = ("pitch", "roll", "pump", "rate", "depth")
+"""Of the public ridge regression: pitch, roll, bladder, depth rate, depth."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class AdcpJob:
+    """One held-out block of dives, as a process can be given it."""
+
+    fold: FoldJob
+    rows: tuple[int, ...]
+    times: Mapping[int, Array]
+    """[s] of the profiler's samples since the row's start, by row"""
+    level: Mapping[int, Array]
+    """[m/s] truth at these times"""
+    networks: Pretrained | None
+    """trained on simulation; None: no networks are judged"""
+    seed: int = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class Held:
+    """What one job found."""
+
+    errors: Mapping[str, Mapping[int, Array]]
+    """[m/s] of the held-out dives, by method and row"""
+
+
+def truth_of(deployment: Deployment) -> tuple[dict[int, Array], dict[int, Array]]:
+    """Times [s] since the row's start and surge [m/s] of the profiler's samples, by row."""
+    times: dict[int, list[Array]] = {}
+    level: dict[int, list[Array]] = {}
+    tables = tables_with(deployment, *COLUMNS)
+    if not tables:
+        return {}, {}
+    for log in deployment.logs():
+        clock = deployment.clock(log)
+        for table in tables:
+            time, east, north, depth = (table.columns[n] for n in ("time", *COLUMNS))
+            use = (time >= clock[0]) & (time <= clock[-1]) & (depth > LEAST_DEPTH)
+            use &= np.isfinite(east) & np.isfinite(north)
+            if not use.any():
+                continue
+            heading = at_times(clock, log.heading, time[use])
+            value = east[use] * np.sin(heading) + north[use] * np.cos(heading)
+            times.setdefault(log.index, []).append(time[use] - clock[0])
+            level.setdefault(log.index, []).append(value)
+    found_times, found_level = {}, {}
+    for row, pieces in times.items():
+        together, order = np.unique(np.concatenate(pieces), return_index=True)
+        found_times[row] = together
+        found_level[row] = np.concatenate(level[row])[order]
+    return found_times, found_level
+
+
+def fold_jobs(deployment: Deployment, networks: Pretrained | None) -> list[AdcpJob]:
+    """One job per held-out block; none without a profiler or with too few dives."""
+    times, level = truth_of(deployment)
+    rows = sorted(times)
+    if len(rows) < LEAST_DIVES:
+        return []
+    return [
+        AdcpJob(
+            fold=fold, rows=tuple(rows), times=times, level=level, networks=networks, seed=number
+        )
+        for number, fold in enumerate(
+            jobs(deployment, rows, VEHICLE, count=min(len(rows), MOST_FOLDS))
+        )
+    ]
+
+
+def run_fold(job: AdcpJob) -> Held:
+    """Tune everything without the block, predict the block."""
+    fitted = fit_fold(job.fold)
+    calibration = fitted.calibration
+    dives: dict[int, Samples] = {}
+    errors: dict[str, dict[int, Array]] = {}
+    for log in load_logs(job.fold.store, list(job.rows)):
+        times, level = job.times[log.index], job.level[log.index]
+        dives[log.index] = sample(log, calibration, times, level)
+        if log.index in job.fold.block:
+            pitch = calibration.true_pitch(log.pitch)
+            motion = motion_of(log, calibration)
+            own = level_speed(motion.surge, motion.sway, motion.heave, log.roll, pitch)
+            clock = log.period * np.arange(len(own), dtype=np.float64)
+            put(errors, "twin", log.index, at_times(clock, own, times) - level)
+    train = [dive for row, dive in dives.items() if row not in job.fold.block]
+    wanted = np.concatenate([dive.level for dive in train])
+    for name, columns in (
+        ("ridge", PUBLIC_INPUTS),
+        ("ridge twin", (*PUBLIC_INPUTS, "twin_net_mass", "twin_level", "twin_rise")),
+    ):
+        matrix = np.concatenate([dive.matrix(columns) for dive in train])
+        for row in job.fold.block:
+            if row in dives:
+                found = ridge(matrix, wanted, dives[row].matrix(columns))
+                put(errors, name, row, found - dives[row].level)
+    if job.networks is not None:
+        tests = [dives[row] for row in job.fold.block if row in dives]
+        for name, predictions in predict_dive(train, tests, job.networks, job.seed).items():
+            for dive, found in zip(tests, predictions, strict=True):
+                put(errors, name, dive.row, found - dive.level)
+    return Held(errors)
+
+
+def put(errors: dict[str, dict[int, Array]], method: str, row: int, values: Array) -> None:
+    """Note the errors of one dive."""
+    errors.setdefault(method, {})[row] = values
+
+
+TITLES = {
+    "twin": ("twin, flight model", "twin", "identified on depth rate and fixes, no ADCP"),
+    "ridge": ("ridge regression", "public method", "public inputs, means over a minute, products"),
+    "ridge twin": ("ridge regression on the twin", "twin", "the same with the twin's inputs"),
+    "zero shot": ("network, zero shot", "network", "trained on simulation only; inputs of a log"),
+    "real": ("network, real only", "network", "inputs of a log"),
+    "sim real": ("network, simulation then real", "network", "inputs of a log"),
+    "twin zero shot": ("network on the twin, zero shot", "network", "trained on simulation only"),
+    "twin real": ("network on the twin, real only", "network", "inputs of a log and the twin's"),
+    "twin sim real": (
+        "network on the twin, simulation then real", "network", "inputs of a log and the twin's",
+    ),
+}  # fmt: skip
+"""Name, kind and note of each method of `run_fold`."""
+
+
+def rows_of(deployment: Deployment, held: Sequence[Held]) -> list[Row]:
+    """Rows of one deployment from all its folds."""
+    if not held:
+        return []
+    rows = published_rows(TASK, deployment.name)
+    factory = _factory(deployment)
+    if factory is not None:
+        rows.append(factory)
+    dives = sum(len(part.errors["twin"]) for part in held)
+    scheme = "leave one dive out" if dives == len(held) else f"{len(held)} blocks held out"
+    best: tuple[float, list[Array]] | None = None
+    for name, (title, kind, note) in TITLES.items():
+        pieces = [e for part in held for e in part.errors.get(name, {}).values()]
+        if not pieces:
+            continue
+        every = np.concatenate(pieces)
+        every = every[np.isfinite(every)]
+        value = rmse(every)
+        if best is None or value < best[0]:
+            best = (value, pieces)
+        rows.append(
+            Row(
+                task=TASK,
+                data=deployment.name,
+                method=title,
+                kind=kind,  # type: ignore[arg-type]
+                value=value,
+                samples=int(every.size),
+                note=f"{note}; {scheme}; bias {1e3 * every.mean():+.1f} mm/s",
+            )
+        )
+    assert best is not None
+    rows.append(_floor(deployment, best[1]))
+    return rows
+
+
+def _floor(deployment: Deployment, pieces: Sequence[Array]) -> Row:
+    """What no estimate can remove: the part of the error that neighbours in time do not share.
+
+    Half the variance of differences of neighbouring errors, which noise of the profiler makes and
+    no error of an estimate that is smooth over minutes.
+    """
+    steps = np.concatenate([np.diff(piece[np.isfinite(piece)]) for piece in pieces])
+    return Row(
+        task=TASK,
+        data=deployment.name,
+        method="noise of the ADCP between neighbours",
+        kind="floor",
+        value=rmse(steps) / np.sqrt(2.0),
+        samples=int(steps.size),
+        note=f"from the best method's errors; the data states {NOISE[0]:g} to {NOISE[1]:g} m/s",
+    )
+
+
+def _factory(deployment: Deployment) -> Row | None:
+    """The factory's flight model at the same samples."""
+    times, level = truth_of(deployment)
+    tables = tables_with(deployment, FACTORY)
+    errors = []
+    for log in deployment.logs():
+        if log.index not in times:
+            continue
+        clock = deployment.clock(log)
+        for table in tables:
+            time, speed = table.columns["time"], table.columns[FACTORY]
+            use = (time >= clock[0]) & (time <= clock[-1]) & np.isfinite(speed)
+            if use.sum() > 1:
+                order = np.argsort(time[use])
+                found = np.interp(
+                    times[log.index], (time[use] - clock[0])[order], speed[use][order]
+                )
+                errors.append(found - level[log.index])
+    if not errors:
+        return None
+    every = np.concatenate(errors)
+    return Row(
+        task=TASK,
+        data=deployment.name,
+        method="factory flight model",
+        kind="public method",
+        value=rmse(every),
+        samples=int(every.size),
+        note="as logged",
+    )

@@ -1,0 +1,165 @@
+"""DVL: speed through the water of a Slocum against its Doppler velocity log.
+
+The twin is identified on the depth rate alone; the speed that is scored is never seen. Scored is
+every finite sample of the truth table, at its own time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from benchmarks.real_logs.public import fit_steady, kinematic
+from benchmarks.real_logs.published import published_rows
+from benchmarks.real_logs.row import Row, rmse
+from benchmarks.real_logs.source import Deployment, at_times, tables_with
+from benchmarks.real_logs.surge_networks import ZERO_SHOT, Pretrained, level_of
+from learn.navigation.dead_reckoning import Array
+from twin.identify import Calibration, Log, density_of, estimate, identify, load_calibration
+
+TASK = "speed through the water"
+SPEED = "U_dvl_ms"
+CORRECTED_PITCH = "pitch_rad_corrected"
+MOST_PITCH_RESIDUAL = math.radians(0.5)
+"""[rad] RMSE beyond which corrected and logged pitch are no straight line of each other"""
+LEAST_SAMPLES = 100
+VEHICLE = "slocum"
+
+
+@dataclasses.dataclass(frozen=True)
+class Truth:
+    """Samples of the DVL in the order of time."""
+
+    time: Array
+    """[s] unix"""
+    speed: Array
+    """[m/s] through the water"""
+    pitch_scale: float = 1.0
+    pitch_offset: float = 0.0
+    """[rad] of the pitch that the author of the truth found: scale * logged + offset"""
+
+
+def read_truth(deployment: Deployment) -> Truth | None:
+    """The DVL's speeds of a deployment, None without any."""
+    tables = tables_with(deployment, SPEED)
+    if not tables:
+        return None
+    time = np.concatenate([table.columns["time"] for table in tables])
+    speed = np.concatenate([table.columns[SPEED] for table in tables])
+    scale, offset = 1.0, 0.0
+    if all(table.has(CORRECTED_PITCH) for table in tables):
+        pitch = np.concatenate([table.columns[CORRECTED_PITCH] for table in tables])
+        scale, offset = _pitch_line(deployment, time, pitch)
+    known = np.isfinite(speed) & np.isfinite(time)
+    order = np.argsort(time[known], kind="stable")
+    return Truth(time[known][order], speed[known][order], scale, offset)
+
+
+def _pitch_line(deployment: Deployment, time: Array, corrected: Array) -> tuple[float, float]:
+    """Scale and offset [rad] between the logged pitch and the one in the truth table."""
+    ours, theirs = [], []
+    for log in deployment.logs():
+        values = at_times(time, corrected, deployment.clock(log))
+        known = np.isfinite(values) & log.use
+        ours.append(log.pitch[known])
+        theirs.append(values[known])
+    x, y = np.concatenate(ours), np.concatenate(theirs)
+    if x.size < LEAST_SAMPLES:
+        return 1.0, 0.0
+    for _ in range(3):  # interpolated samples at inflections are off the line: trimmed
+        scale, offset = np.polyfit(x, y, 1)
+        residual = np.abs(scale * x + offset - y)
+        keep = residual <= max(3.0 * float(np.median(residual)), 1e-4)
+        x, y = x[keep], y[keep]
+    close = rmse(scale * x + offset - y) < MOST_PITCH_RESIDUAL
+    return (float(scale), float(offset)) if close else (1.0, 0.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class DvlJob:
+    """One deployment, as a process can be given it."""
+
+    deployment: Deployment
+    networks: Pretrained | None
+    """trained on simulation; None: no networks are judged"""
+
+
+def rows_of(job: DvlJob) -> list[Row]:
+    """Rows of one deployment; none without a DVL."""
+    deployment = job.deployment
+    truth = read_truth(deployment)
+    if truth is None or truth.time.size < LEAST_SAMPLES:
+        return []
+    logs = deployment.logs()
+    rows = published_rows(TASK, deployment.name)
+    nominal = load_calibration(
+        VEHICLE, pitch_scale=truth.pitch_scale, pitch_offset=truth.pitch_offset
+    )
+    pitch = f"pitch {truth.pitch_scale:.3f} logged {truth.pitch_offset:+.4f} rad as its author"
+    if (truth.pitch_scale, truth.pitch_offset) == (1.0, 0.0):
+        pitch = "pitch as logged"
+
+    def row(method: str, kind: str, speeds: list[Array], note: str) -> Row:
+        error = score(deployment, logs, speeds, truth)
+        missed = int((~np.isfinite(error)).sum())
+        if missed:
+            note += f"; {missed} samples outside dives are not scored"
+        error = error[np.isfinite(error)]
+        bias = float(error.mean()) if error.size else math.nan
+        return Row(
+            task=TASK,
+            data=deployment.name,
+            method=method,
+            kind=kind,  # type: ignore[arg-type]
+            value=rmse(error),
+            samples=int(error.size),
+            note=f"{note}; bias {1e3 * bias:+.1f} mm/s",
+        )
+
+    pitches = [nominal.true_pitch(log.pitch) for log in logs]
+    simple = [kinematic(log, p).speed for log, p in zip(logs, pitches, strict=True)]
+    rows.append(row("w/sin(pitch + 3 deg)", "public method", simple, pitch))
+    steady = fit_steady(logs, nominal)
+    speeds = [
+        steady.bridged(log, p, density_of(log, nominal)).speed
+        for log, p in zip(logs, pitches, strict=True)
+    ]
+    rows.append(
+        row(
+            "steady flight model", "public method", speeds, f"two parameters on depth rate; {pitch}"
+        )
+    )
+    found = _identified(logs, nominal)
+    note = f"depth rate only; {pitch}"
+    rows.append(row("twin, flight model", "twin", _speeds(logs, found), note))
+    if truth.pitch_scale != 1.0:
+        plain = load_calibration(VEHICLE)
+        note = "depth rate only; pitch as logged"
+        speeds = _speeds(logs, _identified(logs, plain))
+        rows.append(row("twin, flight model, raw pitch", "twin", speeds, note))
+    for kind in job.networks or {}:
+        assert job.networks is not None
+        speeds = [
+            np.hypot(level_of(log, found, job.networks, kind), log.depth_rate) for log in logs
+        ]
+        rows.append(row(ZERO_SHOT[kind], "network", speeds, "trained on simulation only"))
+    return rows
+
+
+def _identified(logs: list[Log], nominal: Calibration) -> Calibration:
+    return identify(logs, nominal, fixes=False).calibration
+
+
+def _speeds(logs: list[Log], calibration: Calibration) -> list[Array]:
+    return [estimate(log, calibration).speed for log in logs]
+
+
+def score(deployment: Deployment, logs: list[Log], speeds: list[Array], truth: Truth) -> Array:
+    """Estimate less truth [m/s] at every truth sample; NaN outside the rows."""
+    found = np.full(truth.time.size, np.nan)
+    for log, speed in zip(logs, speeds, strict=True):
+        values = at_times(deployment.clock(log), speed, truth.time)
+        found = np.where(np.isfinite(values), values, found)
+    return found - truth.speed

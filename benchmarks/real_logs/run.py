@@ -1,0 +1,258 @@
+"""Run: all tasks of a folder, the long work side by side in processes."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import dataclasses
+import multiprocessing
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+from benchmarks.real_logs import adcp, dvl, fixes, surge_networks
+from benchmarks.real_logs.folds import fit_fold
+from benchmarks.real_logs.row import Row
+from benchmarks.real_logs.source import Deployment, gather
+from benchmarks.real_logs.surge_networks import Pretrained
+from learn.training.watchdog import end_with
+from twin.errors import TwinError
+
+Say = Callable[[str], None]
+Done = Callable[[float], None]
+Input = TypeVar("Input")
+Output = TypeVar("Output")
+
+SHARES = {"import": 0.03, "simulate": 0.17, "speed": 0.05, "fixes": 0.4, "surge": 0.35}
+"""Parts of the whole time, roughly, for the progress."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Failure:
+    """Why a job gave nothing."""
+
+    why: str
+
+
+class Pool:
+    """Processes of one thread each; one worker works in this process."""
+
+    def __init__(self, workers: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._pool = (
+            concurrent.futures.ProcessPoolExecutor(
+                workers, mp_context=context, initializer=end_with, initargs=(os.getpid(),)
+            )
+            if workers > 1
+            else None
+        )
+
+    def run(
+        self, function: Callable[[Input], Output], jobs: Sequence[Input], done: Done
+    ) -> list[Output | Failure]:
+        """Results in the order of the jobs; `done` is told each job's part of the whole."""
+        if self._pool is None:
+            found = []
+            for job in jobs:
+                found.append(_guarded(function, job))
+                done(1.0 / len(jobs))
+            return found
+        futures = [self._pool.submit(_guarded, function, job) for job in jobs]
+        for _ in concurrent.futures.as_completed(futures):
+            done(1.0 / len(jobs))
+        return [future.result() for future in futures]
+
+    def close(self) -> None:
+        """End the processes at once; what they have not done is not done."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            for process in multiprocessing.active_children():
+                process.terminate()
+
+
+def _guarded(function: Callable[[Any], Any], job: Any) -> Any:
+    try:
+        return function(job)
+    except TwinError as error:
+        return Failure(str(error))
+
+
+@contextmanager
+def _pool(workers: int) -> Iterator[Pool]:
+    pool = Pool(workers)
+    try:
+        yield pool
+    finally:
+        pool.close()
+
+
+def run_benchmark(
+    root: Path,
+    *,
+    workers: int = 1,
+    networks: bool = True,
+    say: Say = lambda text: None,
+    progress: Done = lambda part: None,
+) -> list[Row]:
+    """Every row that the logs below a folder allow.
+
+    Args:
+      root: folders of logs, see `benchmarks.real_logs.source`.
+      workers: processes.
+      networks: train and judge networks too; without, it takes a third of the time.
+      say: told what is being done.
+      progress: told parts of the whole, which add up to 1.
+
+    Raises:
+      InputError: no such folder, or no logs in it.
+    """
+    with tempfile.TemporaryDirectory(prefix="glider-benchmark-") as work, _pool(workers) as pool:
+        deployments, skipped = gather(root, Path(work), say)
+        progress(SHARES["import"])
+        rows = [
+            Row(task="skipped", data=part.name, method="", kind="skipped", note=part.why)
+            for part in skipped
+        ]
+        pretrained = None
+        if networks:
+            say(f"simulating {surge_networks.HOURS:g} h of missions and training on them")
+            store = surge_networks.simulate(Path(work), workers=workers)
+            progress(0.5 * SHARES["simulate"])
+            pretrained = _pretrained(store, pool, progress)
+        else:
+            progress(SHARES["simulate"])
+        rows += _speeds(deployments, pool, pretrained, say, progress)
+        rows += _fixes(deployments, pool, pretrained, say, progress)
+        rows += _surges(deployments, pool, pretrained, say, progress)
+        # errors name the temporary stores: only their folders mean anything to the reader
+        rows = [
+            dataclasses.replace(row, note=row.note.replace(f"{work}/", "").replace(".zarr", ""))
+            for row in rows
+        ]
+    order = {name: place for place, name in enumerate(TASKS)}
+    return sorted(rows, key=lambda row: order.get(row.task, len(order)))
+
+
+TASKS = (dvl.TASK, adcp.TASK, fixes.RATE, fixes.TRACK, "skipped")
+"""Order of the tables."""
+
+
+def failed(task: str, deployment: Deployment, why: str) -> Row:
+    """A row that says why there is no figure."""
+    return Row(task=task, data=deployment.name, method="", kind="skipped", note=why)
+
+
+def _speeds(
+    deployments: Sequence[Deployment],
+    pool: Pool,
+    pretrained: Pretrained | None,
+    say: Say,
+    progress: Done,
+) -> list[Row]:
+    say("speed through the water against a DVL")
+    chosen = [d for d in deployments if d.kind == "slocum"]
+    jobs = [dvl.DvlJob(deployment, pretrained) for deployment in chosen]
+    found = pool.run(dvl.rows_of, jobs, lambda part: progress(part * SHARES["speed"]))
+    if not chosen:
+        progress(SHARES["speed"])
+    rows: list[Row] = []
+    for deployment, result in zip(chosen, found, strict=True):
+        if isinstance(result, Failure):
+            rows.append(failed(dvl.TASK, deployment, result.why))
+        else:
+            rows += result
+    return rows
+
+
+def _fixes(
+    deployments: Sequence[Deployment],
+    pool: Pool,
+    pretrained: Pretrained | None,
+    say: Say,
+    progress: Done,
+) -> list[Row]:
+    say("depth rate and dead reckoning: the twin identified without the dives that are judged")
+    rows: list[Row] = []
+    work = []
+    for deployment in deployments:
+        try:
+            jobs = fixes.fold_jobs(deployment)
+        except TwinError as error:
+            rows.append(failed(fixes.RATE, deployment, str(error)))
+            continue
+        if not jobs:
+            why = f"{len(deployment.rows)} dives: too few to hold some out"
+            rows.append(failed(fixes.RATE, deployment, why))
+        work += [(deployment, job) for job in jobs]
+    results = pool.run(
+        fit_fold, [job for _, job in work], lambda part: progress(part * SHARES["fixes"])
+    )
+    if not work:
+        progress(SHARES["fixes"])
+    for deployment in deployments:
+        mine = [r for (d, _), r in zip(work, results, strict=True) if d is deployment]
+        bad = [r for r in mine if isinstance(r, Failure)]
+        good = [r for r in mine if not isinstance(r, Failure)]
+        if bad:
+            rows.append(failed(fixes.RATE, deployment, bad[0].why))
+        elif good:
+            rows += fixes.rows_of(deployment, good, pretrained)
+    return rows
+
+
+def _surges(
+    deployments: Sequence[Deployment],
+    pool: Pool,
+    pretrained: Pretrained | None,
+    say: Say,
+    progress: Done,
+) -> list[Row]:
+    say("surge against the ADCP, each dive by what was tuned on the others")
+    chosen = []
+    rows: list[Row] = []
+    for deployment in deployments:
+        try:
+            jobs = adcp.fold_jobs(deployment, pretrained)
+        except TwinError as error:
+            rows.append(failed(adcp.TASK, deployment, str(error)))
+            continue
+        chosen += [(deployment, job) for job in jobs]
+    if not chosen:
+        progress(SHARES["surge"])
+    results = pool.run(
+        adcp.run_fold, [job for _, job in chosen], lambda part: progress(part * SHARES["surge"])
+    )
+    for deployment in deployments:
+        mine = [r for (d, _), r in zip(chosen, results, strict=True) if d is deployment]
+        bad = [r for r in mine if isinstance(r, Failure)]
+        good = [r for r in mine if not isinstance(r, Failure)]
+        if bad:
+            rows.append(failed(adcp.TASK, deployment, bad[0].why))
+        elif good:
+            rows += adcp.rows_of(deployment, good)
+    return rows
+
+
+def _pretrained(store: Path, pool: Pool, progress: Done) -> Pretrained:
+    found = pool.run(
+        surge_networks.simulated_samples,
+        surge_networks.sample_jobs(store),
+        lambda part: progress(0.25 * part * SHARES["simulate"]),
+    )
+    dives = tuple(d for part in found if not isinstance(part, Failure) for d in part)
+    jobs = [
+        surge_networks.PretrainJob(dives, kind, member)
+        for kind in surge_networks.INPUTS
+        for member in range(surge_networks.MEMBERS)
+    ]
+    trained = pool.run(
+        surge_networks.pretrain, jobs, lambda part: progress(0.25 * part * SHARES["simulate"])
+    )
+    pretrained: Pretrained = {}
+    for job, weights in zip(jobs, trained, strict=True):
+        if isinstance(weights, Failure):
+            raise TwinError(f"training on simulation failed: {weights.why}")
+        pretrained.setdefault(job.kind, []).append(weights)
+    return pretrained

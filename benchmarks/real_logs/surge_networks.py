@@ -1,0 +1,274 @@
+"""Surge networks: trained on simulation, on real dives, and on one after the other.
+
+Small memoryless-or-recurrent ensembles of the run's own networks, one sample a minute
+(`benchmarks.real_logs.samples`). With ten dives to learn from, what keeps them from learning dives
+by heart is their size, early stopping on a dive of their own and the mean over members.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from benchmarks.real_logs.samples import (
+    AVERAGE,
+    GLIDER,
+    TWIN,
+    Samples,
+    averaged,
+    level_speed,
+    sample,
+)
+from factory.generation.bulk import generate
+from factory.recipe.recipe import make_recipe
+from learn.data.dataset import Sequences
+from learn.data.normalisation import Normalisation, fit_normalisation
+from learn.data.thinning import thin_store
+from learn.navigation.dead_reckoning import Array
+from learn.networks.base import build_network
+from learn.networks.config import NetworkConfig
+from learn.networks.predictor import Predictor, free_run
+from learn.training.schedule import TrainingConfig
+from learn.training.trainer import Trainer
+from twin.errors import InputError
+from twin.identify import Calibration, Log, identify, load_calibration, load_logs
+from twin.records.schema import MISSION
+from twin.records.store import open_store
+
+INPUTS: dict[str, tuple[str, ...]] = {
+    "": tuple(name for name in GLIDER if name != "pump"),
+    "twin ": (*(name for name in GLIDER if name != "pump"), *TWIN),
+}
+"""Inputs of the two kinds of networks, by the beginning of their names."""
+ZERO_SHOT = {"": "network, zero shot", "twin ": "network on the twin, zero shot"}
+"""Names of the two kinds in tables."""
+NETWORK = NetworkConfig(kind="elman", hidden=16, layers=2, delays=2)
+MEMBERS = 3
+SIMULATED = TrainingConfig(seconds=0.0, epochs=250, window=32, washin=8, batch=16, validations=25)
+REAL = TrainingConfig(seconds=0.0, epochs=120, window=32, washin=8, batch=16, validations=30)
+TUNED = dataclasses.replace(REAL, epochs=100, rate=2e-3)
+"""After simulation: gentler, so that what it taught is kept where real dives say nothing."""
+HOURS = 24.0
+"""[h] of simulated missions"""
+PERIOD = 5.0
+"""[s] that they are thinned to, the period of an imported Seaglider"""
+SPREAD = {
+    "vehicle.k_d0": "loguniform(0.6, 1.7)",
+    "vehicle.k_d": "loguniform(0.6, 1.7)",
+    "vehicle.k_alpha": "loguniform(0.7, 1.4)",
+    "mission.max_depth_m": "loguniform(60, 500)",
+    "mission.net_mass_kg": "uniform(0.1, 0.28)",
+    "mission.climb_net_mass_kg": "uniform(0.1, 0.28)",
+}
+"""The simulated vehicles differ so much: a Seaglider is no Slocum."""
+VEHICLE = "slocum"
+TRIM_AND_DRAG = ("neutral_density", "drag")
+PHASES = 2
+"""Times that each simulated mission is sampled, shifted against each other."""
+LEAST_SAMPLES = 8
+"""Of a simulated mission that is worth learning from."""
+TOGETHER = 8
+"""Simulated missions that one process prepares at once."""
+HELD_OUT = 5
+"""Every so many-th simulated mission validates."""
+
+
+def simulate(folder: Path, *, seed: int = 7, workers: int | None = None) -> Path:
+    """Fly the missions that networks are trained on before they see real dives; the store."""
+    recipe = make_recipe(
+        preset="field",
+        hours=HOURS,
+        seed=seed,
+        vehicle=VEHICLE,
+        sensors="field-no-dvl",
+        changes=SPREAD,
+    )
+    whole, thinned = folder / "simulated.zarr", folder / "simulated-thinned.zarr"
+    generate(recipe, whole, workers=workers, overwrite=True, history="learn benchmark real")
+    thin_store(whole, thinned, PERIOD)
+    return thinned
+
+
+@dataclasses.dataclass(frozen=True)
+class SampleJob:
+    """Some missions of a simulated store."""
+
+    store: Path
+    rows: tuple[int, ...]
+
+
+def sample_jobs(store: Path) -> list[SampleJob]:
+    """All missions of a store in jobs of `TOGETHER`."""
+    dataset = open_store(store)
+    count = int(dataset.sizes[MISSION])
+    dataset.close()
+    return [
+        SampleJob(store, tuple(range(k, min(k + TOGETHER, count))))
+        for k in range(0, count, TOGETHER)
+    ]
+
+
+def simulated_samples(job: SampleJob) -> list[Samples]:
+    """The missions of a simulated store as the networks see real dives.
+
+    The twin's inputs come from a nominal vehicle whose trim and drag are identified on each
+    mission, as on real ones.
+    """
+    dataset = open_store(job.store)
+    names = ("true_surge", "true_sway", "true_heave", "true_roll", "true_pitch")
+    truth = {name: dataset[name].values for name in names}
+    dataset.close()
+    found = []
+    for log in load_logs(job.store, list(job.rows)):
+        length = len(log.depth)
+        surge, sway, heave, roll, pitch = (truth[name][log.index, :length] for name in names)
+        level = level_speed(surge, sway, heave, np.deg2rad(roll), np.deg2rad(pitch))
+        try:
+            own = identify(
+                [log],
+                load_calibration(VEHICLE),
+                parameters=("neutral_density", "drag"),
+                fixes=False,
+            )
+        except InputError:
+            continue  # too short, or always turning: nothing to identify
+        clock = log.period * np.arange(length)
+        for phase in range(PHASES):
+            times = np.arange(AVERAGE * (0.5 + phase / PHASES), clock[-1] - 0.5 * AVERAGE, AVERAGE)
+            times = times[np.interp(times, clock, log.depth) > 5.0]
+            if times.size >= LEAST_SAMPLES:
+                wanted = averaged(level, log.period, times)
+                found.append(sample(log, own.calibration, times, wanted))
+    return found
+
+
+@dataclasses.dataclass(frozen=True)
+class Weights:
+    """A trained network as a process can be given it."""
+
+    state: dict[str, NDArray[np.float32]]
+    scales: Normalisation
+
+    @classmethod
+    def of(cls, predictor: Predictor) -> Weights:
+        """Of a network."""
+        state = predictor.network.state_dict()
+        return cls({k: v.detach().cpu().numpy() for k, v in state.items()}, predictor.normalisation)
+
+    def predictor(self) -> Predictor:
+        """The network."""
+        config = dataclasses.replace(NETWORK, inputs=len(self.scales.features))
+        network = build_network(config)
+        network.load_state_dict(self.tensors())
+        return Predictor(network, self.scales)
+
+    def tensors(self) -> dict[str, torch.Tensor]:
+        """The weights as torch wants them."""
+        return {name: torch.from_numpy(values.copy()) for name, values in self.state.items()}
+
+
+Pretrained = dict[str, list[Weights]]
+"""Members by the kind of inputs."""
+
+
+@dataclasses.dataclass(frozen=True)
+class PretrainJob:
+    """One network to be trained on simulation."""
+
+    dives: tuple[Samples, ...]
+    kind: str
+    member: int
+
+
+def pretrain(job: PretrainJob) -> Weights:
+    """Train one network on simulation; every fifth mission judges when to stop."""
+    missions = sorted({dive.row for dive in job.dives})
+    held = set(missions[job.member % HELD_OUT :: HELD_OUT])
+    train = [dive for dive in job.dives if dive.row not in held]
+    rest = [dive for dive in job.dives if dive.row in held]
+    return Weights.of(fit_network(train, rest, INPUTS[job.kind], SIMULATED, seed=job.member))
+
+
+def fit_network(
+    train: Sequence[Samples],
+    validation: Sequence[Samples],
+    inputs: Sequence[str],
+    config: TrainingConfig,
+    *,
+    seed: int,
+    start: Weights | None = None,
+) -> Predictor:
+    """Train one network; from the weights and scales of `start` when there is one."""
+    matrices = [dive.matrix(inputs).astype(np.float32) for dive in train]
+    targets = [dive.level.astype(np.float32) for dive in train]
+    if start is None:
+        scales = fit_normalisation(matrices, targets, features=inputs, target="surge")
+    else:
+        scales = start.scales
+    trained = Trainer(
+        NETWORK,
+        dataclasses.replace(config, seed=seed),
+        _sequences(train, scales),
+        _sequences(validation, scales),
+        target_scale=scales.target_scale,
+        start=None if start is None else start.tensors(),
+    ).run()
+    return Predictor(trained.network, scales)
+
+
+def _sequences(dives: Sequence[Samples], scales: Normalisation) -> Sequences:
+    mean, scale = np.float32(scales.target_mean), np.float32(scales.target_scale)
+    return Sequences(
+        inputs=[scales.inputs(dive.matrix(scales.features).astype(np.float32)) for dive in dives],
+        targets=[(dive.level.astype(np.float32) - mean) / scale for dive in dives],
+        weights=[np.ones(dive.level.size, np.float32) for dive in dives],
+    )
+
+
+def predict(predictor: Predictor, dives: Sequence[Samples]) -> list[Array]:
+    """Surge [m/s] of each dive."""
+    scales = predictor.normalisation
+    runs = free_run(predictor.network, _sequences(dives, scales).inputs)
+    return [scales.target_scale * run.astype(float) + scales.target_mean for run in runs]
+
+
+def level_of(log: Log, calibration: Calibration, pretrained: Pretrained, kind: str) -> Array:
+    """Horizontal speed [m/s] along the heading, (time,), zero shot; mean over members.
+
+    One prediction a minute, straight lines between.
+    """
+    clock = log.period * np.arange(len(log.depth), dtype=np.float64)
+    times = np.arange(0.5 * AVERAGE, max(clock[-1], AVERAGE), AVERAGE)
+    dive = sample(log, calibration, times, np.zeros_like(times))
+    runs = [predict(weights.predictor(), [dive])[0] for weights in pretrained[kind]]
+    return np.interp(clock, times, np.mean(runs, axis=0))
+
+
+def predict_dive(
+    train: Sequence[Samples], tests: Sequence[Samples], pretrained: Pretrained, seed: int
+) -> dict[str, list[Array]]:
+    """Surge [m/s] of the test dives by every kind of network, means over members.
+
+    Each member stops early on a training dive of its own.
+    """
+    found: dict[str, list[list[Array]]] = {}
+    for kind, inputs in INPUTS.items():
+        for member in range(MEMBERS):
+            held = (seed + 1 + member * len(train) // MEMBERS) % len(train)
+            rest = [dive for k, dive in enumerate(train) if k != held]
+            first = pretrained[kind][member]
+            found.setdefault(f"{kind}zero shot", []).append(predict(first.predictor(), tests))
+            for name, config, start in (("real", REAL, None), ("sim real", TUNED, first)):
+                trained = fit_network(
+                    rest, [train[held]], inputs, config, seed=100 * seed + member, start=start
+                )
+                found.setdefault(f"{kind}{name}", []).append(predict(trained, tests))
+    return {
+        name: [np.mean([run[k] for run in runs], axis=0) for k in range(len(tests))]
+        for name, runs in found.items()
+    }

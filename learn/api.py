@@ -1,0 +1,329 @@
+"""The functions of `import learn`: train, evaluate and export in a few lines.
+
+They return values and print nothing. The command line calls the same functions.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from learn.data.features import INPUT_SETS, select_features
+from learn.data.preparation import check_window
+from learn.networks.config import NetworkConfig
+from learn.networks.registry import NETWORKS
+from learn.report.contents import RunEvaluation
+from learn.runs.run import (
+    DEFAULT_STORE,
+    DESCRIPTION,
+    RUNS,
+    Run,
+    free_name,
+    open_run,
+    read_description,
+)
+from learn.studies.finishing import Say, finish
+from learn.studies.run_evaluation import evaluate_run
+from learn.training import fitting
+from learn.training.fitting import Watch
+from learn.training.optimisers.registry import OPTIMISERS
+from learn.training.schedule import TrainingConfig
+from learn.training.settings import FitConfig
+from twin.errors import InputError, unknown_name
+from twin.extras import require
+
+if TYPE_CHECKING:
+    from learn.evaluation.evaluation import Watch as EvaluationWatch
+    from learn.networks.onnx_export import Parity
+
+DEFAULT_MEMBERS = 2
+DEFAULT_INPUTS = "full"
+
+
+def fit(
+    store: str | Path | None = None,
+    *,
+    folder: str | Path | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    workers: int = 1,
+    watch: Watch | None = None,
+    say: Say = lambda _: None,
+    history: str = "",
+    **settings: Any,
+) -> Run:
+    """Train networks for surge and sway on a store, evaluate them and write a report.
+
+    Args:
+      store: of missions or of logs; None is data/missions.zarr, or the run's own with `resume`.
+      folder: of the run; None is a new one in runs/, named by date and number.
+      resume: continue the run in `folder` with its own settings; start it if there is none.
+      overwrite: replace the run in `folder`, which is kept until the new one has trained something.
+      workers: processes. 1 trains in this one; more need the script's main part behind
+        `if __name__ == "__main__"`.
+      watch: called as watch(job, report) at every validation of every network.
+      say: told what is being done after the training.
+      history: a line for the record, such as the command.
+      settings: as of `fit_settings`, which names and explains them.
+
+    Returns:
+      The run, with `folder`, `figures` and `predict`.
+
+    Raises:
+      InputError: a setting is wrong, or the folder holds another run.
+      StoreError: the store cannot be used.
+    """
+    path = RUNS / free_name() if folder is None else Path(folder)
+    config = fit_settings(store, resumed=path if resume else None, **settings)
+    return train_and_finish(
+        config,
+        path,
+        resume=resume,
+        overwrite=overwrite,
+        workers=workers,
+        watch=watch,
+        say=say,
+        history=history,
+    )
+
+
+def train_and_finish(
+    config: FitConfig,
+    folder: Path,
+    *,
+    resume: bool = False,
+    overwrite: bool = False,
+    workers: int = 1,
+    watch: Watch | None = None,
+    studies: Callable[[Run], None] = lambda _: None,
+    say: Say = lambda _: None,
+    history: str = "",
+) -> Run:
+    """As `fit`, with all settings decided.
+
+    Args:
+      studies: called with the trained run before it is evaluated; what it writes into the run's
+        folder, such as an ablation, goes into the report.
+    """
+    run = fitting.fit(
+        config,
+        folder,
+        resume=resume,
+        replace=overwrite,
+        workers=workers,
+        watch=watch,
+        history=history,
+    )
+    studies(run)
+    return finish(run, history=history, say=say)
+
+
+def fit_settings(
+    store: str | Path | None = None,
+    *,
+    resumed: Path | None = None,
+    network: str | None = None,
+    hidden: int | None = None,
+    layers: int | None = None,
+    delays: int | None = None,
+    inputs: str | None = None,
+    features: Sequence[str] = (),
+    without: Sequence[str] = (),
+    optimiser: str | None = None,
+    seconds: float | None = None,
+    epochs: int | None = None,
+    window: int | None = None,
+    washin: int | None = None,
+    seed: int | None = None,
+    members: int | None = None,
+    division: str | None = None,
+    mirror: bool = True,
+    period: float | None = None,
+    start: str | Path | None = None,
+    device: str | None = None,
+) -> FitConfig:
+    """The settings of a training: those given here, a resumed run's own, and the defaults.
+
+    Args:
+      store: of missions or of logs [default: data/missions.zarr].
+      resumed: folder of the run that is continued, if it exists.
+      network: a name of `learn.NETWORKS` [elman, the paper's].
+      hidden: units per hidden layer [50].
+      layers: hidden layers [3].
+      delays: elman: past outputs that a hidden layer is fed back [5].
+      inputs: `full` needs gyroscopes and accelerometers, `glider` is what every glider's log has
+        [full].
+      features: features or groups instead of a set of inputs.
+      without: features, groups or sensors that the vehicle lacks.
+      optimiser: a name of `learn.OPTIMISERS` [soap].
+      seconds: [s] of computing of each network [120].
+      epochs: passes over the training missions instead; the result does not depend on the
+        machine's speed.
+      window: samples that a piece of a mission counts [128].
+      washin: samples before it in which the network finds its state [48].
+      seed: of initial weights and order [0].
+      members: networks per velocity; with more than one their spread is an uncertainty [2].
+      division: `missions`, the store's split, or `samples`, the paper's, which leaks [missions].
+      mirror: show every mission mirrored too, port for starboard.
+      period: [s] between samples, a multiple of the store's.
+      start: run whose weights, inputs, scales and period the training begins with.
+      device: cpu, cuda or auto [cpu].
+
+    Raises:
+      InputError: a name is unknown, a value impossible, or a setting has no use here.
+    """
+    base = _resumed(resumed) or FitConfig(
+        store=str(DEFAULT_STORE),
+        features=select_features(INPUT_SETS[DEFAULT_INPUTS]),
+        members=DEFAULT_MEMBERS,
+    )
+    sizes = _given(hidden=hidden, layers=layers, delays=delays)
+    kinds = _given(kind=network) | sizes
+    chosen, shape = base.features, base.network
+    other_inputs = bool(features or without or inputs is not None)
+    if start is not None:
+        first = open_run(start)
+        if other_inputs or kinds:
+            raise InputError(
+                "--start takes inputs and network from the run: leave out --inputs, --features, "
+                "--without, --network, --hidden, --layers and --delays"
+            )
+        if period not in (None, first.period):
+            raise InputError(
+                f"run {first.name} has a sample every {first.period:g} s: leave --period out"
+            )
+        start, period, chosen = str(first.folder), first.period, first.features
+        shape = NetworkConfig(**first.description["settings"]["network"])
+    else:
+        start, period = base.start, base.period if period is None else period
+    if other_inputs:
+        if inputs is not None and inputs not in INPUT_SETS:
+            raise InputError(unknown_name("set of inputs", inputs, INPUT_SETS))
+        chosen = select_features(tuple(features) or INPUT_SETS[inputs or DEFAULT_INPUTS], without)
+    budget = _given(seconds=seconds, epochs=epochs)
+    if epochs is not None and seconds is None:
+        budget["seconds"] = 0.0
+    training = _given(
+        optimiser=optimiser, seed=seed, device=device, window=window, washin=washin, **budget
+    )
+    config = FitConfig(
+        store=_same_place(store, base),
+        features=chosen,
+        network=NetworkConfig(**{**dataclasses.asdict(shape), **kinds}),
+        training=TrainingConfig(**{**dataclasses.asdict(base.training), **training}),
+        members=base.members if members is None else members,
+        division=base.division if division is None else division,  # type: ignore[arg-type]
+        mirror=base.mirror and mirror,
+        period=period,
+        start=None if start is None else str(start),
+    )
+    _check_uses(config, sizes, training)
+    if window is not None:
+        check_window(config.store, window, division=config.division, period=config.period)
+    return config
+
+
+def _given(**values: Any) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _resumed(folder: Path | None) -> FitConfig | None:
+    """Settings of the run that is continued, None where there is none yet."""
+    if folder is None or not (folder / DESCRIPTION).is_file():
+        return None
+    return FitConfig.of(read_description(folder)["settings"], folder)
+
+
+def _same_place(store: str | Path | None, base: FitConfig) -> str:
+    """The store as the settings have it: another way to the same place is no other store."""
+    if store is None or Path(store).absolute() == Path(base.store).absolute():
+        return base.store
+    return str(store)
+
+
+def _check_uses(
+    config: FitConfig, sizes: Mapping[str, object], training: Mapping[str, object]
+) -> None:
+    """Refuse what would be taken and then ignored."""
+    kind = config.network.kind
+    for name in sizes:
+        if name not in NETWORKS[kind].sizes:
+            users = [k for k in NETWORKS if name in NETWORKS[k].sizes]
+            raise InputError(
+                f"network {kind!r} has no --{name} (its sizes: {', '.join(NETWORKS[kind].sizes)}); "
+                f"leave it out, or take a network that has: {', '.join(users)}"
+            )
+    used = OPTIMISERS[config.training.optimiser].settings
+    if "window" in training and "window" not in used:
+        raise InputError(
+            f"optimiser {config.training.optimiser!r} has no --window (it uses "
+            f"{', '.join(used)}): it sees all samples at once; leave it out"
+        )
+
+
+def evaluate(
+    run: Run | str | Path,
+    store: str | Path | None = None,
+    *,
+    split: str = "test",
+    baselines: Sequence[str] | None = None,
+    watches: Sequence[EvaluationWatch] = (),
+) -> RunEvaluation:
+    """A run on the missions of a store, beside the floor and the baselines.
+
+    Args:
+      run: as `fit` or `open_run` give it, or its folder or name.
+      store: of missions or logs; None is the run's own.
+      split: test, train, validation or all.
+      baselines: names of `learn.BASELINES`; None runs all, an empty sequence none.
+      watches: called with every mission and all estimates of it.
+
+    Returns:
+      The evaluation; its `figures` are errors in m/s and in % of the path, by name.
+
+    Raises:
+      InputError: no such run or baseline.
+      StoreError: a file of the run or of the store cannot be used.
+    """
+    found = run if isinstance(run, Run) else open_run(run)
+    place = found.store if store is None else store
+    return evaluate_run(found, place, split=split, baselines=baselines, watches=watches)
+
+
+def export(
+    run: Run | str | Path, folder: str | Path | None = None, *, store: str | Path | None = None
+) -> dict[str, Parity]:
+    """Write one ONNX model per network, one time step with explicit state, and check each.
+
+    Args:
+      run: as `fit` or `open_run` give it, or its folder or name.
+      folder: for the models; None is onnx/ in the run's folder.
+      store: of the mission that is run through network and model; None is the run's own. Its
+        longest mission is taken.
+
+    Returns:
+      By the name of the network, such as surge-0, the file and how far it is from the network.
+
+    Raises:
+      InputError: the extra onnx is not installed, or torch cannot export the network.
+      StoreError: a model differs by more than 1e-5 m/s, or a file cannot be read or written.
+    """
+    for package in ("onnx", "onnxscript", "onnxruntime"):
+        require(package, extra="onnx", purpose="learn export")
+    from learn.data.dataset import load_missions
+    from learn.data.features import channels_of
+    from learn.networks.onnx_export import export_step
+
+    found = run if isinstance(run, Run) else open_run(run)
+    target = found.folder / "onnx" if folder is None else Path(folder)
+    networks = found.networks()
+    channels = [c for e in networks.values() for c in channels_of(e.members[0].features)]
+    missions = load_missions(found.store if store is None else store, channels, split="all")
+    longest = max(missions, key=lambda mission: mission.samples)
+    return {
+        f"{name}-{k}": export_step(member, target / f"{name}-{k}.onnx", longest)
+        for name, ensemble in networks.items()
+        for k, member in enumerate(ensemble.members)
+    }

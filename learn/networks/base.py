@@ -1,0 +1,134 @@
+"""What every network is: inputs to one relative velocity, running free.
+
+A network sees inputs and its own state, never a velocity:
+
+    forward(x, state) -> (y, state)   x (time, batch, inputs), y (time, batch, 1)
+    step(x, state) -> (y, state)      x (batch, inputs), y (batch, 1)
+    initial_state(batch)              zeros, (batch, state_size)
+
+The state is one matrix so that every kind is carried, stored and exported the same way. Inputs and
+outputs are normalised values; see `learn.data.features` and `learn.networks.predictor`.
+"""
+
+from __future__ import annotations
+
+import abc
+from typing import ClassVar
+
+import torch
+from torch import Tensor, nn
+
+from learn.networks.config import SIZES, NetworkConfig
+from learn.networks.registry import NETWORKS
+from learn.registry import check_class, place_of
+from twin.errors import InputError
+
+LSTM_WEIGHTS = 8
+"""Weights of an LSTM per pair of units, four gates from the layer below and from itself: the most
+of the kinds without delays and taps."""
+
+
+class Network(nn.Module, abc.ABC):
+    """Base of the networks. A kind says what it is and writes `forward`.
+
+    The weights are drawn from torch's random generator when it is made. `__init__(config)` sets
+    `state_size`; a kind that has a shorter way to make one step writes `step` too, else it is
+    `forward` over one sample.
+    """
+
+    summary: ClassVar[str]
+    """What it is, a few words for tables."""
+    sizes: ClassVar[tuple[str, ...]] = ("hidden", "layers")
+    """Which sizes of `NetworkConfig` it uses; others are refused on the command line."""
+    state_size: int
+    """Columns of the state."""
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__()
+        if config.inputs < 1:
+            raise InputError("a network needs at least one input feature; name some features")
+        self.config = config
+
+    @classmethod
+    def weights_per_pair(cls, config: NetworkConfig) -> int:
+        """Weights per pair of hidden units and layer, to refuse sizes that no memory holds."""
+        return LSTM_WEIGHTS
+
+    def initial_state(self, batch: int) -> Tensor:
+        """Zeros (batch, state_size): nothing is known yet."""
+        return next(self.parameters()).new_zeros(batch, self.state_size)
+
+    @abc.abstractmethod
+    def forward(self, x: Tensor, state: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Outputs (time, batch, 1) for inputs (time, batch, inputs), and the state after them."""
+
+    def step(self, x: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        """Output (batch, 1) for one sample (batch, inputs), and the state after it."""
+        y, state = self.forward(x[None], state)
+        return y[0], state
+
+
+def build_network(config: NetworkConfig) -> Network:
+    """The network that `config` describes, with fresh weights from torch's random generator."""
+    return NETWORKS[config.kind](config)
+
+
+TRIED = {"inputs": 3, "hidden": 4, "layers": 2, "delays": 2, "kernel": 2, "dilation": 2}
+TIME, BATCH = 7, 2
+"""Samples and sequences of the trial."""
+ROUNDING = 1e-4
+"""Of float32 outputs near 1 by two ways to work them out."""
+
+
+def check_network(name: str, kind: type[Network]) -> None:
+    """Try a kind on a few samples.
+
+    Raises:
+      InputError: it is only half there, with what it lacks.
+    """
+    check_class("network", name, kind, Network, ("summary",))
+    if unknown := [size for size in kind.sizes if size not in SIZES]:
+        raise InputError(
+            f"network {name!r} names size {unknown[0]!r}; there are {', '.join(SIZES)}"
+        )
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(0)
+        if wrong := _wrong(kind(NetworkConfig(kind=name, **TRIED))):
+            raise InputError(f"network {name!r} ({place_of(kind)}) is not whole: {wrong}")
+
+
+def _wrong(network: Network) -> str:
+    """What a network does not do as it must; empty when all is well."""
+    if not isinstance(getattr(network, "state_size", None), int):
+        return "__init__ does not set state_size, the number of columns of its state"
+    if not any(p.requires_grad for p in network.parameters()):
+        return "it has no weights to train"
+    x = torch.randn(TIME, BATCH, TRIED["inputs"])
+    network.eval()
+    y, end = network(x)
+    if tuple(y.shape) != (TIME, BATCH, 1):
+        return f"forward gives outputs of shape {tuple(y.shape)}, not (time, batch, 1)"
+    if tuple(end.shape) != (BATCH, network.state_size):
+        return f"forward gives a state of shape {tuple(end.shape)}, not (batch, state_size)"
+    y.square().mean().backward()
+    if idle := [n for n, p in network.named_parameters() if p.requires_grad and p.grad is None]:
+        return f"the output does not depend on weight {idle[0]}"
+    with torch.no_grad():
+        state, rows = network.initial_state(BATCH), []
+        for sample in x:
+            row, state = network.step(sample, state)
+            rows.append(row)
+        if not (_close(torch.stack(rows), y) and _close(state, end)):
+            return "step after step it gives something else than forward over all samples"
+        first, state = network(x[: TIME // 2])
+        second, state = network(x[TIME // 2 :], state)
+        if not (_close(torch.cat([first, second]), y) and _close(state, end)):
+            return "forward does not go on from the state that it is given"
+        changed = torch.cat([x[:-1], x[-1:] + 1.0])
+        if not _close(network(changed)[0][:-1], y[:-1]):
+            return "outputs depend on later samples"
+    return ""
+
+
+def _close(one: Tensor, other: Tensor) -> bool:
+    return one.shape == other.shape and torch.allclose(one, other, atol=ROUNDING)

@@ -1,0 +1,70 @@
+"""Elman: the paper's network, hidden layers with context delays."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from learn.networks.base import Network
+from learn.networks.config import NetworkConfig
+from learn.networks.context_delay import ContextDelay, lanes_for, pack_sequences, unpack_sequences
+
+
+class Elman(Network):
+    """State columns: layer by layer, oldest output first."""
+
+    summary = "the paper's: hidden layers that are fed back with their own last outputs"
+    sizes = ("hidden", "layers", "delays")
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__(config)
+        sizes = [config.inputs] + [config.hidden] * (config.layers - 1)
+        layers = [ContextDelay(size, config.hidden, config.delays) for size in sizes]
+        self.hidden = nn.ModuleList(layers)
+        self.out = nn.Linear(config.hidden, 1)
+        self.state_size = config.layers * config.delays * config.hidden
+
+    @classmethod
+    def weights_per_pair(cls, config: NetworkConfig) -> int:
+        """See `Network.weights_per_pair`."""
+        return 1 + config.delays
+
+    def forward(self, x: Tensor, state: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """See `Network.forward`."""
+        batch = x.shape[1]
+        lanes = lanes_for(x, batch)
+        h = pack_sequences(x, lanes)
+        histories = self._histories(state, lanes)
+        ends = []
+        for layer, history in zip(self.hidden, histories, strict=True):
+            h = layer(h, history)
+            ends.append(self._last(h, history, batch))
+        y = torch.matmul(self.out.weight, h) + self.out.bias
+        return unpack_sequences(y, batch), torch.cat(ends, 1)
+
+    def _histories(self, state: Tensor | None, lanes: int) -> list[Tensor | None]:
+        if state is None:
+            return [None] * self.config.layers
+        parts = state.view(-1, self.config.layers, self.config.delays, self.config.hidden)
+        return [pack_sequences(part.transpose(0, 1), lanes) for part in parts.unbind(1)]
+
+    def _last(self, h: Tensor, history: Tensor | None, batch: int) -> Tensor:
+        delays = self.config.delays
+        last = h[:, -delays:]
+        missing = delays - last.shape[1]
+        if missing:
+            tiles, _, hidden, lanes = h.shape
+            before = h.new_zeros(tiles, delays, hidden, lanes) if history is None else history
+            last = torch.cat([before[:, -missing:], last], 1)
+        return unpack_sequences(last, batch).transpose(0, 1).reshape(batch, -1)
+
+    def step(self, x: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        """See `Network.step`."""
+        width = self.config.delays * self.config.hidden
+        ends = []
+        h = x
+        for layer, history in zip(self.hidden, state.split(width, 1), strict=True):
+            assert isinstance(layer, ContextDelay)
+            h = layer.step(h, history)
+            ends.append(torch.cat([history[:, self.config.hidden :], h], 1))
+        return self.out(h), torch.cat(ends, 1)

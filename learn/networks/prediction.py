@@ -1,0 +1,54 @@
+"""Prediction: what the networks of a run say of one mission."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learn.data.dataset import load_missions
+from learn.data.features import channels_of
+from learn.networks.predictor import Ensemble
+
+Floats = NDArray[np.float32]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """Velocities through the water of one mission, body axes forward and starboard."""
+
+    mission: int
+    """Row in the store."""
+    time: NDArray[np.float64]
+    """[s] since its first sample, (time,)"""
+    surge: Floats
+    """[m/s], (time,), mean over the members"""
+    sway: Floats
+    """[m/s], (time,)"""
+    surge_sd: Floats
+    """[m/s], (time,): spread over the members, zero with a single one"""
+    sway_sd: Floats
+    """[m/s], (time,)"""
+
+
+def predict_missions(
+    networks: Mapping[str, Ensemble], store: str | Path, *, split: str, period: float | None
+) -> list[Prediction]:
+    """Free runs over the missions of a part of a store; errors as `load_missions`."""
+    channels = [c for e in networks.values() for c in channels_of(e.members[0].features)]
+    missions = load_missions(store, channels, split=split, period=period)
+    found = {name: ensemble.predict(missions) for name, ensemble in networks.items()}
+    return [
+        Prediction(
+            mission=mission.index,
+            time=mission.period * np.arange(mission.samples, dtype=np.float64),
+            surge=found["surge"][k][0],
+            sway=found["sway"][k][0],
+            surge_sd=found["surge"][k][1],
+            sway_sd=found["sway"][k][1],
+        )
+        for k, mission in enumerate(missions)
+    ]

@@ -1,0 +1,21 @@
+"""Networks by name. No torch is imported before one is looked up."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from learn.registry import Registry
+
+NETWORKS: Registry[Any] = Registry(
+    "network",
+    "glider_twin.networks",
+    {
+        "elman": "learn.networks.elman:Elman",
+        "lstm": "learn.networks.lstm:Lstm",
+        "gru": "learn.networks.gru:Gru",
+        "tcn": "learn.networks.tcn:CausalConvolutions",
+        "mlp": "learn.networks.mlp:Memoryless",
+    },
+    check="learn.networks.base:check_network",
+)
+"""Every kind of network, a subclass of `learn.networks.base.Network`."""

@@ -1,0 +1,49 @@
+"""TCN: causal convolutions over time."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from learn.networks.base import Network
+from learn.networks.config import NetworkConfig
+
+
+class CausalConvolutions(Network):
+    """State columns: layer by layer the inputs that the next sample still needs, oldest first."""
+
+    summary = "convolutions over time that look back only, with a residual path around each layer"
+    sizes = ("hidden", "layers", "kernel", "dilation")
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__(config)
+        sizes = [config.inputs] + [config.hidden] * (config.layers - 1)
+        self.taps = nn.ModuleList(
+            nn.Conv1d(size, config.hidden, config.kernel, dilation=config.dilation**layer)
+            for layer, size in enumerate(sizes)
+        )
+        self.out = nn.Linear(config.hidden, 1)
+        self.reach = [(config.kernel - 1) * config.dilation**k for k in range(config.layers)]
+        self.widths = [reach * size for reach, size in zip(self.reach, sizes, strict=True)]
+        self.state_size = sum(self.widths)
+
+    @classmethod
+    def weights_per_pair(cls, config: NetworkConfig) -> int:
+        """See `Network.weights_per_pair`."""
+        return config.kernel
+
+    def forward(self, x: Tensor, state: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """See `Network.forward`."""
+        batch = x.shape[1]
+        if state is None:
+            state = self.initial_state(batch)
+        h = x.permute(1, 2, 0)
+        ends = []
+        parts = state.split(self.widths, 1)
+        for taps, reach, part in zip(self.taps, self.reach, parts, strict=True):
+            past = part.reshape(batch, reach, h.shape[1]).transpose(1, 2)
+            seen = torch.cat([past, h], 2)
+            ends.append(seen[:, :, seen.shape[2] - reach :].transpose(1, 2).reshape(batch, -1))
+            new = torch.tanh(taps(seen))
+            h = new + h if new.shape == h.shape else new
+        return self.out(h.permute(2, 0, 1)), torch.cat(ends, 1)

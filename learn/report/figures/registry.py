@@ -1,0 +1,27 @@
+"""Figures of a report by name, in the order of the page; imported when they are looked up."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from learn.registry import Registry
+
+_HERE = "learn.report.figures"
+
+REPORT_FIGURES: Registry[Any] = Registry(
+    "report figure",
+    "glider_twin.report_figures",
+    {
+        "velocities": f"{_HERE}.velocities:Velocities",
+        "distribution": f"{_HERE}.distribution:Distribution",
+        "dives": f"{_HERE}.dives:Dives",
+        "track": f"{_HERE}.track:Track",
+        "track_3d": f"{_HERE}.track_3d:Track3d",
+        "errors": f"{_HERE}.errors:Errors",
+        "uncertainty": f"{_HERE}.uncertainty:Uncertainty",
+        "training_data": f"{_HERE}.training_data:TrainingData",
+        "learning": f"{_HERE}.learning:Learning",
+    },
+    check=f"{_HERE}.base:check_figure",
+)
+"""Every figure, a subclass of `learn.report.figures.base.ReportFigure`; its name is its file's."""

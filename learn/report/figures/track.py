@@ -1,0 +1,94 @@
+"""Track: tracks through the water from above, and how far they are from the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from learn.navigation.dead_reckoning import Array
+from learn.report.contents import Contents
+from learn.report.figures.base import ReportFigure
+from learn.report.figures.lines import MARKS, drawn_methods, look, water_lines
+from learn.report.names import colour_of, title_of
+from learn.report.shown import Shown
+from twin.plot import style
+
+LEAST_DISTANCE_M = 0.01
+"""Lower end of logarithmic distances: a centimetre"""
+
+
+class Track(ReportFigure):
+    """See the module."""
+
+    summary = "dead-reckoned tracks of a mission from above"
+    section = "tracks"
+    beside = True
+
+    def draw(self, contents: Contents) -> Figure | None:
+        """See `ReportFigure`."""
+        return track_figure(contents.tracks[0], drawn_methods()) if contents.tracks else None
+
+    def caption(self, contents: Contents) -> str:
+        """See `ReportFigure`."""
+        return f"Dead-reckoned tracks through the water, {contents.tracks[0].label}."
+
+
+def track_figure(shown: Shown, methods: Sequence[str]) -> Figure:
+    """North-east track through the water from above, and how far each method is from the truth."""
+    with style.styled():
+        figure = style.new_figure(style.COLUMN_WIDTH * 1.25, 5.2)
+        axes, below = figure.subplots(2, 1, height_ratios=(3.0, 1.0))
+        lines = water_lines(shown, methods)
+        metres, unit = style.length_unit(*(line[:, k] for line in lines.values() for k in (0, 1)))
+        for place, (name, line) in enumerate(lines.items()):
+            north, east = style.thin(line[:, 0], line[:, 1])
+            axes.plot(east / metres, north / metres, **look(name, place))
+        for name, line in lines.items():
+            _ends(axes, line / metres, name)
+        axes.set_xlabel(f"east [{unit}]")
+        axes.set_ylabel(f"north [{unit}]")
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.margins(0.06)
+        _distances(below, shown, lines)
+        _legend(figure, axes, methods, lines)
+    return figure
+
+
+def _distances(axes: Axes, shown: Shown, lines: dict[str, Array]) -> None:
+    """Distance of each method from the truth over time, on a logarithmic axis."""
+    seconds, unit = style.time_unit(shown.time)
+    for place, (name, line) in enumerate(lines.items()):
+        if name == "truth":
+            continue
+        away = np.maximum(np.hypot(*(line - lines["truth"]).T), LEAST_DISTANCE_M)
+        time, distance = style.thin(shown.time / seconds, away)
+        axes.plot(time, distance, **look(name, place))
+    axes.set_yscale("log")
+    axes.set_ylabel("[m]")
+    axes.set_title("distance from the truth")
+    style.label_time(axes, unit)
+
+
+def _legend(figure: Figure, axes: Axes, methods: Sequence[str], lines: dict[str, Array]) -> None:
+    handles, names = axes.get_legend_handles_labels()
+    missing = [title_of(name) for name in methods if name not in lines]
+    if missing:
+        handles = [*handles, axes.plot([], [], ls="none")[0]]
+        names = [*names, f"no track: {', '.join(missing)}"]
+    figure.legend(handles, names, loc="outside upper left", ncols=2, columnspacing=1.0)
+
+
+def _ends(axes: Axes, track: Array, name: str) -> None:
+    """Start and end of the truth, the end of a method in its colour."""
+    for label, (index, marker) in MARKS.items():
+        if name != "truth" and label == "start":
+            continue
+        truth = name == "truth"
+        axes.plot(
+            track[index, 1], track[index, 0], marker, ms=6.5 if truth else 4.0, mfc="white",
+            mec=style.COMMAND if truth else colour_of(name), mew=1.2, ls="none",
+            label=label if truth else None, zorder=5 if truth else 6,
+        )  # fmt: skip

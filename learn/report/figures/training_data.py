@@ -1,0 +1,65 @@
+"""Training data: a mission that the networks were trained on."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from learn.data.dataset import Mission
+from learn.navigation.dead_reckoning import sample_times
+from learn.report.contents import Contents
+from learn.report.figures.base import ReportFigure
+from twin.plot import style
+
+TRAINING_PANELS = (
+    ("true_surge", "surge [m/s]"),
+    ("true_sway", "sway [m/s]"),
+    ("measured_pitch", "pitch [deg]"),
+    ("measured_roll", "roll [deg]"),
+    ("measured_depth", "depth [m]"),
+    ("measured_shift", "shift [mm]"),
+    ("measured_rotation", "rotation [deg]"),
+    ("measured_pump", "pump [cm³]"),
+)
+"""Channel and label of each panel of the training-data figure."""
+MILLIMETRES = {"measured_shift": 1e3}
+
+
+class TrainingData(ReportFigure):
+    """See the module."""
+
+    summary = "targets and inputs of a training mission"
+    section = "training"
+
+    def draw(self, contents: Contents) -> Figure | None:
+        """See `ReportFigure`."""
+        return None if contents.training is None else training_figure(contents.training)
+
+    def caption(self, contents: Contents) -> str:
+        """See `ReportFigure`."""
+        assert contents.training is not None
+        return f"A training mission ({contents.training.index}): the targets in blue, and inputs."
+
+
+def training_figure(mission: Mission) -> Figure:
+    """A training mission: the targets and the main inputs."""
+    panels = [(name, label) for name, label in TRAINING_PANELS if name in mission.signals]
+    with style.styled():
+        figure = style.new_figure(style.PAGE_WIDTH, 0.95 * -(-len(panels) // 2) + 0.4)
+        axes = figure.subplots(-(-len(panels) // 2), 2, sharex=True, squeeze=False)
+        time = sample_times(mission.samples, mission.period)
+        seconds, unit = style.time_unit(time)
+        for place, (name, label) in zip(axes.T.flat, panels, strict=False):
+            values = mission.signals[name] * MILLIMETRES.get(name, 1.0)
+            colour = style.TRUTH if name.startswith("true_") else style.COMMAND
+            t, y = style.thin(time, values)
+            place.plot(t / seconds, y, color=colour, lw=0.9)
+            place.set_ylabel(label)
+            place.yaxis.set_major_locator(MaxNLocator(3))
+            if name == "measured_depth":
+                place.invert_yaxis()
+        for place in axes.T.flat[len(panels) :]:
+            place.set_visible(False)
+        for place in axes[-1]:
+            style.label_time(place, unit)
+    return figure

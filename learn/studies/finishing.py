@@ -1,0 +1,142 @@
+"""Finishing: what follows the training of a run: error model, evaluations, page and card."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from learn.data.dataset import Mission, load_missions
+from learn.data.missions import open_missions
+from learn.evaluation.evaluation import NETWORK, Evaluation, evaluate
+from learn.evaluation.score import Reference
+from learn.evaluation.uncertainty import ErrorModel, fit_error_model
+from learn.files import read_json, write_json
+from learn.navigation.baselines.base import Estimate
+from learn.report.build import build_page
+from learn.report.card import model_card
+from learn.report.contents import Contents, RunEvaluation
+from learn.report.figures.training_data import TRAINING_PANELS
+from learn.report.log_page import build_log_page
+from learn.runs.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
+from learn.studies.run_evaluation import evaluate_run, evaluation_split, is_log_store
+
+IDEAL_SENSORS = "ideal"
+"""The store's attribute `sensors` when its compass has no error."""
+PAPER_TEST_STORE = "paper-test.zarr"
+
+Say = Callable[[str], None]
+
+
+def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
+    """Everything of a run that follows its training: error model, evaluations, page and card.
+
+    Args:
+      history: command line for the page.
+      say: told what is being done.
+
+    Returns:
+      The run with its error model.
+    """
+    split, others = evaluation_split(run)
+    if not is_log_store(run.store):
+        say("learning how far off the networks are from missions that they were not trained on")
+        run = run.remember(error_model=dataclasses.asdict(_error_model(run, others)))
+    say(f"evaluating on {split} missions, with floor and baselines")
+    test = evaluate_run(run, run.store, split=split)
+    write_json(run.folder / EVALUATION, test.figures)
+    paper = None if is_log_store(run.store) else _paper_test(run, say)
+    if paper is not None:
+        write_json(run.folder / PAPER_TEST, paper.figures)
+    write_page(run, test, paper, history=history)
+    (run.folder / CARD).write_text(model_card(run, test.figures, split), encoding="utf-8")
+    return run
+
+
+def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, history: str) -> Path:
+    """The run's page from its evaluations."""
+    settings = run.description["settings"]
+    if is_log_store(run.store):
+        return build_log_page((run.folder / REPORT).parent, run, test, provenance(run), history)
+    contents = Contents(
+        title=f"Surge and sway networks: {run.name}",
+        lead=f"{settings['network']['kind']} networks, {test.figures['missions']} "
+        f"{test.evaluation.split} missions of {test.evaluation.store}",
+        test=test,
+        paper_test=paper,
+        error_model=run.error_model(),
+        metrics=run.metrics(),
+        training=_training_mission(run),
+        ablation=_ablation(run),
+        provenance=provenance(run),
+        command=history or str(run.description.get("history", "")),
+    )
+    return build_page((run.folder / REPORT).parent, contents)
+
+
+def _ablation(run: Run) -> dict[str, Any]:
+    """What `ablation.json` holds; empty without one."""
+    path = run.folder / ABLATION
+    remedy = f"`learn fit --name {run.name} --resume --ablation` writes it anew"
+    return read_json(path, remedy) if path.is_file() else {}
+
+
+def provenance(run: Run) -> dict[str, object]:
+    """What a run was made from and with."""
+    settings = run.description["settings"]
+    networks = run.description.get("networks", {}).values()
+    return {
+        "store": settings["store"],
+        **{f"store: {name}": value for name, value in run.description["store"].items()},
+        "inputs": ", ".join(settings["features"]),
+        "network": ", ".join(f"{k} {v}" for k, v in settings["network"].items() if k != "inputs"),
+        "training": ", ".join(f"{k} {v}" for k, v in settings["training"].items()),
+        "networks per velocity": settings["members"],
+        "division": settings["division"],
+        "time in training": f"{sum(n.get('seconds', 0.0) for n in networks):.0f} s of networks",
+        "started": run.description["created"],
+        **{f"version of {name}": value for name, value in run.description["versions"].items()},
+    }
+
+
+def _error_model(run: Run, split: str) -> ErrorModel:
+    seconds: list[float] = []
+
+    def watch(reference: Reference, estimates: Mapping[str, Estimate]) -> None:
+        seconds.append(reference.mission.samples * reference.mission.period)
+
+    found: Evaluation = evaluate(
+        run.networks(), run.store, split=split, baselines=(), watch=watch, period=run.period
+    )
+    ideal = found.provenance.get("sensors") == IDEAL_SENSORS
+    return fit_error_model(found.methods[NETWORK].scores, seconds, ideal_compass=ideal)
+
+
+def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
+    """The run on the paper's three missions, flown with the sensors of its store.
+
+    None for a store that the factory did not make: its sensors are not known.
+    """
+    sensors = run.description["store"].get("sensors")
+    if sensors is None:
+        return None
+    say("flying the paper's test in three currents")
+    from factory.generation.bulk import generate
+    from factory.recipe.recipe import make_recipe
+
+    path = run.folder / PAPER_TEST_STORE
+    recipe = make_recipe(preset="paper-test", sensors=str(sensors))
+    generate(recipe, path, workers=1, overwrite=True, history="learn fit")
+    return evaluate_run(run, path, split="all")
+
+
+def _training_mission(run: Run) -> Mission | None:
+    """One training mission with the channels that the page draws and the store has."""
+    dataset = open_missions(run.store)
+    present = set(dataset.data_vars)
+    dataset.close()
+    channels = [name for name, _ in TRAINING_PANELS if name in present]
+    split = "train" if "split" in present else "all"
+    missions = load_missions(run.store, channels, split=split, limit=1)
+    return missions[0] if missions else None

@@ -1,0 +1,89 @@
+"""Run evaluation: the networks of a run on the missions of a store."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from learn.data.dataset import SPLITS, load_missions
+from learn.data.logs import is_real
+from learn.data.missions import open_missions
+from learn.evaluation.evaluation import Watch, evaluate
+from learn.evaluation.score import Reference
+from learn.evaluation.uncertainty import Coverage
+from learn.navigation.baselines.base import Estimate
+from learn.report.contents import RunEvaluation
+from learn.report.shown import Showcase
+from learn.runs.run import Run
+from twin.cli.console import to_json
+
+
+def evaluate_run(
+    run: Run,
+    store: str | Path,
+    *,
+    split: str = "test",
+    baselines: Sequence[str] | None = None,
+    watches: Sequence[Watch] = (),
+) -> RunEvaluation:
+    """Evaluate a run on a store, with the missions that a page draws; errors as `evaluate`."""
+    if is_log_store(store):
+        return _evaluate_on_logs(run, store, split=split, baselines=baselines, watches=watches)
+    showcase, coverage = Showcase(), Coverage(run.error_model())
+
+    def watch(reference: Reference, estimates: Mapping[str, Estimate]) -> None:
+        for see in (showcase.add, coverage.add, *watches):
+            see(reference, estimates)
+
+    evaluation = evaluate(
+        run.networks(), store, split=split, baselines=baselines, watch=watch, period=run.period
+    )
+    found = {
+        "run": str(run.folder),
+        **evaluation.to_json(),
+        "uncertainty": coverage.figures(),
+    }
+    return RunEvaluation(evaluation=evaluation, figures=to_json(found), shown=showcase.missions)
+
+
+def is_log_store(store: str | Path) -> bool:
+    """Whether it holds real logs."""
+    dataset = open_missions(store)
+    try:
+        return is_real(dataset.attrs)
+    finally:
+        dataset.close()
+
+
+def _evaluate_on_logs(
+    run: Run,
+    store: str | Path,
+    *,
+    split: str,
+    baselines: Sequence[str] | None,
+    watches: Sequence[Watch],
+) -> RunEvaluation:
+    """As `evaluate_run`: no missions to draw, since a log's true track is not known."""
+
+    def watch(reference: Any, estimates: Mapping[str, Estimate]) -> None:
+        for see in watches:
+            see(reference, estimates)
+
+    evaluation = evaluate(
+        run.networks(), store, split=split, baselines=baselines, watch=watch, period=run.period
+    )
+    found = {"run": str(run.folder), **evaluation.to_json()}
+    return RunEvaluation(evaluation=evaluation, figures=to_json(found), shown=())
+
+
+def evaluation_split(run: Run) -> tuple[str, str]:
+    """The split to evaluate on, and the one to learn the size of errors from.
+
+    Test and validation missions; where a store has none, what comes nearest to unseen missions.
+    """
+    if run.description["settings"]["division"] == "samples":
+        return "all", "all"
+    parts = {m.split for m in load_missions(run.store, ("measured_depth",), split="all")}
+    held_out = [split for split in reversed(SPLITS) if split in parts] or ["all"]
+    return held_out[0], held_out[min(1, len(held_out) - 1)]

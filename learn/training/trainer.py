@@ -1,0 +1,361 @@
+"""Trainer: one network of one velocity, by any optimiser.
+
+What is minimised is the mean squared error of the free-running network over all samples of the
+training missions, the launch from rest included. Missions are cut into windows that start some
+samples early (wash-in, not counted) so that the network has found its state when counting begins;
+the first window of a mission starts at the launch and counts at once. What is judged is the free
+run over whole validation missions.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from learn.data.dataset import Sequences, batches, cut_windows, pack_windows
+from learn.networks.base import Network, build_network
+from learn.networks.config import NetworkConfig
+from learn.networks.predictor import free_run
+from learn.training.optimisers.base import FullBatchOptimiser, MinibatchOptimiser
+from learn.training.optimisers.registry import OPTIMISERS
+from learn.training.schedule import Clock, TrainingConfig, step_size
+from twin.errors import InputError, StoreError
+from twin.preload import preload_triton
+
+TRAINING_PER_VALIDATION = 4.0
+"""Least ratio of the time in training to that in validation: a large store validates less often."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Report:
+    """How far a training is; the last one is also its result."""
+
+    step: int
+    """Updates, or iterations over all samples."""
+    epoch: float
+    """Passes over the training missions."""
+    seconds: float
+    """[s] spent, earlier runs of a resumed training included."""
+    share: float
+    """Share of the budget, 0 to 1."""
+    rate: float
+    """Step size, or the scale of a full-batch method."""
+    train_mse: float
+    """[(m/s)^2] over the windows since the last report."""
+    validation_mse: float
+    """[(m/s)^2] free run over whole validation missions; NaN without any."""
+    best_mse: float
+    """Lowest validation so far (training error where there are no validation missions)."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Trained:
+    """A finished training."""
+
+    network: Network
+    history: tuple[Report, ...]
+    stopped_early: bool
+
+
+def pick_device(name: str) -> torch.device:
+    """The device called `name`.
+
+    Raises:
+      InputError: cuda is demanded and there is none.
+    """
+    available = torch.cuda.is_available()
+    if name == "cuda" and not available:
+        raise InputError("no CUDA device is available; use device auto or cpu")
+    return torch.device("cuda" if name != "cpu" and available else "cpu")
+
+
+class Trainer:
+    """One training with its budget, best weights and checkpoint.
+
+    Sequences are normalised; `target_scale` turns normalised errors into m/s. `start` are weights
+    to go on from, in place of random ones; they count as the best until validation says otherwise.
+    """
+
+    def __init__(
+        self,
+        network: NetworkConfig,
+        config: TrainingConfig,
+        train: Sequences,
+        validation: Sequences | None,
+        *,
+        target_scale: float,
+        checkpoint: Path | None = None,
+        report: Callable[[Report], None] | None = None,
+        start: Mapping[str, Tensor] | None = None,
+    ) -> None:
+        if not train.inputs:
+            raise StoreError("there are no training missions")
+        self.config, self.train_data, self.validation = config, train, validation
+        self.variance = target_scale**2
+        self.checkpoint, self.on_report = checkpoint, report
+        self.network_config = dataclasses.replace(network, inputs=train.inputs[0].shape[1])
+        torch.set_num_threads(config.threads)
+        self.device = pick_device(config.device)
+        torch.manual_seed(config.seed)
+        self.network = build_network(self.network_config).to(self.device)
+        if start is not None:
+            self._take(start)
+        self.history: list[Report] = []
+        self.best = math.inf
+        if start is not None and validation is not None and validation.inputs:
+            self.best = self.variance * mean_squared_error(self.network, validation)
+        self.best_state = _copy(self.network)
+        self.bad = 0
+        self.stopped = False
+        self._seen: list[tuple[float, float]] = []
+
+    def _take(self, start: Mapping[str, Tensor]) -> None:
+        try:
+            self.network.load_state_dict(dict(start))
+        except RuntimeError as error:
+            raise InputError(
+                "the weights to start from belong to a network of another kind, size or inputs; "
+                "give the same --kind, --hidden, --layers, --delays and inputs"
+            ) from error
+
+    def run(self) -> Trained:
+        """Train until the budget is spent or validation stops improving; resumes a checkpoint.
+
+        Raises:
+          StoreError: the checkpoint belongs to other settings.
+          InputError: the loss is no longer finite.
+        """
+        saved = self._load()
+        optimiser = OPTIMISERS[self.config.optimiser]()
+        if isinstance(optimiser, FullBatchOptimiser):
+            self._full_batch(optimiser, saved)
+        else:
+            assert isinstance(optimiser, MinibatchOptimiser)
+            self._minibatches(optimiser, saved)
+        self.network.load_state_dict(self.best_state)
+        if self.checkpoint is not None:
+            self.checkpoint.unlink(missing_ok=True)
+        return Trained(self.network, tuple(self.history), self.stopped)
+
+    # --- batches of windows ---------------------------------------------------------------------
+
+    def _minibatches(self, kind: MinibatchOptimiser, saved: dict[str, Any] | None) -> None:
+        config, network = self.config, self.network
+        preload_triton()  # torch.optim imports triton where it is installed
+        optimiser = kind.build(network.parameters(), config)
+        epoch = position = step = 0
+        passed = 0.0
+        clock = Clock(config)
+        if saved:
+            network.load_state_dict(saved["network"])
+            optimiser.load_state_dict(saved["optimiser"])
+            epoch, position, step = saved["epoch"], saved["position"], saved["step"]
+            passed = saved["passed"]
+            clock = Clock(config, saved["seconds"])
+        share = clock.share(passed)
+        next_check = self._next_check(share)
+        while share < 1.0 and not self.stopped:
+            rng = np.random.default_rng([config.seed, epoch])
+            windows = cut_windows(
+                self.train_data.lengths,
+                length=config.window,
+                washin=config.washin,
+                rng=rng,
+                mirror=self.train_data.mirror is not None,
+            )
+            groups = batches(windows, config.batch, rng)
+            while position < len(groups):
+                rate = step_size(config, share)
+                for group in optimiser.param_groups:
+                    group["lr"] = rate
+                self._update(optimiser, groups[position])
+                position, step = position + 1, step + 1
+                passed = epoch + position / len(groups)
+                share = clock.share(passed)
+                if share >= min(next_check, 1.0):
+                    next_check = self._check(step, passed, clock, share, rate)
+                    self._save(
+                        network=network.state_dict(),
+                        optimiser=optimiser.state_dict(),
+                        epoch=epoch,
+                        position=position,
+                        passed=passed,
+                        step=step,
+                        seconds=clock.seconds(),
+                    )
+                if share >= 1.0 or self.stopped:
+                    return
+            epoch, position = epoch + 1, 0
+
+    def _update(self, optimiser: torch.optim.Optimizer, windows: Any) -> None:
+        optimiser.zero_grad()
+        error, weight = self._squared_error(windows)
+        loss = error / max(weight, 1.0)
+        loss.backward()
+        length = torch.nn.utils.clip_grad_norm_(self.network.parameters(), self.config.clip)
+        if not torch.isfinite(length):
+            raise InputError(
+                f"training diverged (gradient {float(length)}); choose a smaller rate than "
+                f"{self.config.rate:g}"
+            )
+        optimiser.step()
+        self._seen.append((float(error.detach()), weight))
+
+    def _squared_error(self, windows: Any) -> tuple[Tensor, float]:
+        x, y, w = pack_windows(self.train_data, windows)
+        weight = float(w.sum())
+        inputs, wanted, counted = (torch.from_numpy(a).to(self.device) for a in (x, y, w))
+        output = self.network(inputs)[0][..., 0]
+        return (counted * (output - wanted).square()).sum(), weight
+
+    # --- all windows at once --------------------------------------------------------------------
+
+    def _full_batch(self, kind: FullBatchOptimiser, saved: dict[str, Any] | None) -> None:
+        config, network = self.config, self.network
+        windows = cut_windows(
+            self.train_data.lengths,
+            length=config.full_window,
+            washin=config.washin,
+            mirror=self.train_data.mirror is not None,
+        )
+        groups = batches(windows, 64)
+        parameters = list(network.parameters())
+
+        def objective(flat: Tensor) -> tuple[float, Tensor]:
+            torch.nn.utils.vector_to_parameters(flat, parameters)
+            network.zero_grad()
+            errors, weights = [], 0.0
+            for group in groups:
+                error, weight = self._squared_error(group)
+                error.backward()
+                errors.append(float(error.detach()))
+                weights += weight
+            gradient = torch.cat([p.grad.view(-1) for p in parameters if p.grad is not None])
+            return math.fsum(errors) / weights, gradient.detach() / weights
+
+        clock = Clock(config, saved["seconds"] if saved else 0.0)
+        start = torch.nn.utils.parameters_to_vector(parameters).detach()
+        optimiser = kind.build(objective, start, config)
+        if saved:
+            optimiser.load_state_dict(saved["optimiser"])
+        share = clock.share(optimiser.iterations)
+        next_check = self._next_check(share)
+        while share < 1.0 and not self.stopped and not optimiser.converged:
+            optimiser.step()
+            share = clock.share(optimiser.iterations)
+            self._seen = [(optimiser.error, 1.0)]
+            if share >= min(next_check, 1.0) or optimiser.converged:
+                torch.nn.utils.vector_to_parameters(optimiser.parameters, parameters)
+                passes = optimiser.evaluations
+                next_check = self._check(
+                    optimiser.iterations, passes, clock, share, optimiser.scale
+                )
+                self._save(optimiser=optimiser.state_dict(), seconds=clock.seconds())
+
+    # --- validation and checkpoints -------------------------------------------------------------
+
+    def _next_check(self, share: float) -> float:
+        every = 1.0 / self.config.validations
+        return (math.floor(share / every + 1e-9) + 1) * every
+
+    def _check(self, step: int, epoch: float, clock: Clock, share: float, rate: float) -> float:
+        """Validate, keep what is best, report; the share of the budget at which to do so again."""
+        start = clock.seconds()
+        error, weight = (math.fsum(column) for column in zip(*self._seen, strict=True))
+        self._seen = []
+        train_mse = self.variance * error / max(weight, 1.0)
+        if not math.isfinite(train_mse):
+            raise InputError("training diverged: the error is not finite; choose a smaller rate")
+        validation_mse = math.nan
+        if self.validation is not None and self.validation.inputs:
+            validation_mse = self.variance * mean_squared_error(self.network, self.validation)
+        judged = train_mse if math.isnan(validation_mse) else validation_mse
+        if judged < self.best:
+            self.best, self.bad = judged, 0
+            self.best_state = _copy(self.network)
+        else:
+            self.bad += 1
+        self.stopped = bool(self.config.patience) and self.bad >= self.config.patience
+        report = Report(
+            step, epoch, clock.seconds(), share, rate, train_mse, validation_mse, self.best
+        )
+        self.history.append(report)
+        if self.on_report is not None:
+            self.on_report(report)
+        again = self._next_check(share)
+        if self.config.seconds:
+            cost = (clock.seconds() - start) / self.config.seconds
+            again = max(again, clock.share(epoch) + TRAINING_PER_VALIDATION * cost)
+        return again
+
+    def _identity(self) -> dict[str, Any]:
+        """What must not differ between a checkpoint and the run that resumes it."""
+        data = (self.train_data.samples, len(self.train_data.inputs))
+        ours = dataclasses.asdict(self.config)
+        for name in ("device", "threads"):
+            ours.pop(name)
+        return {"network": dataclasses.asdict(self.network_config), "training": ours, "data": data}
+
+    def _save(self, **state: Any) -> None:
+        if self.checkpoint is None:
+            return
+        everything = {
+            "identity": self._identity(),
+            "history": [dataclasses.astuple(report) for report in self.history],
+            "best": self.best,
+            "best_state": self.best_state,
+            "bad": self.bad,
+            **state,
+        }
+        # A kill while writing must not cost the previous checkpoint.
+        half = self.checkpoint.with_suffix(".part")
+        torch.save(everything, half)
+        half.replace(self.checkpoint)
+
+    def _load(self) -> dict[str, Any] | None:
+        if self.checkpoint is None or not self.checkpoint.exists():
+            return None
+        saved: dict[str, Any] = torch.load(self.checkpoint, map_location=self.device)
+        theirs, ours = saved["identity"], self._identity()
+        if theirs != ours:
+            raise StoreError(
+                f"checkpoint {self.checkpoint} was made with other settings "
+                f"({_difference(theirs, ours)}); give the same ones, or remove it to start anew"
+            )
+        self.history = [Report(*row) for row in saved["history"]]
+        self.best, self.best_state = saved["best"], saved["best_state"]
+        self.bad = saved["bad"]
+        return saved
+
+
+def mean_squared_error(network: Network, sequences: Sequences) -> float:
+    """Normalised error of the free run over whole missions, all counted samples."""
+    total = weight = 0.0
+    runs = free_run(network, sequences.inputs)
+    for output, wanted, counted in zip(runs, sequences.targets, sequences.weights, strict=True):
+        total += float((counted * np.square(output - wanted)).sum(dtype=np.float64))
+        weight += float(counted.sum(dtype=np.float64))
+    return total / max(weight, 1.0)
+
+
+def _copy(network: Network) -> dict[str, Tensor]:
+    return {name: value.detach().clone() for name, value in network.state_dict().items()}
+
+
+def _difference(theirs: dict[str, Any], ours: dict[str, Any]) -> str:
+    for part, values in ours.items():
+        if not isinstance(values, dict):
+            if theirs.get(part) != values:
+                return f"{part} {theirs.get(part)} instead of {values}"
+            continue
+        for name, value in values.items():
+            if theirs.get(part, {}).get(name) != value:
+                return f"{part} {name} {theirs.get(part, {}).get(name)} instead of {value}"
+    return "an unknown one"

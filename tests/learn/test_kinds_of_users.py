@@ -1,0 +1,174 @@
+"""A user's own kinds, each in one file outside the package, from training to export."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from matplotlib.figure import Figure
+
+import learn
+from learn.navigation.baselines.base import Baseline, Estimate
+from learn.networks.onnx_export import StepModel
+from learn.report.figures.base import ReportFigure
+from twin.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(autouse=True)
+def own_kinds(monkeypatch):
+    """What a test registers is gone after it."""
+    for registry in (learn.NETWORKS, learn.OPTIMISERS, learn.BASELINES, learn.REPORT_FIGURES):
+        monkeypatch.setattr(registry, "_registered", {})
+
+
+def program(folder, *words):
+    """Run the file of the docs as a program in a folder."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.run(
+        [sys.executable, *map(str, words)],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with the file of the docs."""
+    folder = tmp_path_factory.mktemp("user")
+    blocks = re.findall(
+        r"```python\n(.*?)```", (ROOT / "docs" / "learn.md").read_text("utf-8"), re.DOTALL
+    )
+    (text,) = [block for block in blocks if "register" in block]
+    (folder / "leaky.py").write_text(text)
+    return folder
+
+
+def test_a_network_of_ones_own_trains_reloads_evaluates_and_exports(place, flown_store):
+    small = ("--hidden", 5, "--members", 1, "--epochs", 1, "--features", "sin_pitch", "depth_rate")
+    words = ("leaky.py", "fit", flown_store, "--name", "mine", "--network", "leaky", *small)
+    done = program(place, *words, "--workers", 2, "--json")  # in processes of their own
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["settings"]["network"]["kind"] == "leaky"
+    assert "leaky, hidden 5\n" in (place / "runs" / "mine" / "README.md").read_text()
+
+    done = program(place, "leaky.py", "evaluate", "mine", flown_store, "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["surge_mse"] > 0.0
+
+    done = program(place, "leaky.py", "export", "mine", "--json")
+    assert done.returncode == 0, done.stderr
+    model = StepModel(place / "runs" / "mine" / "onnx" / "surge-0.onnx")
+    assert model.features == ("sin_pitch", "depth_rate")
+
+    # without the file the run says what is missing
+    done = program(place, "-m", "learn", "evaluate", "mine", flown_store)
+    assert done.returncode == 2
+    assert "unknown network 'leaky'" in done.stderr
+    assert "import __main__" not in done.stderr
+    assert "register" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_a_module_is_named_when_its_network_is_not_registered(flown_store, tmp_path, monkeypatch):
+    monkeypatch.setattr("learn.report.page.Page._figure", lambda *_: "")
+    (tmp_path / "my_kinds.py").write_text(
+        "import learn\nfrom learn.networks.mlp import Memoryless\n"
+        "@learn.NETWORKS.register('mine')\nclass Mine(Memoryless):\n    summary = 'mine'\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    __import__("my_kinds")
+    settings = {"network": "mine", "features": ("sin_pitch",), "epochs": 1, "members": 1}
+    run = learn.fit(flown_store, folder=tmp_path / "run", hidden=4, **settings)
+    assert learn.evaluate(run).figures["missions"] == 1
+    monkeypatch.setattr(learn.NETWORKS, "_registered", {})  # as in a session without that import
+    with pytest.raises(InputError, match=r"surge-0\.json: unknown network 'mine'.*import my_kinds"):
+        learn.evaluate(tmp_path / "run")
+
+
+def test_a_network_that_torch_cannot_export_is_explained(tmp_path):
+    from learn.data.normalisation import Normalisation
+    from learn.networks.base import build_network
+    from learn.networks.onnx_export import step_model
+    from learn.networks.predictor import Predictor
+
+    class Branching(learn.Network):
+        summary = "it looks at its numbers"
+
+        def __init__(self, config):
+            super().__init__(config)
+            self.line = torch.nn.Linear(config.inputs, 1)
+            self.state_size = 0
+
+        def forward(self, x, state=None):
+            y = self.line(x)
+            return (y if float(y.detach().sum()) < 1e9 else -y), self.initial_state(x.shape[1])
+
+    learn.NETWORKS.register("branching")(Branching)
+    network = build_network(learn.NetworkConfig(kind="branching", inputs=1))
+    scales = Normalisation(
+        features=("depth_rate",), mean=(0.0,), scale=(1.0,), target="surge",
+        target_mean=0.0, target_scale=1.0,
+    )  # fmt: skip
+    with pytest.raises(InputError, match="torch cannot export network 'branching'"):
+        step_model(Predictor(network, scales), 0.5)
+
+
+class Sgd(learn.MinibatchOptimiser):
+    summary = "plain descent"
+
+    def build(self, parameters, config):
+        return torch.optim.SGD(parameters, lr=config.rate)
+
+
+class Still(Baseline):
+    title = "standing still"
+    summary = "no way at all"
+    channels = ("measured_depth",)
+
+    def estimate(self, signals, period):
+        zeros = np.zeros(len(signals["measured_depth"]))
+        return Estimate(surge=zeros, sway=zeros)
+
+
+class Depths(ReportFigure):
+    summary = "depth of a training mission"
+    section = "training"
+
+    def draw(self, contents):
+        figure = Figure(figsize=(3, 2))
+        figure.subplots().plot(contents.training.signals["measured_depth"])
+        return figure
+
+    def caption(self, contents):
+        return "How deep mission went."
+
+
+def test_an_optimiser_a_baseline_and_a_figure_of_ones_own(flown_store, tmp_path, monkeypatch):
+    monkeypatch.setattr("learn.report.page.DPI", 20)
+    own = ((learn.OPTIMISERS, Sgd), (learn.BASELINES, Still), (learn.REPORT_FIGURES, Depths))
+    for registry, kind in own:
+        registry.register(f"my_{kind.__name__.lower()}")(kind)
+    settings = {"features": ("sin_pitch",), "network": "mlp", "hidden": 4, "members": 1}
+    run = learn.fit(
+        flown_store,
+        folder=tmp_path / "run",
+        optimiser="my_sgd",
+        epochs=1,
+        **settings,
+    )
+    assert run.description["settings"]["training"]["optimiser"] == "my_sgd"
+    assert run.figures["baselines"]["my_still"]["surge_mse"] > 0.0
+    page = run.report.read_text()
+    assert "standing still" in page
+    assert "How deep mission went." in page
+    assert (run.report.parent / "my_depths.png").is_file()
