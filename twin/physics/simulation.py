@@ -89,7 +89,7 @@ class Simulation:
         self._collected = np.zeros(self._samples(), self._row)
         self._count = 0
         self._write_header()
-        apply_real_vehicle(model, scenario)
+        self._nominal = (model.qpos0.copy(), float(header(model)["neutral_volume"]))
         self.data = mujoco.MjData(model)
         self.reset()
 
@@ -214,10 +214,13 @@ class Simulation:
 
     def reset(self) -> None:
         """Back to the start, with an empty log."""
+        # the start is the nominal vehicle's; its errors act from there on
+        self.model.qpos0[:], header(self.model)["neutral_volume"] = self._nominal
         mujoco.mj_resetData(self.model, self.data)
         set_start(self.model, self.data, self.start(), self._current_at_start())
         if header(self.model)["centred"]:
             stagger(self.model, self.data)
+        apply_real_vehicle(self.model, self.scenario)
         self._count = 0
 
     def _current_at_start(self) -> Array:

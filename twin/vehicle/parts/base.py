@@ -19,13 +19,42 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
-    from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Kernel = Callable[..., Any]
 
 VALUES = 24
 """Most parameters of a part that its kernels read."""
+
+
+class Moved(Protocol):
+    """What a part must know of the mass that it moves."""
+
+    @property
+    def mass(self) -> float:
+        """[kg]"""
+
+    @property
+    def eccentricity(self) -> float:
+        """[m] of its CG below the axis."""
+
+
+class Carrier(Protocol):
+    """What a part must know of the vehicle that carries it; see `twin.vehicle.vehicle.Vehicle`."""
+
+    @property
+    def gravity(self) -> float:
+        """[m/s2]"""
+
+    @property
+    def reference_density(self) -> float:
+        """[kg/m3]"""
+
+    def moved_by(self, part: str) -> Moved:
+        """The mass that a slide or hinge moves."""
+
+    def pump_for_net_mass(self, net_mass: float) -> float:
+        """Position of its pump [cm3] for a net mass [kg]."""
 
 
 class Losses(Protocol):
@@ -174,7 +203,7 @@ class Part:
 
     def energy(
         self,
-        vehicle: Vehicle,
+        vehicle: Carrier,
         before: float,
         after: float,
         losses: Losses,
@@ -191,7 +220,7 @@ class Part:
 
     # --- what is drawn and shown ----------------------------------------------------------------
 
-    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Vehicle) -> float:
+    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """A random command for a manoeuvre that is `heavy` (1 dives, -1 climbs)."""
         middle, half = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
         return float(middle + 0.5 * half * rng.uniform(-1.0, 1.0))

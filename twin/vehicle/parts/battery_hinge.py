@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from twin.vehicle.parts.base import Losses, Part, Quantity
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
+from twin.vehicle.parts.base import Carrier, Losses, Part, Quantity
 
 ROTATION = 60.0
 """[deg] largest rotation that a random manoeuvre draws"""
@@ -35,7 +32,7 @@ class BatteryHinge(Part):
 
     def energy(
         self,
-        vehicle: Vehicle,
+        vehicle: Carrier,
         before: float,
         after: float,
         losses: Losses,
@@ -51,6 +48,6 @@ class BatteryHinge(Part):
         turning += losses.bearing_torque * abs(after - before)
         return max(turning, 0.0) / losses.screw_efficiency
 
-    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Vehicle) -> float:
+    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """Every other command is level."""
         return float(math.radians(rng.uniform(-ROTATION, ROTATION)) * rng.integers(0, 2))

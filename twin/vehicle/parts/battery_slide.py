@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from twin.vehicle.parts.base import Losses, Part, Quantity
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
+from twin.vehicle.parts.base import Carrier, Losses, Part, Quantity
 
 SHIFT = (0.008, 0.03)
 """[m] of a travel of 0.05 m: commands that a random manoeuvre draws"""
@@ -41,7 +38,7 @@ class BatterySlide(Part):
 
     def energy(
         self,
-        vehicle: Vehicle,
+        vehicle: Carrier,
         before: float,
         after: float,
         losses: Losses,
@@ -56,6 +53,6 @@ class BatterySlide(Part):
         sliding = weight * (moved * math.sin(pitch) + losses.rail_friction * abs(moved))
         return max(sliding, 0.0) / losses.screw_efficiency
 
-    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Vehicle) -> float:
+    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """Forward in a dive, aft in a climb."""
         return float(heavy * rng.uniform(*SHIFT) * (self.high / TRAVEL))

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from twin.compiled import inline, jit
-from twin.vehicle.parts.base import Part, Quantity
+from twin.vehicle.parts.base import Carrier, Part, Quantity
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
-    from twin.vehicle.vehicle import Vehicle
 
 
 @inline
@@ -68,6 +67,6 @@ class DropWeight(Part):
         """Held."""
         return 1.0
 
-    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Vehicle) -> float:
+    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """Held: a manoeuvre comes back."""
         return 1.0

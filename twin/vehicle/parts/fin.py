@@ -17,11 +17,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from twin.compiled import jit
-from twin.vehicle.parts.base import Part, Quantity
+from twin.vehicle.parts.base import Carrier, Part, Quantity
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
-    from twin.vehicle.vehicle import Vehicle
 
 AREA, LIFT, STALL, LIFT_STALLED, DRAG0, DRAG, DRAG_STALLED, IN_HULL = range(8)
 AXIS = 8  # and the two that follow
@@ -235,7 +234,7 @@ class Fin(Part):
         pitch, yaw = self._turning()
         return math.copysign(1.0, pitch if axis == "pitch" else yaw)
 
-    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Vehicle) -> float:
+    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """Up to half of its travel either way."""
         return float(0.5 * min(self.high, -self.low) * rng.uniform(-1.0, 1.0))
 

@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from twin.compiled import jit
-from twin.vehicle.parts.base import Losses, Part, Quantity
+from twin.vehicle.parts.base import Carrier, Losses, Part, Quantity
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
-    from twin.vehicle.vehicle import Vehicle
 
 DIAMETER, THRUST, TORQUE, ADVANCE = 0, 1, 2, 3  # places in the values
 
@@ -130,7 +129,7 @@ class Propeller(Part):
 
     def energy(
         self,
-        vehicle: Vehicle,
+        vehicle: Carrier,
         before: float,
         after: float,
         losses: Losses,
@@ -144,6 +143,6 @@ class Propeller(Part):
         torque = vehicle.reference_density * self.diameter**5 * self.torque_coefficient * rate**2
         return torque * abs(rate) * duration / losses.propeller_efficiency
 
-    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Vehicle) -> float:
+    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """Ahead, from a quarter of its largest rate to three quarters."""
         return float(self.high * rng.uniform(0.25, 0.75))

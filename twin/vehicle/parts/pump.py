@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from twin.compiled import inline, jit
-from twin.vehicle.parts.base import Losses, Part, Quantity
+from twin.vehicle.parts.base import Carrier, Losses, Part, Quantity
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
-    from twin.vehicle.vehicle import Vehicle
 
 CUBIC_CM = 1e-6  # [m3]
 NET_MASS = (0.15, 0.45)
@@ -72,7 +71,7 @@ class Pump(Part):
 
     def energy(
         self,
-        vehicle: Vehicle,
+        vehicle: Carrier,
         before: float,
         after: float,
         losses: Losses,
@@ -86,7 +85,7 @@ class Pump(Part):
         pumping = max(after - before, 0.0) * CUBIC_CM * (pressure + losses.hull_vacuum)
         return pumping / losses.pump_efficiency
 
-    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Vehicle) -> float:
+    def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """Heavy or light, as far as it reaches."""
         most = abs(vehicle.pump_for_net_mass(NET_MASS[1]) - self.neutral)
         reach = min(1.0, (self.high - self.neutral) / most)
