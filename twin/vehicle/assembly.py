@@ -35,7 +35,13 @@ def read_parts(reader: MjcfReader) -> tuple[Part, ...]:
             reader.fail(f"the name {name!r} of an actuator", "a plain word, such as 'rudder'")
         if name in (part.name for part in parts):
             reader.fail(f"the name {name!r} of two actuators", "different")
-        kind = PARTS[reader.text(f"{name}.kind", _usual(reader, actuator, name))]
+        word = reader.text(f"{name}.kind", "") or _usual(reader, actuator, name)
+        if word not in PARTS:
+            raise VehicleError(
+                f"vehicle file {reader.path}: <text name='{name}.kind'>: "
+                f"{unknown_name('vehicle part', word, PARTS)}"
+            )
+        kind = PARTS[word]
         _check_actuator(reader, actuator, kind)
         parts.append(kind.read(reader, actuator, name))
     return tuple(parts)

@@ -379,7 +379,10 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
     hull = reader.body("hull")
     numeric, number = reader.numeric, reader.number
     parts = read_parts(reader)
-    law = LAWS[reader.text("hull_law", FlowFrame.kind)].read(reader)
+    kind = reader.text("hull_law", FlowFrame.kind)
+    if kind not in LAWS:
+        raise VehicleError(f"vehicle file {path}: {unknown_name('hull_law', kind, LAWS)}")
+    law = LAWS[kind].read(reader)
     reference_density = number("reference_density")
     added_mass = law.added_mass(reference_density)
     if added_mass is None:
