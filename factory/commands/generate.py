@@ -138,7 +138,7 @@ def raw_bytes(recipe: Recipe) -> int:
 
 
 def _splits(recipe: Recipe) -> str:
-    from factory.recipe.plan import SPLITS
+    from twin.records.attributes import SPLITS
 
     counts = [recipe.plan.splits.count(i) for i in range(len(SPLITS))]
     return ", ".join(f"{n} {name}" for n, name in zip(counts, SPLITS, strict=True) if n)

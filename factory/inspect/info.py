@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from factory.generation.checkpoint import Journal
+from factory.generation.checkpoint import Checkpoint
 from factory.recipe.parameters import PARAMETERS
-from factory.recipe.plan import SPLITS
+from twin.records.attributes import SPLITS
 from factory.stores.stored import StoredRun
 from factory.stores.stored_logs import StoredLogs
 from twin.errors import StoreError
-from twin.records.store import UNFINISHED
+from twin.records.store import is_unfinished
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,11 +30,11 @@ class Unfinished:
 
 def unfinished(path: Path) -> Unfinished | None:
     """What an unfinished store holds so far; None when the store is complete or no store."""
-    if (path / "zarr.json").is_file() or not (path / UNFINISHED).is_dir():
+    if not is_unfinished(path):
         return None
-    journal = Journal(path)
+    checkpoint = Checkpoint(path)
     return Unfinished(
-        store=path, settings=journal.settings(), missions_kept=journal.count_missions()
+        store=path, settings=checkpoint.settings(), missions_kept=checkpoint.count_missions()
     )
 
 

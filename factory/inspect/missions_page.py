@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from factory.recipe.plan import SPLITS
+from twin.records.attributes import SPLITS
 from factory.stores.stored import StoredRun
 from twin.plot import style
 

@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from factory.flight.fly import fly, quiet_physics
+from factory.flight.fly import fly
 from factory.generation.attempts import REPLACED, reason
-from factory.generation.chunk import DTYPE, stored_values
 from factory.recipe.recipe import differences, versions
 from factory.recipe.sampling import Parameters, sensor_seed
 from factory.stores.stored import StoredRun
 from twin.errors import StoreError
+from twin.physics.quiet import quiet_mujoco
 from twin.records.schema import VARIABLES
+from twin.records.sharded import DTYPE, stored_values
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,10 +96,10 @@ def replay_failure(run: StoredRun, mission: int, attempt: int) -> tuple[str, str
         values=failure.values,
         segments=failure.segments,
     )
-    quiet_physics()
     try:
         seed = sensor_seed(run.seed, mission, attempt)
-        fly(parameters, run.vehicle, run.suite, seed, current=run.given_current)
+        with quiet_mujoco():
+            fly(parameters, run.vehicle, run.suite, seed, current=run.given_current)
     except REPLACED as error:
         return failure.reason, reason(error)
     return failure.reason, "flew to its end"

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.flight.bounds import bounds
-from factory.generation.store_layout import SHARD_MISSIONS
-from factory.recipe.plan import HOUR, SPLITS
+from factory.recipe.plan import HOUR
+from twin.records.attributes import SPLITS
 from factory.recipe.presets import PRESETS
 from factory.recipe.recipe import sha256
 from factory.recipe.sampling import SURFACE
@@ -21,6 +21,7 @@ from factory.stores.stored import Stored, StoredRun
 from twin.errors import StoreError
 from twin.frames import euler_to_matrix
 from twin.records.schema import MISSION, SIMULATED, TIME, VARIABLES
+from twin.records.sharded import SHARD_MISSIONS
 from twin.records.store import gone_arrays
 
 Array = NDArray[np.float64]

@@ -14,16 +14,17 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from factory.generation.mission_record import Failure
+from factory.generation.flown_mission import FailedAttempt
 from factory.generation.shards import SENSOR_PREFIX, UNUSED_CODE
 from factory.recipe.distribution import Distribution, Fixed, Value, parse_distribution
 from factory.recipe.given_current import GivenCurrent, stored_current
 from factory.recipe.parameters import PARAMETERS, Parameter
-from factory.recipe.plan import SPLITS
+from twin.records.attributes import SPLITS
 from factory.recipe.sampling import Parameters
 from twin.errors import StoreError
 from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.store import IMPORT_REPORT, check_arrays, open_store
+from twin.records.attributes import is_logged
+from twin.records.store import check_arrays, open_store
 from twin.sensors import DRAWN_UNITS, SensorSuite
 from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
@@ -242,7 +243,7 @@ class StoredRun(Stored):
             for name in DRAWN_UNITS
         }
 
-    def failures(self) -> list[tuple[int, Failure]]:
+    def failures(self) -> list[tuple[int, FailedAttempt]]:
         """The attempts that were replaced, with their missions."""
 
         def filled(values: Mapping[str, Any]) -> dict[str, Value]:
@@ -251,7 +252,7 @@ class StoredRun(Stored):
         return [
             (
                 item["mission"],
-                Failure(
+                FailedAttempt(
                     attempt=item["attempt"],
                     reason=item["reason"],
                     time_s=item["time_s"],
@@ -265,7 +266,7 @@ class StoredRun(Stored):
 
 def is_log(dataset: xr.Dataset) -> bool:
     """Whether `factory import` wrote the store."""
-    return IMPORT_REPORT in dataset.attrs
+    return is_logged(dataset.attrs)
 
 
 def _tuples(value: Any) -> Any:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from factory.stores.stored import Stored, StoredRun, is_log
 from twin.errors import StoreError
-from twin.records.store import IMPORT_REPORT, open_store
+from twin.records.attributes import IMPORT_REPORT
+from twin.records.store import open_store
 from twin.water.current.origin import HIGHEST_LATITUDE, Origin
 
 Array = NDArray[np.float64]

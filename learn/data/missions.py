@@ -18,7 +18,8 @@ from learn.data.bounds import bounds
 from learn.data.features import leave_out
 from twin.errors import StoreError
 from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.store import GLOBAL_ATTRIBUTES, N_SAMPLES, SCHEMA, open_store, read_array
+from twin.records.attributes import N_SAMPLES, SCHEMA, SIMULATED_ATTRIBUTES as GLOBAL_ATTRIBUTES
+from twin.records.store import open_store, read_array
 
 if TYPE_CHECKING:
     import xarray as xr

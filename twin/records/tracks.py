@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
-from twin.records.store import GLOBAL_ATTRIBUTES, SCHEMA
+from twin.records.attributes import is_missions
 
 Array = NDArray[np.float64]
 
@@ -119,7 +119,7 @@ def _read_dataset(path: Path, mission: int) -> list[NamedTrack]:
     except (OSError, ValueError) as error:
         raise InputError(f"track file {path.name} cannot be read: {error}") from error
     with dataset:
-        if dataset.attrs.get(SCHEMA) == GLOBAL_ATTRIBUTES[SCHEMA]:
+        if is_missions(dataset.attrs):
             raise InputError(
                 f"{path} is a store of missions, not a file of dead-reckoned tracks; `learn "
                 "evaluate --tracks FILE` writes one"

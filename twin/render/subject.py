@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from twin.errors import StoreError
-from twin.records.store import IMPORT_REPORT, read_trajectory
+from twin.records.attributes import is_logged
+from twin.records.store import read_trajectory
 from twin.records.tracks import choose_tracks, read_tracks
 from twin.render.film import Subject
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
@@ -39,7 +40,7 @@ def read_subject(
     """
     trajectory = read_trajectory(store, mission)
     lacking = [name for name in TRACK if name not in trajectory.signals]
-    if lacking and IMPORT_REPORT in trajectory.provenance:
+    if lacking and is_logged(trajectory.provenance):
         raise StoreError(
             f"store {store} holds logs of real vehicles, which have no true track to draw: use "
             f"`twin plot {store} --mission {mission}` or `factory plot {store}`"

@@ -23,8 +23,8 @@ from factory.importing.repairs.plausibility import check_signs
 from factory.importing.repairs.seawater import depth_of, pressure_of
 from factory.importing.repairs.surface import zeroed
 from twin.errors import InputError
+from twin.records.attributes import IMPORT_REPORT
 from twin.records.schema import VARIABLES
-from twin.records.store import IMPORT_REPORT
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -15,14 +15,15 @@ import xarray as xr
 import zarr
 
 from factory.flight.fly import fly
-from factory.generation.chunk import stored_values
 from factory.recipe.parameters import PARAMETERS
-from factory.recipe.plan import SPLITS, samples_in
+from factory.recipe.plan import samples_in
+from twin.records.attributes import SPLITS
 from factory.recipe.recipe import Recipe, make_recipe
 from factory.recipe.sampling import sensor_seed
 from factory.stores.stored import StoredRun
 from twin.errors import StoreError
 from twin.records.schema import SCHEMA_VERSION, SIMULATED, VARIABLES
+from twin.records.sharded import stored_values
 from twin.records.store import open_store, read_trajectory
 from twin.sensors import MEASURED_SIGNALS
 from twin.vehicle.vehicle import load_vehicle

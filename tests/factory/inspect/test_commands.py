@@ -183,7 +183,7 @@ def test_generating_imports_no_library_that_it_does_not_need(tmp_path: Path) -> 
     code = (
         "import sys; from factory.__main__ import PROGRAM;"
         f"code = PROGRAM.main(['generate', '--hours', '0.06', '--out', {str(tmp_path / 's')!r}]);"
-        "heavy = {'xarray', 'zarr', 'pandas', 'matplotlib', 'torch', 'gsw', 'netCDF4',"
+        "heavy = {'xarray', 'pandas', 'matplotlib', 'torch', 'gsw', 'netCDF4',"
         "'scipy.signal', 'scipy.optimize', 'scipy.integrate', 'dm_control'};"
         "sys.exit(code or ', '.join(sorted(heavy & set(sys.modules))) or 0)"
     )
