@@ -31,12 +31,12 @@ class Export(JsonOption):
 
     def run(self, console: Console) -> int:
         """Export."""
-        from factory.stores.stored import StoredRun
-        from factory.stores.stored_logs import StoredLogs, open_stored
+        from factory.stores.generated import GeneratedStore, open_missions
+        from twin.records.logs import LogStore
 
         if self.mission is not None:
             check_missions(self.mission)
-        run = open_stored(self.store)
+        run = open_missions(self.store)
         run.check_arrays()
         missions = list(range(len(run))) if self.mission is None else list(self.mission)
         for mission in missions:
@@ -45,11 +45,11 @@ class Export(JsonOption):
         if self.to == "og1":
             folder = self.out or self.store.with_name(f"{self.store.stem}-og1")
             where = folder
-        if self.to == "og1" and isinstance(run, StoredLogs):
+        if self.to == "og1" and isinstance(run, LogStore):
             from factory.exporting.og1_logs import export_og1_logs
 
             written += export_og1_logs(run, missions, folder)
-        elif self.to == "og1" and isinstance(run, StoredRun):
+        elif self.to == "og1" and isinstance(run, GeneratedStore):
             from factory.exporting.og1_missions import export_og1
 
             with console.progress(total=len(missions), label="export", unit="missions") as progress:
@@ -62,7 +62,7 @@ class Export(JsonOption):
             where = export_parquet(run, missions, self.out or self.store.with_suffix(".parquet"))
             written.append(where)
         size = sum(path.stat().st_size for path in written)
-        what = "dives" if isinstance(run, StoredLogs) else "missions"
+        what = "dives" if isinstance(run, LogStore) else "missions"
         console.say(f"wrote {len(missions)} {what} to {where} ({size / 1e6:.1f} MB)")
         console.answer(store=self.store, to=self.to, out=where, missions=missions, bytes=size)
         return 0

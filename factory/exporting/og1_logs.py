@@ -41,7 +41,7 @@ from factory.exporting.og1_terms import (
     VOCABULARY,
     log_attributes,
 )
-from factory.stores.stored_logs import StoredLogs
+from twin.records.logs import LogStore
 from twin.records.schema import VARIABLES
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ PHASE_CODES = np.array([SURFACING, DESCENT, ASCENT, INFLECTION])
 class Track:
     """The dives of a file on one time axis, which increases strictly."""
 
-    logs: StoredLogs
+    logs: LogStore
     missions: tuple[int, ...]
     order: NDArray[np.intp]
     """Samples that are kept, of all dives put behind each other."""
@@ -88,7 +88,7 @@ class Track:
         )
 
 
-def export_og1_logs(logs: StoredLogs, missions: Sequence[int], folder: Path) -> list[Path]:
+def export_og1_logs(logs: LogStore, missions: Sequence[int], folder: Path) -> list[Path]:
     """Write one file for each deployment that `missions` belong to; returns their paths.
 
     Raises:
@@ -107,7 +107,7 @@ def export_og1_logs(logs: StoredLogs, missions: Sequence[int], folder: Path) -> 
     return paths
 
 
-def _track(logs: StoredLogs, missions: Sequence[int]) -> Track:
+def _track(logs: LogStore, missions: Sequence[int]) -> Track:
     time = np.concatenate([logs.time(mission) for mission in missions])
     # a fix between two dives without a stay at the surface ends one and begins the other
     reversed_unique = np.unique(time[::-1], return_index=True)[1]

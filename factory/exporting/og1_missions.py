@@ -46,7 +46,7 @@ from factory.exporting.og1_terms import (
     global_attributes,
     sensor_attributes,
 )
-from factory.stores.stored import StoredRun
+from factory.stores.generated import GeneratedStore
 from twin.errors import StoreError
 from twin.records.schema import VARIABLES
 from twin.water.current.origin import Origin
@@ -54,7 +54,7 @@ from twin.water.current.origin import Origin
 Array = NDArray[np.float64]
 
 
-def export_og1(run: StoredRun, mission: int, folder: Path) -> Path:
+def export_og1(run: GeneratedStore, mission: int, folder: Path) -> Path:
     """Write one mission into `folder`, under the name that the format prescribes.
 
     Raises:
@@ -76,7 +76,7 @@ def _needed() -> list[str]:
 
 
 def _series(
-    run: StoredRun, mission: int, identity: Mapping[str, Any]
+    run: GeneratedStore, mission: int, identity: Mapping[str, Any]
 ) -> Iterator[tuple[str, Series]]:
     samples = int(run.samples[mission])
 
@@ -85,7 +85,7 @@ def _series(
 
     origin = Origin(latitude_deg=run.parameters(mission).number("water.latitude"))
     start = NOMINAL_DEPLOYMENT.timestamp()
-    time = start + np.arange(samples) * float(run.settings["sample_period_s"])
+    time = start + np.arange(samples) * run.period
     depth = np.maximum(row("measured_depth"), 0.0)  # valid_min is 0: the gauge's zero error
     yield (
         "TRAJECTORY",

@@ -26,6 +26,8 @@ from twin.errors import StoreError
 from twin.records.sharded import write_whole
 from twin.records.store import UNFINISHED
 
+Kept = tuple[FlownMission, dict[str, NDArray[np.float32]]]
+"""A finished mission and its signals, each (samples,)."""
 _FLOWN, _SIGNALS = "flown", "signals"
 
 
@@ -97,7 +99,9 @@ class Checkpoint:
         np.savez(archive, np.frombuffer(text.encode(), np.uint8), np.stack([*signals.values()]))
         write_whole(self._mission(flown.mission), archive.getvalue())
 
-    def read_mission(self, mission: int) -> tuple[FlownMission, dict[str, NDArray[np.float32]]] | None:
+    def read_mission(
+        self, mission: int
+    ) -> tuple[FlownMission, dict[str, NDArray[np.float32]]] | None:
         """A finished mission; None when there is none, or when its file is damaged."""
         try:
             with self._mission(mission).open("rb") as file:

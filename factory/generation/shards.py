@@ -187,7 +187,9 @@ def _code(value: Value, meanings: Sequence[str]) -> int:
     return meanings.index(value) if isinstance(value, str) else UNUSED_CODE
 
 
-def store_attributes(recipe: Recipe, missions: Sequence[FlownMission], history: str) -> dict[str, Any]:
+def store_attributes(
+    recipe: Recipe, missions: Sequence[FlownMission], history: str
+) -> dict[str, Any]:
     """The store's own attributes; all but `history` are the same for equal recipes."""
     failed = [
         {"mission": flown.mission, **_failure(failure)}

@@ -10,7 +10,7 @@ from factory.flight.fly import fly
 from factory.generation.attempts import REPLACED, reason
 from factory.recipe.recipe import differences, versions
 from factory.recipe.sampling import Parameters, sensor_seed
-from factory.stores.stored import StoredRun
+from factory.stores.generated import GeneratedStore
 from twin.errors import StoreError
 from twin.physics.quiet import quiet_mujoco
 from twin.records.schema import VARIABLES
@@ -37,7 +37,7 @@ class Comparison:
         return not self.different
 
 
-def replay_mission(run: StoredRun, mission: int) -> Comparison:
+def replay_mission(run: GeneratedStore, mission: int) -> Comparison:
     """Fly mission `mission` of the store again and compare.
 
     Raises:
@@ -77,7 +77,7 @@ def replay_mission(run: StoredRun, mission: int) -> Comparison:
     )
 
 
-def replay_failure(run: StoredRun, mission: int, attempt: int) -> tuple[str, str]:
+def replay_failure(run: GeneratedStore, mission: int, attempt: int) -> tuple[str, str]:
     """Fly a failed attempt again; what it said then and what it says now.
 
     Raises:
@@ -92,7 +92,7 @@ def replay_failure(run: StoredRun, mission: int, attempt: int) -> tuple[str, str
         )
     failure = known[mission, attempt]
     parameters = Parameters(
-        duration_s=float(run.small("duration")[mission]),
+        duration_s=float(run.array("duration")[mission]),
         values=failure.values,
         segments=failure.segments,
     )

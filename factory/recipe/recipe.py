@@ -25,6 +25,7 @@ from factory.recipe.sampling import Parameters, draw_parameters
 from twin.errors import InputError, unknown_name
 from twin.physics.mujoco_model import INTEGRATORS, compile_model
 from twin.physics.scenario import SAMPLE_PERIOD
+from twin.records import attributes
 from twin.records.schema import SCHEMA_VERSION
 from twin.sensors import SensorSuite
 from twin.vehicle.vehicle import Vehicle, load_vehicle
@@ -149,7 +150,7 @@ class Recipe:
             "vehicle_sha256": sha256(self.vehicle.xml),
             "hydrodynamics": "coefficients",
             **self.physics,
-            "sample_period_s": SAMPLE_PERIOD,
+            attributes.SAMPLE_PERIOD: SAMPLE_PERIOD,
             "distributions": {name: d.text() for name, d in self.distributions.items()},
             "sensors": asdict(self.suite),
             "current": None if self.given_current is None else self.given_current.describe(),

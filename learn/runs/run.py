@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from learn.files import read_json, write_json
 from twin.errors import InputError, StoreError
+from twin.records.attributes import SAMPLE_PERIOD
 from twin.version import __version__
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ class Run:
     def period(self) -> float:
         """[s] between the samples that its networks were trained on."""
         chosen = self.description["settings"].get("period")
-        stored = self.description.get("store", {}).get("sample_period_s", FACTORY_PERIOD)
+        stored = self.description.get("store", {}).get(SAMPLE_PERIOD, FACTORY_PERIOD)
         return float(stored if chosen is None else chosen)
 
     @property

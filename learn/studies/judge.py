@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from learn.data.dataset import SPLITS, Mission, load_missions
-from learn.data.logs import is_real
-from learn.data.missions import open_missions
 from learn.evaluation.evaluation import NETWORK, Evaluation, Watch, evaluate
 from learn.evaluation.score import Reference
 from learn.evaluation.uncertainty import Coverage, ErrorModel, fit_error_model
@@ -22,6 +20,7 @@ from learn.report.log_page import build_log_page
 from learn.report.shown import Showcase
 from learn.runs.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
 from twin.cli.console import to_json
+from twin.records.reader import MissionStore
 
 IDEAL_SENSORS = "ideal"
 """The store's attribute `sensors` when its compass has no error."""
@@ -60,11 +59,8 @@ def judge(
 
 def is_log_store(store: str | Path) -> bool:
     """Whether it holds real logs."""
-    dataset = open_missions(store)
-    try:
-        return is_real(dataset.attrs)
-    finally:
-        dataset.close()
+    with MissionStore(store) as reader:
+        return reader.logged
 
 
 def _judge_logs(
@@ -204,9 +200,8 @@ def _paper_test(run: Run, say: Say) -> Judged | None:
 
 def _training_mission(run: Run) -> Mission | None:
     """One training mission with the channels that the page draws and the store has."""
-    dataset = open_missions(run.store)
-    present = set(dataset.data_vars)
-    dataset.close()
+    with MissionStore(run.store) as reader:
+        present = set(reader.dataset.data_vars)
     channels = [name for name, _ in TRAINING_PANELS if name in present]
     split = "train" if "split" in present else "all"
     missions = load_missions(run.store, channels, split=split, limit=1)

@@ -122,10 +122,11 @@ class Simulate(JsonOption):
     def _write(self, scenario: Scenario, trajectory: Trajectory) -> None:
         import json
 
+        from twin.records.attributes import SCENARIO
         from twin.records.store import mission_dataset, write_store
 
         assert self.out is not None
-        attributes = {"scenario": json.dumps(scenario.describe())}
+        attributes = {SCENARIO: json.dumps(scenario.describe())}
         write_store(mission_dataset([trajectory], attributes=attributes), self.out, overwrite=True)
 
     def _draw(self, trajectory: Trajectory) -> None:

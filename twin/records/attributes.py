@@ -58,6 +58,11 @@ def is_logged(attributes: Mapping[str, Any]) -> bool:
     return SOURCE_FORMAT in attributes
 
 
+def says_simulated(attributes: Mapping[str, Any]) -> bool:
+    """Whether logs were made by a simulation, by their store's comment."""
+    return "simulated" in str(attributes.get(COMMENT, ""))
+
+
 def is_missions(attributes: Mapping[str, Any]) -> bool:
     """Whether these are the attributes of a store of missions, simulated or logged."""
     return attributes.get(SCHEMA) == CONVENTIONS[SCHEMA]

@@ -19,7 +19,7 @@ import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 
 SHARD_MISSIONS = 64
 """Missions in a shard, or all of a smaller store: 48 h of preset paper, a MB per variable."""
-COMPRESSOR, LEVEL = "zstd", 1
+COMPRESSOR: Literal["zstd"] = "zstd"
+LEVEL = 1
 """Higher levels cost twice the time and gain a tenth of the size."""
 DTYPE = np.dtype("<f4")
 METADATA = "zarr.json"
@@ -122,9 +123,7 @@ class ShardedStore:
         with _pipeline(PYTHON_PIPELINE):
             like_small = functools.cache(_small)
             for name, small in arrays.items():
-                memory, array = like_small(
-                    small.values.shape, small.values.dtype, small.dimensions
-                )
+                memory, array = like_small(small.values.shape, small.values.dtype, small.dimensions)
                 array[...] = small.values
                 for key, buffer in memory.items():
                     if key != METADATA:

@@ -99,14 +99,18 @@ def write_store(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = Fals
     path = Path(path)
     prepare_target(path, overwrite=overwrite)
     try:
-        with warnings.catch_warnings():
-            # consolidated metadata lets `xarray.open_zarr(path)` open without options; zarr 3 warns
-            # that its specification does not name it yet
-            warnings.filterwarnings("ignore", "Consolidated metadata")
-            dataset.to_zarr(path, mode="w", zarr_format=3, consolidated=True)
+        write_zarr(dataset, path)
     except OSError as error:
         raise StoreError(f"cannot write store {path}: {error.strerror or error}") from error
     return path
+
+
+def write_zarr(dataset: xr.Dataset, path: Path) -> None:
+    """Write any dataset as a zarr v3 group that `xarray.open_zarr(path)` opens without options."""
+    with warnings.catch_warnings():
+        # zarr 3 warns that its specification does not name consolidated metadata yet
+        warnings.filterwarnings("ignore", "Consolidated metadata")
+        dataset.to_zarr(path, mode="w", zarr_format=3, consolidated=True)
 
 
 def prepare_target(path: Path, *, overwrite: bool) -> None:

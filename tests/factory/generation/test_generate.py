@@ -25,7 +25,7 @@ from factory.inspect.info import unfinished
 from factory.inspect.replay import replay_failure
 from factory.inspect.verify import verify_store
 from factory.recipe.recipe import Recipe
-from factory.stores.stored import StoredRun
+from factory.stores.generated import GeneratedStore
 from twin.errors import InputError, StoreError, TwinError
 from twin.records.sharded import SHARD_MISSIONS
 from twin.records.store import UNFINISHED, open_store
@@ -145,7 +145,7 @@ def test_an_existing_store_is_only_replaced_when_told(
         generate(recipe(seed=1), store, workers=1)
     assert contents(store) == before
     generate(recipe(seed=1), store, workers=1, overwrite=True)
-    assert StoredRun(store).seed == 1
+    assert GeneratedStore(store).seed == 1
 
 
 def test_a_folder_that_is_no_store_is_never_touched(tmp_path: Path, recipe: Recipes) -> None:
@@ -200,7 +200,7 @@ def test_resume_with_other_settings_is_refused_with_the_difference(
             generate(recipe(**settings), store, workers=1, resume=True)
         assert difference in str(caught.value)
         assert "\n" not in str(caught.value)
-    assert StoredRun(paper_store).seed == 0
+    assert GeneratedStore(paper_store).seed == 0
 
 
 @contextmanager
@@ -267,17 +267,17 @@ def test_an_unstable_mission_is_recorded_replaced_and_counted(
     store = tmp_path / "missions.zarr"
     heard: list[int] = []
     summary = generate(made, store, workers=1, watch=lambda hours, failed: heard.append(failed))
-    run = StoredRun(store)
+    run = GeneratedStore(store)
     failures = run.failures()
     assert summary.failed == len(failures) == sum(heard) > 0
-    assert run.small("attempt").sum() == len(failures)
+    assert run.array("attempt").sum() == len(failures)
     for mission, failure in failures:
         assert failure.values["vehicle.k_q"] == -40.0
         assert failure.time_s is not None
         assert f"at {failure.time_s:.1f} s" in failure.reason
         then, now = replay_failure(run, mission, failure.attempt)
         assert then == now
-    assert "vehicle_k_q" not in run.dataset or set(run.small("vehicle_k_q")) == {1.0}
+    assert "vehicle_k_q" not in run.dataset or set(run.array("vehicle_k_q")) == {1.0}
     assert verify_store(run).ok
     with pytest.raises(StoreError, match="did not fail; failures in the store"):
         replay_failure(run, failures[0][0], 19)

@@ -17,7 +17,7 @@ from factory.recipe.overrides import read_changes
 from factory.recipe.parameters import TABLE
 from factory.recipe.plan import check_room
 from factory.recipe.recipe import make_recipe
-from factory.stores.stored import StoredRun
+from factory.stores.generated import GeneratedStore
 from twin.errors import InputError
 from twin.records.schema import SIMULATED
 
@@ -75,11 +75,11 @@ def test_overrides_come_from_a_file_and_from_words_which_win(
         capsys, *words, "--set", "current.speed=uniform(0.01,0.02)", "mission.kind=spiral"
     )
     assert code == 0, err
-    made = StoredRun(store)
-    pitch, speed = made.small("mission_pitch_deg"), made.small("current_speed")
+    made = GeneratedStore(store)
+    pitch, speed = made.array("mission_pitch_deg"), made.array("current_speed")
     assert ((pitch >= 20) & (pitch <= 22) | (pitch != pitch)).all()
     assert ((speed >= 0.01) & (speed <= 0.02)).all()
-    assert set(made.small("mission_kind").ravel().tolist()) <= {1, -1}
+    assert set(made.array("mission_kind").ravel().tolist()) <= {1, -1}
 
 
 @pytest.mark.parametrize(

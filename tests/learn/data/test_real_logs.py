@@ -15,7 +15,7 @@ from factory.importing import import_logs
 from factory.importing.dives.dataset import blocks
 from learn.data.dataset import Mission, load_missions
 from learn.data.features import INPUT_SETS, select_features
-from learn.data.logs import LogRow, filled, nearest
+from learn.data.logs import filled, nearest
 from learn.data.preparation import prepare
 from learn.evaluation.log_score import LogReference, score_row
 from learn.navigation.baselines import Estimate
@@ -24,6 +24,7 @@ from learn.studies.folds import dives_with_truth, leave_out_each
 from learn.training.fitting import FitConfig, fit
 from learn.training.loop import TrainingConfig
 from twin.errors import InputError, StoreError
+from twin.records.logs import LogRow
 from twin.records.store import open_store, write_store
 from twin.vehicle.vehicle import load_vehicle
 

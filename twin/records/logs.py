@@ -1,19 +1,29 @@
-"""Stored logs: a store of `factory import` read back, dive by dive, with real time and place."""
+"""Logs: a store of dives that vehicles have logged, with real time and place.
+
+A row of such a store is one dive, from GPS fix to GPS fix where there are any.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import functools
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.stores.stored import Stored, StoredRun, is_log
 from twin.errors import StoreError
-from twin.records.attributes import IMPORT_REPORT
-from twin.records.store import open_store
+from twin.records.attributes import (
+    DEPLOYMENT,
+    DIVE_DURATION,
+    FILES,
+    IMPORT_REPORT,
+    PLATFORM,
+    START_TIME,
+    says_simulated,
+)
+from twin.records.reader import MissionStore
 from twin.water.current.origin import HIGHEST_LATITUDE, Origin
 
 Array = NDArray[np.float64]
@@ -22,9 +32,67 @@ NANOSECONDS = 1e9
 CURRENTS = (("vehicle_dac_north", "vehicle_dac_east"), ("dac_north", "dac_east"))
 """Depth-averaged currents that a store may have, the better ones first: as the vehicle or its
 basestation reported them, from a flight model, or the import's, from depth rate and pitch."""
+FOLLOWS_WITHIN = 3600.0
+"""[s] between the end of a dive and the start of the next for their currents to be alike."""
+OVERLAP = 1.0
+"""[s] by which a dive may seem to start before the other's end: rounding of times."""
 
 
-class StoredLogs(Stored):
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LogRow:
+    """One dive of a log."""
+
+    deployment: str
+    start: float
+    """[s] unix time of its first sample; NaN where the store does not say"""
+    duration: float
+    """[s] between its ends; NaN where the store does not say"""
+    displacement: tuple[float, float] | None
+    """North, east [m] over ground between its fixes; None without both."""
+
+    def follows(self, before: LogRow) -> bool:
+        """Whether it belongs to the same deployment and starts shortly after the other ends."""
+        gap = self.start - (before.start + before.duration)
+        return self.deployment == before.deployment and -OVERLAP <= gap < FOLLOWS_WITHIN
+
+
+def log_rows(store: MissionStore) -> list[LogRow]:
+    """What a store says of each mission beside its signals, as of a dive."""
+    count = len(store)
+    deployments = store.array(DEPLOYMENT) if DEPLOYMENT in store else [""] * count
+    starts, durations = start_times(store), numbers(store, DIVE_DURATION)
+    moved = np.stack([numbers(store, f"displacement_{n}") for n in ("north", "east")], axis=1)
+    return [
+        LogRow(
+            deployment=str(deployments[k]),
+            start=float(starts[k]),
+            duration=float(durations[k]),
+            displacement=(
+                (float(moved[k, 0]), float(moved[k, 1])) if np.isfinite(moved[k]).all() else None
+            ),
+        )
+        for k in range(count)
+    ]
+
+
+def numbers(store: MissionStore, name: str) -> Array:
+    """A number of each mission, (mission,); NaN where the store has no such array."""
+    if name not in store:
+        return np.full(len(store), np.nan)
+    return np.asarray(store.array(name), float)
+
+
+def start_times(store: MissionStore) -> Array:
+    """Unix time [s] of each mission's first sample, (mission,); NaN where it is not known."""
+    if START_TIME not in store:
+        return np.full(len(store), np.nan)
+    values = store.array(START_TIME)
+    if np.issubdtype(values.dtype, np.datetime64):
+        values = values.astype("datetime64[ns]").astype(np.int64) / NANOSECONDS
+    return np.asarray(values, float)
+
+
+class LogStore(MissionStore):
     """A store of logs; its missions are dives.
 
     Raises:
@@ -33,34 +101,53 @@ class StoredLogs(Stored):
 
     def __init__(self, path: str | Path):
         super().__init__(path)
-        try:
-            self.report: dict[str, Any] = json.loads(self.dataset.attrs[IMPORT_REPORT])
-            self.kind, self.platform = str(self.report["kind"]), str(self.dataset.attrs["platform"])
-            self.simulated = "simulated" in str(self.dataset.attrs["comment"])
-        except (KeyError, ValueError) as error:
+        if not self.logged:
             raise StoreError(
-                f"store {self.path} was not made by `factory import`, or its attributes are "
-                f"damaged ({type(error).__name__}: {error})"
-            ) from error
+                f"store {path} was not made by `factory import`: its missions are flown"
+            )
+        for name in (DEPLOYMENT, START_TIME):
+            if name not in self.dataset.variables:
+                raise StoreError(f"store {path} of logs has no array {name}; import the logs again")
+        self.report: dict[str, Any] = self.json(IMPORT_REPORT)
+
+    @property
+    def source(self) -> str:
+        """Kind of the logs: slocum, seaglider, seaexplorer ..."""
+        return str(self.report["kind"])
+
+    @property
+    def platform(self) -> str:
+        """Names of the vehicles."""
+        return str(self.attributes.get(PLATFORM, "unknown"))
+
+    @property
+    def files(self) -> str:
+        """Names of the files that were imported, with spaces between; empty where unknown."""
+        return str(self.attributes.get(FILES, ""))
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the logs themselves say that they are of a simulation."""
+        return says_simulated(self.attributes)
+
+    @functools.cached_property
+    def log_rows(self) -> list[LogRow]:
+        """What the store says of each dive beside its signals."""
+        return log_rows(self)
 
     @functools.cached_property
     def deployments(self) -> list[str]:
         """Name of each dive's deployment."""
-        return [str(name) for name in self.small("deployment")]
+        return [str(name) for name in self.array(DEPLOYMENT)]
 
     @functools.cached_property
     def starts(self) -> Array:
         """Unix time [s] of each dive's first sample."""
-        values = self.small("start_time")
-        if np.issubdtype(values.dtype, np.datetime64):
-            values = values.astype("datetime64[ns]").astype(np.int64) / NANOSECONDS
-        return np.asarray(values, float)
+        return start_times(self)
 
     def number(self, name: str) -> Array:
         """A number of each dive; NaN where the store has no such array."""
-        if name not in self.dataset:
-            return np.full(len(self), np.nan)
-        return np.asarray(self.small(name), float)
+        return numbers(self, name)
 
     @functools.cached_property
     def hours(self) -> float:
@@ -79,7 +166,7 @@ class StoredLogs(Stored):
     def signal(self, name: str, mission: int) -> Array:
         """A signal of a dive without padding; NaN where the store has no such signal."""
         count = int(self.samples[mission])
-        if name not in self.dataset:
+        if name not in self:
             return np.full(count, np.nan)
         return self.row(name, mission)[:count].astype(float)
 
@@ -127,12 +214,3 @@ def metres_from(north: Array, east: Array, start: tuple[float, float]) -> tuple[
     middle = np.radians(start[0] + 0.5 * np.degrees(north / origin.meridian_radius))
     latitude = start[0] + np.degrees(north / origin.meridian_radius)
     return latitude, start[1] + np.degrees(east / (origin.normal_radius * np.cos(middle)))
-
-
-def open_stored(path: str | Path) -> StoredRun | StoredLogs:
-    """The store as what it is: flown by the factory, or logged at sea.
-
-    Raises:
-      StoreError: it cannot be read, or is neither.
-    """
-    return StoredLogs(path) if is_log(open_store(path)) else StoredRun(path)
