@@ -172,7 +172,7 @@ def _gps(track: Track, time: Array) -> Iterator[tuple[str, Series]]:
     for mission in track.missions:
         start, end = logs.fixes(mission)
         begin = logs.starts[mission]
-        last = begin + float(logs.number("dive_duration")[mission])
+        last = begin + float(logs.log_rows[mission].duration)
         for when, fix in ((begin, start), (last, end)):
             if np.isfinite([*fix, when]).all():
                 places[:, int(np.argmin(np.abs(time - when)))] = when, *fix

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.plot import style
+from twin.records.attributes import DIVE_DURATION
 from twin.records.logs import LogStore
 
 Array = NDArray[np.float64]
@@ -224,7 +225,7 @@ def dive_figures(logs: LogStore, missions: list[int]) -> dict[str, Array]:
             there = (phase == flag) & known
             found[speed].append(100.0 * abs(_median(rate[there])))
             found[angle].append(_median(pitch[there]))
-    duration = logs.number("dive_duration")[missions]
+    duration = logs.number(DIVE_DURATION)[missions]
     moved = [logs.number(f"displacement_{axis}")[missions] for axis in ("north", "east")]
     currents = np.array([logs.current(k) for k in missions])
     return {

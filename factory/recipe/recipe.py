@@ -142,12 +142,12 @@ class Recipe:
     def describe(self) -> dict[str, Any]:
         """Everything that the bytes depend on, as JSON can hold it."""
         description = {
-            "schema_version": SCHEMA_VERSION,
+            attributes.VERSION: SCHEMA_VERSION,
             "preset": self.preset,
             "hours": self.plan.hours,
             "seed": self.seed,
             "vehicle": self.vehicle.name,
-            "vehicle_sha256": sha256(self.vehicle.xml),
+            attributes.VEHICLE_SHA256: sha256(self.vehicle.xml),
             "hydrodynamics": "coefficients",
             **self.physics,
             attributes.SAMPLE_PERIOD: SAMPLE_PERIOD,
