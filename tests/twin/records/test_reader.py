@@ -24,10 +24,7 @@ def written(path: Path, attributes: dict[str, object] | None = None, **arrays: o
     data = xr.Dataset(
         {
             "n_samples": ("mission", np.array([3, 2], np.int32)),
-            "measured_depth": (
-                ("mission", "time"),
-                np.array([[0, 1, 2], [0, 1, np.nan]], np.float32),
-            ),
+            "measured_depth": (("mission", "time"), depth),
             **arrays,
         },  # type: ignore[arg-type]
         {"time": [0.0, 0.5, 1.0]},
