@@ -34,5 +34,21 @@ fi
 echo "setup: installing the pinned dependencies into .venv (some minutes the first time)" >&2
 .venv/bin/python -m pip install --quiet --disable-pip-version-check \
     --constraint constraints.txt --editable '.[dev]'
-.venv/bin/python -m pip check --disable-pip-version-check >&2
+
+# From Python 3.13 on dm-control goes in alone: labmaze, which it asks for, cannot be installed there.
+# pyproject.toml names the rest of what it needs. That labmaze is missing is then the one complaint
+# that is right.
+missing=''
+if ! .venv/bin/python -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then
+    .venv/bin/python -m pip install --quiet --disable-pip-version-check \
+        --constraint constraints.txt --no-deps dm-control
+    missing='^dm-control [^ ]+ requires labmaze, which is not installed\.$'
+fi
+if ! complaints=$(.venv/bin/python -m pip check --disable-pip-version-check 2>&1); then
+    complaints=$(grep -Ev "${missing:-^$}" <<<"$complaints" || true)
+    if [ -n "$complaints" ]; then
+        echo "$complaints" >&2
+        exit 1
+    fi
+fi
 touch .venv/.installed

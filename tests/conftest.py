@@ -7,6 +7,8 @@ import os
 
 import hypothesis
 
+from twin.preload import preload_triton
+
 
 def _loads(library: str) -> bool:
     try:
@@ -24,6 +26,9 @@ def _egl_is_there() -> bool:
 # MuJoCo and dm_control choose how to draw when they are imported. Without a screen their own choice
 # tries GLFW first and warns; where nothing can draw, the tests that draw skip themselves.
 os.environ.setdefault("MUJOCO_GL", "egl" if _egl_is_there() else "disable")
+
+# Some tests import dm_control, which opens OpenGL, before anything of ours does.
+preload_triton()
 
 # Plots go to files.
 os.environ.setdefault("MPLBACKEND", "Agg")

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.og1_missions import geographic
-from twin.water.current.origin import Origin
+from twin.geodesy import from_tangent_plane
 
 Array = NDArray[np.float64]
 
@@ -84,8 +83,7 @@ class Flight:
 
     def position(self, time: Array) -> tuple[Array, Array]:
         state = self.state(np.asarray(time, float))
-        origin = Origin(latitude_deg=LATITUDE, longitude_deg=LONGITUDE)
-        return geographic(state["north"], state["east"], origin)
+        return from_tangent_plane(state["north"], state["east"], LATITUDE, LONGITUDE)
 
     def displacement(self, start: float, end: float) -> tuple[float, float]:
         state = self.state(np.array([start, end]))
@@ -286,3 +284,151 @@ def write_nc4(path: Path, flight: Flight) -> Path:
             variable.units = unit
             variable[:] = values
     return path
+
+
+def write_og1(path: Path, flight: Flight) -> Path:
+    """An OG1.0 file: radian, minutes since 1970, a heading that says that it is magnetic."""
+    import netCDF4
+
+    time = flight.time
+    state = flight.state(time)
+    under = state["under"] > 0
+    latitude, longitude = flight.position(time)
+    minutes = {"units": "minutes since 1970-01-01"}
+    magnetic = {"long_name": "magnetic heading", "units": "degree"}
+    with netCDF4.Dataset(path, "w") as file:
+        file.createDimension("N_MEASUREMENTS", len(time))
+        for name, values, attributes in (
+            ("TIME", time / 60.0, minutes),
+            ("DEPTH", state["depth"], {"units": "m"}),
+            ("PITCH", np.radians(state["pitch"]), {"units": "rad"}),
+            ("HEADING", state["heading"] - flight.variation, magnetic),
+            ("LATITUDE_GPS", np.where(under, np.nan, latitude), {}),
+            ("LONGITUDE_GPS", np.where(under, np.nan, longitude), {}),
+            ("TIME_GPS", np.where(under, np.nan, time / 60.0), minutes),
+        ):
+            variable = file.createVariable(name, "f8", ("N_MEASUREMENTS",))
+            variable.setncatts(attributes)
+            variable[:] = values
+    return path
+
+
+def write_basestation(folder: Path, flight: Flight, number: int = 999) -> list[Path]:
+    """A Seaglider's basestation files, one a dive: samples under water, actuators after moves."""
+    import netCDF4
+
+    paths = []
+    for dive in range(flight.dives):
+        start, end = flight.dive_times(dive)
+        time = np.arange(start + 5.0, end, 10.0)
+        state = flight.state(time)
+        fixes = np.array([start - flight.surface + 100.0, start - 40.0, end + 60.0])
+        latitude, longitude = flight.position(fixes)
+        turned = start + flight.leg  # the bladder and the battery move once, at the bottom
+        series = {
+            "time": time,
+            "pressure": state["depth"] * 1.0085,
+            "depth": state["depth"],
+            "eng_pitchAng": state["pitch"],
+            "eng_rollAng": np.zeros(len(time)),
+            "eng_head": np.mod(state["heading"] - flight.variation, 360.0),
+            "eng_vbdCC": state["pump"],
+        }
+        moves = {
+            "gc_end_secs": np.array([start, turned]),
+            "gc_pitch_ctl": np.array([-0.6, 0.6]),
+            "gc_vbd_ctl": np.array([-230.0, 230.0]),
+            "gc_pitch_ad": np.array([1800.0, 2200.0]),
+            "gc_roll_ad": np.array([2000.0, 2000.0]),
+        }
+        gps = {"log_gps_time": fixes, "log_gps_lat": latitude, "log_gps_lon": longitude}
+        water = {"ctd_time": time + 1.0, "temperature": 8.0, "salinity": 34.0}
+        numbers = {
+            "magnetic_variation": flight.variation,
+            "depth_avg_curr_north": flight.north,
+            "depth_avg_curr_east": flight.east,
+            "log_C_PITCH": 2000.0,
+            "log_PITCH_CNV": 0.003,
+            "log_C_ROLL_DIVE": 2000.0,
+            "log_C_ROLL_CLIMB": 2000.0,
+            "log_ROLL_CNV": 0.028,
+        }
+        path = folder / f"p{number:03d}{dive + 1:04d}.nc"
+        with netCDF4.Dataset(path, "w") as file:
+            file.setncatts({"platform_id": f"SG{number}", "dive_number": dive + 1})
+            for dimension, size, columns in (
+                ("sg_data_point", len(time), series),
+                ("ctd_data_point", len(time), water),
+                ("gc_event", 2, moves),
+                ("gps_info", 3, gps),
+            ):
+                file.createDimension(dimension, size)
+                for name, values in columns.items():
+                    file.createVariable(name, "f8", (dimension,))[:] = values
+            for name, value in numbers.items():
+                file.createVariable(name, "f8", ())[...] = value
+        paths.append(path)
+    return paths
+
+
+def write_dbd(folder: Path, flight: Flight, vehicle: str = "unit_1") -> list[Path]:
+    """A Slocum's binary flight log and its cache file: sensors in native units, GPS among them.
+
+    The format: 14 lines of text, the tag `s` with numbers that show the byte order, then for each
+    cycle the tag `d`, two bits a sensor (0 nothing, 1 as before, 2 new) and the new values.
+    """
+    import struct
+
+    gps = gps_columns(flight)
+    columns = slocum_columns(flight)
+    names = {
+        "m_present_time": columns.pop("time"),
+        **columns,
+        "m_gps_lat": nmea(gps["lat"]),
+        "m_gps_lon": nmea(gps["lon"]),
+        "m_gps_status": gps["status"],
+        "m_gps_mag_var": gps["mag_var_rad"],
+    }
+    size = 8
+    listing = [f"s: T {k} {k} {size} {name} nodim" for k, name in enumerate(names)]
+    crc = "0badcafe"
+    cache = folder / f"{crc}.cac"
+    cache.write_text("\n".join(listing) + "\n")
+    state_bytes = (len(names) + 3) // 4
+    header = {
+        "dbd_label": "DBD(dinkum_binary_data)file", "encoding_ver": 5, "num_ascii_tags": 14,
+        "all_sensors": "F", "the8x3_filename": "00010000",
+        "full_filename": f"{vehicle}-2023-317-0-0", "filename_extension": "dbd",
+        "mission_name": "TEST.MI", "fileopen_time": "Tue_Nov_14_22:13:20_2023",
+        "total_num_sensors": len(names), "sensors_per_cycle": len(names),
+        "state_bytes_per_cycle": state_bytes, "sensor_list_crc": crc, "sensor_list_factored": 1,
+    }  # fmt: skip
+    data = bytearray("".join(f"{k}: {v}\n" for k, v in header.items()).encode())
+    data += b"sa" + struct.pack("<hfd", 0x1234, 123.456, 123456789.12345)
+    at_surface = {time: row for row, time in enumerate(gps["time"])}
+    for row, time in enumerate(names["m_present_time"]):
+        fix = at_surface.get(time)
+        values = [
+            None if (name.startswith("m_gps") and fix is None) else
+            float(column[fix if name.startswith("m_gps") else row])
+            for name, column in names.items()
+        ]  # fmt: skip
+        states = bytearray(state_bytes)
+        for k, value in enumerate(values):
+            if value is not None:
+                states[k // 4] |= 2 << (6 - 2 * (k % 4))
+        data += b"d" + states + b"".join(struct.pack("<d", v) for v in values if v is not None)
+    path = folder / f"{vehicle}-2023-317-0-0.dbd"
+    path.write_bytes(bytes(data) + b"X")
+    return [path, cache]
+
+
+def example(page: str, name: str) -> str:
+    """The program of a page's indented block that begins with the comment `# name`."""
+    block = page.split(f"    # {name}\n")[1]
+    lines = []
+    for line in block.splitlines():
+        if line.strip() and not line.startswith("    "):
+            break
+        lines.append(line[4:])
+    return "\n".join(lines)

@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 
+from factory.importing.formats.registry import IMPORTERS
 from twin.cli.console import Console, JsonOption
+
+CHOICES = "{" + ",".join(IMPORTERS.names()) + "}"
+FILES = "logs, or folders of them (folders below are not searched). " + "; ".join(
+    f"{importer.name}: {importer.files.replace('`', '')}" for importer in IMPORTERS.values()
+)
+PERIODS = ", ".join(f"{importer.period:g} for {importer.name}" for importer in IMPORTERS.values())
+CACHED = ", ".join(importer.name for importer in IMPORTERS.values() if importer.takes_cache)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,30 +25,30 @@ class ImportLogs(JsonOption):
     time grid, and print what was repaired, left out or missing.
     """
 
-    kind: Annotated[
-        Literal["slocum", "seaglider", "seaexplorer", "og1", "lrauv"], tyro.conf.Positional
-    ]
-    """format of the logs"""
-    files: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """logs, or folders of them (folders below are not searched): slocum .dbd/.ebd/.sbd/.tbd or
-    tables, seaglider p*.nc or tables, seaexplorer .gli/.pld, OG1.0 .nc, lrauv .mat/.nc4/.csv"""
+    kind: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar=CHOICES)]
+    """kind of the logs"""
+    files: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(help=FILES)]
     out: Path
     """the store"""
-    period: float | None = None
-    """seconds between samples of the store [default: 2 for slocum and lrauv, 5 for others]"""
+    period: Annotated[
+        float | None,
+        tyro.conf.arg(help=f"seconds between samples of the store [default: {PERIODS}]"),
+    ] = None
     min_depth: float = 5.0
     """metres: what goes deeper between two fixes is a dive"""
     variation_deg: float | None = None
     """magnetic variation, east positive [default: the log's own]"""
-    cache: Path | None = None
-    """folder of a Slocum's cache files (.cac) [default: beside the logs]"""
+    cache: Annotated[
+        Path | None,
+        tyro.conf.arg(help=f"folder of cache files, for {CACHED} [default: beside the logs]"),
+    ] = None
     overwrite: bool = False
     """replace an existing store"""
 
     def run(self, console: Console) -> int:
         """Import, store and report."""
-        from factory.importing.dives.segments import Rules
-        from factory.importing.importer import import_logs
+        from factory.importing.import_run import import_logs
+        from factory.importing.repairs.dive_rules import DiveRules
         from twin.errors import InputError
         from twin.records.store import prepare_target, write_store
 
@@ -52,7 +60,7 @@ class ImportLogs(JsonOption):
             self.kind,
             self.files,
             period=self.period,
-            rules=Rules(min_depth=self.min_depth),
+            rules=DiveRules(min_depth=self.min_depth),
             variation_deg=self.variation_deg,
             cache=self.cache,
         )

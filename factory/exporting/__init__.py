@@ -1,1 +1,6 @@
 """Exporting: stores in the formats that others read."""
+
+from factory.exporting.base import Exporter
+from factory.exporting.registry import EXPORTERS, register
+
+__all__ = ["EXPORTERS", "Exporter", "register"]

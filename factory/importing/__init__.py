@@ -4,18 +4,27 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from factory.importing.reading.files import KINDS
+from factory.importing.formats.base import Importer, ReadOptions, WrongFormat
+from factory.importing.formats.registry import IMPORTERS, register, sniff
 
 if TYPE_CHECKING:
-    from factory.importing.importer import import_logs as import_logs
+    from factory.importing.import_run import import_logs as import_logs
 
-__all__ = ["KINDS", "import_logs"]
+__all__ = [
+    "IMPORTERS",
+    "Importer",
+    "ReadOptions",
+    "WrongFormat",
+    "import_logs",
+    "register",
+    "sniff",
+]
 
 
 def __getattr__(name: str) -> object:
-    """Load the importer when it is asked for: it brings xarray."""
+    """Load `import_logs` when it is asked for: it brings xarray."""
     if name == "import_logs":
-        from factory.importing.importer import import_logs
+        from factory.importing.import_run import import_logs
 
         return import_logs
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

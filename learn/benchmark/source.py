@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from factory.importing import import_logs
-from factory.importing.importer import PERIODS
 from factory.importing.reading.columns import Table, read_table
 from learn.navigation.dead_reckoning import Array
 from twin.errors import InputError, TwinError
@@ -97,13 +96,13 @@ def gather(
 
 def imported(folder: Path, kind: str, work: Path) -> list[Deployment]:
     """The deployments of one folder; errors as `import_logs`."""
-    dataset, _ = import_logs(kind, [folder], period=PERIODS[kind])
+    dataset, report = import_logs(kind, [folder])
     store = work / f"{folder.name}.zarr"
     write_store(dataset, store, overwrite=True)
     with LogStore(store) as logs:
         names = np.array(logs.deployments)
         start = logs.starts
-        end = start + PERIODS[kind] * (logs.samples - 1.0)
+        end = start + report.period * (logs.samples - 1.0)
     deployments = []
     for name in dict.fromkeys(names):
         rows = np.flatnonzero(names == name)

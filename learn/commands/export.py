@@ -14,6 +14,7 @@ import tyro
 from learn.runs.run import newest_run, open_run
 from twin.cli.console import Console, JsonOption
 from twin.cli.program import EXIT_OK
+from twin.extras import require
 
 WIDTH = 100
 """Columns of the answer's text."""
@@ -33,6 +34,8 @@ class Export(JsonOption):
     def run(self, console: Console) -> int:
         """Export, check, say where."""
         os.environ.setdefault("OMP_NUM_THREADS", "1")
+        require("onnx", extra="onnx", purpose="learn export")
+        require("onnxruntime", extra="onnx", purpose="learn export")
         from learn.data.dataset import load_missions
         from learn.data.features import channels_of
         from learn.networks.onnx_export import TOLERANCE, export_step

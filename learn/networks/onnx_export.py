@@ -26,6 +26,7 @@ from learn.data.features import FEATURES
 from learn.networks.network import NetworkConfig
 from learn.networks.predictor import Predictor
 from twin.errors import StoreError
+from twin.extras import require
 
 Floats = NDArray[np.float32]
 
@@ -230,9 +231,11 @@ class StepModel:
         """Open a file that `step_model` made.
 
         Raises:
+          InputError: onnxruntime is not installed.
           StoreError: no such file, not ONNX, other names of inputs and outputs, another layout, or
             features that this version does not know.
         """
+        require("onnxruntime", extra="onnx", purpose="running an exported model")
         import onnxruntime
 
         if not path.is_file():

@@ -26,6 +26,7 @@ from learn.training.scg import ScaledConjugateGradient, ScgConfig
 from learn.training.schedule import Clock, TrainingConfig, step_size
 from learn.training.soap import Soap
 from twin.errors import InputError, StoreError
+from twin.preload import preload_triton
 
 TRAINING_PER_VALIDATION = 4.0
 """Least ratio of the time in training to that in validation: a large store validates less often."""
@@ -144,6 +145,7 @@ class Trainer:
 
     def _stochastic(self, saved: dict[str, Any] | None) -> None:
         config, network = self.config, self.network
+        preload_triton()  # torch.optim imports triton where it is installed
         optimiser: torch.optim.Optimizer
         if config.optimiser == "soap":
             optimiser = Soap(network.parameters(), lr=config.rate, weight_decay=config.weight_decay)

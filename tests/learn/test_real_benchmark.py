@@ -129,7 +129,7 @@ def test_folders_that_cannot_be_judged_are_named_with_the_reason(tmp_path: Path)
     found, skipped = gather(tmp_path, work, lambda text: None)
     assert [d.name for d in found] == ["unit1"]
     why = {part.name: part.why for part in skipped}
-    assert "no slocum log" in why["slocum_broken"]
+    assert "not a log of the kind slocum" in why["slocum_broken"]
     assert "attitude" in why["lrauv_2013"]
     assert set(why) == {"slocum_broken", "lrauv_2013", "notes", "work"}
 

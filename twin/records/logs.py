@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import StoreError
+from twin.geodesy import position
 from twin.records.attributes import (
     DEPLOYMENT,
     DIVE_DURATION,
@@ -24,7 +25,7 @@ from twin.records.attributes import (
     says_simulated,
 )
 from twin.records.reader import MissionStore
-from twin.water.current.origin import HIGHEST_LATITUDE, Origin
+from twin.water.current.origin import HIGHEST_LATITUDE
 
 Array = NDArray[np.float64]
 
@@ -196,21 +197,10 @@ class LogStore(MissionStore):
             return np.full(count, np.nan), np.full(count, np.nan), "unknown"
         north, east = (self.signal(f"measured_onboard_{n}", mission) for n in ("north", "east"))
         if np.isfinite(north).any() and abs(start[0]) <= HIGHEST_LATITUDE:
-            return *metres_from(north, east, start), "on-board track"
+            return *position(north, east, *start), "on-board track"
         if not np.isfinite(end).all():
             return np.full(count, np.nan), np.full(count, np.nan), "unknown"
         share = np.linspace(0.0, 1.0, count)
         turn = (end[1] - start[1] + 180.0) % 360.0 - 180.0
         latitude = start[0] + share * (end[0] - start[0])
         return latitude, start[1] + share * turn, "straight line between GPS fixes"
-
-
-def metres_from(north: Array, east: Array, start: tuple[float, float]) -> tuple[Array, Array]:
-    """Latitude and longitude [degree] of points [m] along the meridian and the mean parallel.
-
-    The inverse of `twin.geodesy.offset`, to second order in distance over radius.
-    """
-    origin = Origin(latitude_deg=start[0], longitude_deg=start[1])
-    middle = np.radians(start[0] + 0.5 * np.degrees(north / origin.meridian_radius))
-    latitude = start[0] + np.degrees(north / origin.meridian_radius)
-    return latitude, start[1] + np.degrees(east / (origin.normal_radius * np.cos(middle)))

@@ -14,10 +14,11 @@ Positions are metres north and east of the mission's start; time is seconds sinc
 
 from __future__ import annotations
 
-import csv
 import dataclasses
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,9 @@ from twin.errors import InputError, unknown_name
 from twin.records.attributes import TITLE, is_missions
 from twin.records.schema import MISSION, TIME
 from twin.records.store import write_zarr
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
 
@@ -200,21 +204,42 @@ def _row(values: Array, missions: Array | None, mission: int, path: Path) -> Arr
 
 
 def _read_csv(path: Path, mission: int) -> list[NamedTrack]:
-    rows: dict[str, list[tuple[float, float, float]]] = {}
-    with path.open(newline="", encoding="utf-8") as file:
-        reader = csv.DictReader(file)
-        missing = {"time", "north", "east"} - set(reader.fieldnames or ())
-        if missing:
-            raise InputError(f"track file {path.name}: no column {', '.join(sorted(missing))}")
-        for line, row in enumerate(reader, start=2):
-            try:
-                if int(row.get("mission") or mission) != mission:
-                    continue
-                sample = (float(row["time"]), float(row["north"]), float(row["east"]))
-            except (TypeError, ValueError) as error:
-                raise InputError(f"track file {path.name}, line {line}: {error}") from error
-            rows.setdefault(row.get("track") or path.stem, []).append(sample)
-    return [_finite(name, *np.array(samples).T) for name, samples in rows.items()]
+    import pandas as pd
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # of cells that would be lost
+            frame = pd.read_csv(
+                path, dtype=str, na_filter=False, skipinitialspace=True, index_col=False
+            )
+    except (OSError, ValueError, pd.errors.ParserWarning) as error:
+        why = " ".join(str(error).split())
+        raise InputError(f"track file {path.name} cannot be read: {why}") from error
+    missing = {"time", "north", "east"} - set(frame.columns)
+    if missing:
+        raise InputError(f"track file {path.name}: no column {', '.join(sorted(missing))}")
+    if "mission" in frame:
+        chosen = _csv_numbers(frame["mission"].replace("", str(mission)), path)
+        frame = frame[chosen == mission]
+    names = frame["track"].replace("", path.stem) if "track" in frame else path.stem
+    numbers = frame[["time", "north", "east"]].apply(_csv_numbers, path=path)
+    grouped = numbers.groupby(names, sort=False) if "track" in frame else [(names, numbers)]
+    return [_finite(str(name), *rows.to_numpy().T) for name, rows in grouped if len(rows)]
+
+
+def _csv_numbers(cells: pd.Series[str], path: Path) -> pd.Series[float]:
+    """The cells of a column as numbers; an error names the first line that holds none."""
+    import pandas as pd
+
+    try:
+        return cells.astype(float)
+    except ValueError:
+        numbers = pd.to_numeric(cells, errors="coerce")
+        first = cells[numbers.isna() & (cells.str.lower() != "nan")]
+        raise InputError(
+            f"track file {path.name}, line {first.index[0] + 2}: {cells.name} is "
+            f"{first.iloc[0]!r}, not a number"
+        ) from None
 
 
 def _finite(name: str, time: Array, north: Array, east: Array) -> NamedTrack:

@@ -14,6 +14,7 @@ import sys
 from typing import Protocol
 
 from twin.errors import TwinError
+from twin.preload import preload_triton
 
 BACKENDS = {"egl": "libegl1 libopengl0 libgl1-mesa-dri", "osmesa": "libosmesa6"}
 """Debian packages of each backend, the preferred backend first."""
@@ -42,6 +43,7 @@ def available_backend() -> str | None:
     wanted = os.environ.get("MUJOCO_GL", "").strip().lower()
     if wanted in ("disable", "disabled", "off", "false", "0"):
         return None
+    preload_triton()
     # PyOpenGL, once imported, cannot change its platform any more.
     settled = os.environ.get("PYOPENGL_PLATFORM", "").lower() if "OpenGL" in sys.modules else ""
     for name, works in (("egl", _egl_works), ("osmesa", _osmesa_works)):

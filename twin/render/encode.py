@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, TwinError
+from twin.extras import require
 
 Pixels = NDArray[np.uint8]
 
@@ -35,13 +36,14 @@ class Encoder:
     def __init__(self, path: Path, width: int, height: int, fps: float):
         """
         Raises:
-          InputError: unknown ending, or a size that the format cannot hold.
+          InputError: unknown ending, a size that the format cannot hold, or no imageio-ffmpeg.
         """
         suffix = path.suffix.lower()
         if suffix not in VIDEO_FORMATS:
             raise InputError(f"video {path.name}: the ending must be {' or '.join(VIDEO_FORMATS)}")
         if suffix == ".mp4" and (width % 2 or height % 2):
             raise InputError(f"mp4 needs an even width and height, not {width}x{height}")
+        require("imageio_ffmpeg", extra="video", purpose="writing a video")
         self.path = path
         self._shape = (height, width, 3)
         self._draft = path.with_name(f".{path.stem}.part{suffix}")

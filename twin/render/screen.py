@@ -7,6 +7,7 @@ import sys
 import warnings
 
 from twin.errors import TwinError
+from twin.preload import preload_triton
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 """Environment variables that name a screen on Linux"""
@@ -28,6 +29,7 @@ def require_screen() -> None:
     """
     if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in DISPLAYS):
         raise NoScreen(f"no screen ({' and '.join(DISPLAYS)} are not set): {WAY_OUT}")
+    preload_triton()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # GLFW reports as warnings what is raised below
         try:

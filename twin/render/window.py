@@ -21,6 +21,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.preload import preload_triton
 from twin.render import camera, sea
 from twin.render.camera import View
 from twin.render.canvas import frame_of
@@ -131,6 +132,7 @@ class Window:
 
     @contextlib.contextmanager
     def _open(self) -> Iterator[Any]:
+        preload_triton()
         import mujoco.viewer
 
         before = set(threading.enumerate())

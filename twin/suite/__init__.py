@@ -7,7 +7,9 @@ Gymnasium, and `python -m twin.suite --task hold` shows one in the dm_control vi
 """
 
 from twin.suite.backend import choose_backend
+from twin.suite.requirement import require_dm_control
 
+require_dm_control()
 choose_backend()  # dm_control settles how it draws while it is imported
 
 from twin.suite.loader import ALL_TASKS, load  # noqa: E402

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import sys
 
+from twin.preload import preload_triton
+
 _VARIABLE = "MUJOCO_GL"
 _SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 
@@ -15,6 +17,7 @@ def choose_backend() -> None:
     dm_control tries GLFW first while it is imported, which warns without a screen. With a screen,
     or with MUJOCO_GL set, the choice stays dm_control's and the user's.
     """
+    preload_triton()  # dm_control opens OpenGL while it is imported
     named = os.environ.get(_VARIABLE)
     if named or not sys.platform.startswith("linux"):
         return

@@ -1,4 +1,4 @@
-"""Water columns by name: what `--density` takes on the command line."""
+"""Density by name or file: what `--density` takes on the command line."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from twin.errors import InputError, unknown_name
 from twin.water.density import DensityProfile
-from twin.water.separators import check_commas
+from twin.water.table_file import column_numbers, read_table_file
 
 NAMES = ("constant", "thermocline")
 ALLOWED = (*NAMES, "a CSV file with columns depth,density")
@@ -33,33 +33,21 @@ def parse_density(text: str) -> DensityProfile | None:
 
 def read_density_csv(path: Path) -> DensityProfile:
     """Read a profile from CSV; see `parse_density`."""
-    import csv
-
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read density file {path}: {error}") from error
-    numbered = [
-        (number, line)
-        for number, line in enumerate(lines, start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    check_commas(f"density file {path}", numbered)
-    rows = list(csv.DictReader(line for _, line in numbered))
-    if not rows:
+    frame = read_table_file(path, "density file")
+    names = [str(name) for name in frame.columns]
+    if not len(frame):
         raise InputError(f"density file {path} has no rows; it needs a header and one row or more")
     columns: dict[str, list[float]] = {}
-    wanted = ("depth", "density") if "density" in rows[0] else ("depth", "temperature", "salinity")
-    for name in wanted:
-        if name not in rows[0]:
+    for name in (
+        ("depth", "density") if "density" in names else ("depth", "temperature", "salinity")
+    ):
+        if names.count(name) != 1:
+            lacks = "lacks the column" if name not in names else "has more than one column"
             raise InputError(
-                f"density file {path} lacks the column {name!r} (found: {', '.join(rows[0])}); it "
-                "needs depth and density, or depth, temperature and salinity"
+                f"density file {path} {lacks} {name!r} (found: {', '.join(names)}); it needs depth "
+                "and density, or depth, temperature and salinity"
             )
-        try:
-            columns[name] = [float(row[name]) for row in rows]
-        except (TypeError, ValueError) as error:
-            raise InputError(f"density file {path}, column {name!r}: {error}") from error
+        columns[name] = column_numbers(frame, name, f"density file {path}")
     if "density" in columns:
         return DensityProfile(depth=columns["depth"], values=columns["density"])  # type: ignore[arg-type]
     return DensityProfile.from_temperature_salinity(

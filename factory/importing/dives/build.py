@@ -1,4 +1,4 @@
-"""Build: logs cut into rows and put on the grid, with the report of what was done."""
+"""Dives of all logs on one time grid as one dataset, with the report of what was done to them."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.dives.dataset import FRAMES, Row, rows_dataset
+from factory.importing.dives.dive_checks import complete, standing
 from factory.importing.dives.dive_current import averaged_current
+from factory.importing.dives.dive_rows import FRAMES, DiveRow, rows_dataset
 from factory.importing.dives.resample import grid, on_grid
-from factory.importing.dives.rowcheck import complete, standing
-from factory.importing.dives.segments import Rules, Segment, cut
-from factory.importing.reading.log import Array, Channel, Log
+from factory.importing.dives.segments import Segment, cut
+from factory.importing.reading.deployment_log import Channel, DeploymentLog
 from factory.importing.reading.tally import ImportReport, Tally, summarise
-from factory.importing.reading.unread import stand_ins, tell_unread
+from factory.importing.reading.unread_names import likely_replacements, tell_unread
+from factory.importing.repairs.dive_rules import DiveRules
 from factory.importing.repairs.plausibility import check_signs
 from factory.importing.repairs.seawater import depth_of, pressure_of
-from factory.importing.repairs.surface import zeroed
+from factory.importing.repairs.surface_offset import zeroed
 from twin.errors import InputError
 from twin.records.attributes import (
     COMMENT,
@@ -41,30 +42,39 @@ WANTED = (
     "measured_rotation", "measured_density",
 )  # fmt: skip
 """Channels whose absence the report names."""
-HAS_NONE = {"slocum": ("measured_rotation",), "lrauv": ("measured_rotation",)}
-"""Channels that no vehicle of the kind has: their absence is no news."""
 _EQUATOR = 0.0
 """[degree] Latitude for depth where a log has no position: 0.5 % of gravity's range."""
 
 
 def build(
-    logs: Sequence[Log],
+    logs: Sequence[DeploymentLog],
     *,
     kind: str,
     period: float,
-    rules: Rules,
+    rules: DiveRules,
     tally: Tally,
     files: Sequence[str],
     held: frozenset[str] = frozenset(),
+    lacks: frozenset[str] = frozenset(),
 ) -> tuple[xr.Dataset, ImportReport]:
     """One dataset of all logs, rows of each deployment in time order.
+
+    Args:
+      logs: of one kind of vehicle.
+      kind: the importer's name.
+      period: [s] between the samples of the store.
+      rules: how the dives are cut.
+      tally: counts what is done; what the reader counted is in it.
+      files: names of the files, for the report.
+      held: channels that keep their last value between samples.
+      lacks: channels that no such vehicle has: their absence is not reported.
 
     Raises:
       InputError: no log holds a dive.
     """
-    rows: list[Row] = []
+    rows: list[DiveRow] = []
     lacking: dict[str, list[str]] = {}
-    deepened: list[Log] = []
+    deepened: list[DeploymentLog] = []
     for log in sorted(logs, key=lambda one: (one.span[0], one.deployment)):
         log = zeroed(with_depth(log, tally), rules, tally)
         deepened.append(log)
@@ -73,7 +83,7 @@ def build(
         if not len(log.fixes):
             lacking.setdefault("GPS fixes", []).append(log.deployment)
         for name in WANTED:
-            if not len(log.channel(name)) and name not in HAS_NONE.get(kind, ()):
+            if not len(log.channel(name)) and name not in lacks:
                 lacking.setdefault(name, []).append(log.deployment)
         if not len(log.channel("measured_pitch")):
             tally.add(
@@ -100,9 +110,9 @@ def build(
                 signals, segment, period,
                 complete=whole, driven=numbers.get("thruster_fraction", 0.0),
             )  # fmt: skip
-            rows.append(Row(log=log, segment=segment, signals=signals, numbers=numbers))
+            rows.append(DiveRow(log=log, segment=segment, signals=signals, numbers=numbers))
     tell_unread(tally)
-    instead = stand_ins(tuple(lacking), tally.unread)
+    instead = likely_replacements(tuple(lacking), tally.unread)
     for name, deployments in lacking.items():
         split = " (rows are split by depth)" if name == "GPS fixes" else ""
         other = f"; is it {instead[name]!r}, which is not read?" if name in instead else ""
@@ -149,7 +159,7 @@ def build(
     return rows_dataset(rows, period, attributes), report
 
 
-def with_depth(log: Log, tally: Tally) -> Log:
+def with_depth(log: DeploymentLog, tally: Tally) -> DeploymentLog:
     """The log with depth by TEOS-10 from its pressure; from depth alone, pressure is computed.
 
     Raises:
@@ -171,7 +181,9 @@ def with_depth(log: Log, tally: Tally) -> Log:
     return dataclasses.replace(log, channels=channels)
 
 
-def _tell_outside(depth: Channel, segments: Sequence[Segment], rules: Rules, tally: Tally) -> None:
+def _tell_outside(
+    depth: Channel, segments: Sequence[Segment], rules: DiveRules, tally: Tally
+) -> None:
     """Count the depths that no row holds, by where the vehicle was."""
     outside = _outside(depth, segments)
     shallow = depth.values <= rules.surface_depth
@@ -191,7 +203,7 @@ def _outside(depth: Channel, segments: Sequence[Segment]) -> NDArray[np.bool_]:
 
 
 def _numbers(
-    log: Log, segment: Segment, segments: Sequence[Segment], number: int
+    log: DeploymentLog, segment: Segment, segments: Sequence[Segment], number: int
 ) -> dict[str, float]:
     """Per-row numbers that come from the log."""
     numbers: dict[str, float] = {"dive": float(number)}
@@ -217,9 +229,3 @@ def _numbers(
 
 _BEFORE_FIX = 1.0
 """[s] A current stamped with the fix itself belongs to the dive before it."""
-
-
-def as_array(values: object) -> Array:
-    """Any numbers as a float64 array; masked ones are NaN."""
-    filled = np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
-    return np.asarray(filled, np.float64).ravel()

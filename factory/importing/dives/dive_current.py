@@ -1,4 +1,4 @@
-"""Current: the depth-averaged current of a dive, by its two fixes and its way through the water."""
+"""Depth-averaged current of a dive, from its two GPS fixes and its way through the water."""
 
 from __future__ import annotations
 

@@ -1,14 +1,15 @@
-"""Resample: a log's channels on one row's uniform grid."""
+"""Signals of one dive: the channels of its log brought to a uniform time grid."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.dives.segments import Rules, Segment, float_at_fixes, phases
-from factory.importing.reading.log import Channel, Log
+from factory.importing.dives.segments import Segment, float_at_fixes, phases
+from factory.importing.reading.deployment_log import Channel, DeploymentLog
 from factory.importing.reading.tally import Tally
-from factory.importing.repairs.fixes import nearest
+from factory.importing.repairs.dive_rules import DiveRules
+from factory.importing.repairs.gps_fixes import nearest
 from twin.geodesy import offset
 
 Array = NDArray[np.float64]
@@ -42,12 +43,12 @@ def grid(segment: Segment, period: float) -> Array:
 
 
 def on_grid(
-    log: Log,
+    log: DeploymentLog,
     segment: Segment,
     times: Array,
     *,
     period: float,
-    rules: Rules,
+    rules: DiveRules,
     tally: Tally,
     held: frozenset[str] = frozenset(),
 ) -> dict[str, Array]:
@@ -118,7 +119,7 @@ def _hold(channel: Channel, times: Array) -> Array:
     return channel.values[np.maximum(index, 0)]
 
 
-def _gaps(log: Log, times: Array, period: float) -> NDArray[np.bool_]:
+def _gaps(log: DeploymentLog, times: Array, period: float) -> NDArray[np.bool_]:
     """True where attitude or depth has no original sample near."""
     gap = np.zeros(len(times), bool)
     for names in (("measured_pitch",), ("measured_depth", "measured_pressure")):
@@ -149,7 +150,7 @@ def _fill_density(signals: dict[str, Array], tally: Tally) -> None:
 
 
 def _put_fixes(
-    log: Log, segment: Segment, times: Array, period: float, signals: dict[str, Array]
+    log: DeploymentLog, segment: Segment, times: Array, period: float, signals: dict[str, Array]
 ) -> None:
     """GPS [m] from the row's start at the samples nearest to its fixes; NaN elsewhere."""
     origin = segment.start_fix or segment.end_fix
@@ -162,7 +163,9 @@ def _put_fixes(
     signals["measured_gps_north"], signals["measured_gps_east"] = north, east
 
 
-def _put_onboard(log: Log, segment: Segment, times: Array, signals: dict[str, Array]) -> None:
+def _put_onboard(
+    log: DeploymentLog, segment: Segment, times: Array, signals: dict[str, Array]
+) -> None:
     """The vehicle's own track [m] from the row's start, before the end fix corrects it."""
     north, east = log.channel("onboard_north"), log.channel("onboard_east")
     if len(log.channel("latitude")) and len(log.channel("longitude")) and not len(north):
@@ -189,7 +192,7 @@ def _put_onboard(log: Log, segment: Segment, times: Array, signals: dict[str, Ar
     signals["measured_onboard_east"] = east.at(times)
 
 
-def _put_truth(log: Log, times: Array, signals: dict[str, Array]) -> None:
+def _put_truth(log: DeploymentLog, times: Array, signals: dict[str, Array]) -> None:
     """Velocity through the water [m/s] in body axes, and current, near original truth samples."""
     parts = [log.channel(f"velocity_{axis}") for axis in ("north", "east", "down")]
     if all(len(part) for part in parts):

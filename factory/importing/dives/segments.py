@@ -1,4 +1,4 @@
-"""Segments: dives from GPS fix to GPS fix, the drift at the surface before each, and phases."""
+"""Logs cut into dives from GPS fix to GPS fix, with the surface drift before each, and phases."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.log import Channel, Fixes, Log
+from factory.importing.reading.deployment_log import Channel, DeploymentLog, Fixes
 from factory.importing.reading.tally import Tally
-from factory.importing.repairs.fixes import good_fixes
-from factory.importing.repairs.rules import Rules as Rules
+from factory.importing.repairs.dive_rules import DiveRules
+from factory.importing.repairs.gps_fixes import good_fixes
 from twin.geodesy import offset
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ class Segment:
         return self.end - self.start
 
 
-def cut(log: Log, depth: Channel, rules: Rules, tally: Tally) -> list[Segment]:
+def cut(log: DeploymentLog, depth: Channel, rules: DiveRules, tally: Tally) -> list[Segment]:
     """The dives of a log, in time order.
 
     Consecutive fixes with a dive between them make a row; before the first and after the last fix,
@@ -106,7 +106,7 @@ _DAY = 86400.0
 """[s]"""
 
 
-def _tell_holes(log: Log, depth: Channel, tally: Tally) -> None:
+def _tell_holes(log: DeploymentLog, depth: Channel, tally: Tally) -> None:
     """Say where a log pauses for more than a day: it may be two deployments."""
     for k in np.flatnonzero(np.diff(depth.time) > _DAY):
         days = (depth.time[k + 1] - depth.time[k]) / _DAY
@@ -115,14 +115,14 @@ def _tell_holes(log: Log, depth: Channel, tally: Tally) -> None:
 
 
 def _segment(
-    log: Log,
+    log: DeploymentLog,
     fixes: Fixes,
     begin: float,
     stop: float,
     first: int | None,
     last: int | None,
     previous_end: float | None,
-    rules: Rules,
+    rules: DiveRules,
 ) -> Segment:
     """Make one row; `first` and `last` index the fixes at its ends."""
     nothing = float("nan")
@@ -171,7 +171,7 @@ def surface_drift(fixes: Fixes) -> tuple[float, float]:
     return float(weight @ north), float(weight @ east)
 
 
-def split_without_fixes(depth: Channel, rules: Rules) -> list[tuple[float, float]]:
+def split_without_fixes(depth: Channel, rules: DiveRules) -> list[tuple[float, float]]:
     """Start and end of each dive by depth alone: from surfacing to surfacing or gap."""
     wet = depth.values > rules.surface_depth
     gaps = np.diff(depth.time) > rules.longest_gap

@@ -1,1 +1,1 @@
-"""Formats: one reader for each kind of log file."""
+"""Formats: one folder for each kind of log, a base class, and the registry of all of them."""

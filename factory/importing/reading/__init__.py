@@ -1,1 +1,1 @@
-"""Reading: columns and channels of log files, and the tally of what was done to them."""
+"""Reading: tables and arrays of log files, and the count of what was done to them."""

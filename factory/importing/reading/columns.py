@@ -1,23 +1,27 @@
-"""Table: columns of one file, whatever format it came in, with one time each; sorted and unique."""
+"""Tables of csv and parquet files: columns as numbers, rows in order of time, each time once."""
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import gzip
 import math
+import warnings
 import zlib
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.reading.tally import Tally
 from twin.errors import InputError
+from twin.extras import require
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
 
@@ -60,17 +64,21 @@ def read_table(path: Path) -> Table:
     return _csv(path)
 
 
-def _parquet(path: Path) -> Table:
+def _opened_parquet(path: Path) -> Any:
+    require("pyarrow.parquet", extra="parquet", purpose=path.name)
+    parquet: Any = import_module("pyarrow.parquet")
     try:
-        parquet = import_module("pyarrow.parquet")
-    except ImportError:
-        raise InputError(
-            f"{path.name} needs pyarrow, which is not installed: pip install pyarrow"
-        ) from None
-    try:
-        table = parquet.read_table(path)
+        return parquet.ParquetFile(path)
     except Exception as error:
-        raise InputError(f"{path} is no whole parquet file: {_line(error)}") from error
+        raise InputError(f"{path} is not a whole parquet file: {_line(error)}") from error
+
+
+def _parquet(path: Path) -> Table:
+    with _opened_parquet(path) as file:
+        try:
+            table = file.read()
+        except Exception as error:
+            raise InputError(f"{path} is not a whole parquet file: {_line(error)}") from error
     columns: dict[str, Array] = {}
     texts: dict[str, NDArray[Any]] = {}
     for name in table.column_names:
@@ -85,47 +93,97 @@ def _parquet(path: Path) -> Table:
     return Table(path, columns, texts)
 
 
-def _csv(path: Path) -> Table:
-    opener: Any = gzip.open if path.suffix == ".gz" else open
+def column_names(path: Path) -> list[str]:
+    """Names of the columns of a csv, csv.gz or parquet file. Errors as `read_table`."""
+    if path.suffix == ".parquet":
+        with _opened_parquet(path) as parquet:
+            return [str(name) for name in parquet.schema_arrow.names]
     try:
-        with opener(path, "rt", newline="", encoding="utf-8-sig", errors="replace") as file:
-            sample = file.readline()
-            delimiter = ";" if sample.count(";") > sample.count(",") else ","
-            names = [word.strip() for word in sample.rstrip("\r\n").split(delimiter)]
-            rows = list(csv.reader(file, delimiter=delimiter))
-    except (OSError, EOFError, zlib.error, csv.Error) as error:
+        with _opened(path) as file:
+            return [name for name in _header(file)[0] if name]
+    except _UNREADABLE as error:
         raise InputError(f"{path} cannot be read to its end: {_line(error)}") from error
+
+
+_UNREADABLE = (OSError, EOFError, zlib.error)
+"""What a file that is cut or damaged raises."""
+
+
+def _opened(path: Path) -> TextIO:
+    opener: Any = gzip.open if path.suffix == ".gz" else open
+    file: TextIO = opener(path, "rt", newline="", encoding="utf-8-sig", errors="replace")
+    return file
+
+
+def _header(file: TextIO) -> tuple[list[str], str]:
+    """Column names in the first line, and what separates them: a comma or a semicolon."""
+    line = file.readline()
+    delimiter = ";" if line.count(";") > line.count(",") else ","
+    return [word.strip().strip('"') for word in line.rstrip("\r\n").split(delimiter)], delimiter
+
+
+def _csv(path: Path) -> Table:
+    import pandas as pd
+
+    try:
+        with _opened(path) as file, warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # of cells that would be lost
+            names, delimiter = _header(file)
+            # a row may end with a separator, so that it has an empty cell more than the header
+            cells = range(len(names) + 1)
+            try:
+                frame = pd.read_csv(
+                    file, sep=delimiter, header=None, names=cells, dtype=str, na_filter=False,
+                    index_col=False,
+                )  # fmt: skip
+            except pd.errors.EmptyDataError:
+                frame = pd.DataFrame(columns=cells, dtype=str)
+    except _UNREADABLE as error:
+        raise InputError(f"{path} cannot be read to its end: {_line(error)}") from error
+    except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
+        raise InputError(
+            f"{path} is not a table of {len(names)} columns: {_line(error)}"
+        ) from error
     if len(names) < 2 or any(not name for name in names[1:-1]):
         raise InputError(f"{path} does not begin with a line of column names")
-    if not names[0]:  # the index that pandas writes
-        names, rows = names[1:], [row[1:] for row in rows]
-    names = [name for name in names if name]
-    rows = [row for row in rows if row]
+    beyond = np.flatnonzero(frame[len(names)].fillna("").str.strip() != "")
+    if beyond.size:
+        raise InputError(
+            f"{path}: row {beyond[0] + 1} of the values has more cells than the header has names"
+        )
     columns: dict[str, Array] = {}
     texts: dict[str, NDArray[Any]] = {}
     for k, name in enumerate(names):
-        words = [row[k].strip() if k < len(row) else "" for row in rows]
+        if not name:  # the index that pandas writes, or a separator at the end
+            continue
+        words = frame[k].str.strip()
         numbers = _numbers(words)
         if numbers is None:
-            texts[name] = np.array(words, dtype=object)
+            texts[name] = words.to_numpy(object)
         else:
             columns[name] = numbers
     return Table(path, columns, texts)
 
 
-def _numbers(words: Sequence[str]) -> Array | None:
+def _numbers(words: pd.Series[str]) -> Array | None:
     """The words as numbers, or None when more than half of those with a value are none."""
-    values = np.full(len(words), np.nan)
-    bad = there = 0
-    for i, word in enumerate(words):
-        if word.lower() in MISSING:
-            continue
-        there += 1
-        try:
-            values[i] = float(word)
-        except ValueError:
-            bad += 1
-    return None if there and bad > there / 2 else values
+    there = ~words.str.lower().isin(MISSING)
+    numbers = words.where(there, "nan")
+    try:
+        return numbers.to_numpy(object).astype(np.float64)
+    except ValueError:
+        pass
+    values = np.array([_number(word) for word in numbers])
+    bad = np.isnan(values) & there.to_numpy() & (numbers.str.lower() != "nan").to_numpy()
+    return None if bad.sum() > 0.5 * there.sum() else values
+
+
+def _number(word: str) -> float:
+    """The number that a word is; NaN when it is none."""
+    try:
+        return float(word)
+    except ValueError:
+        return math.nan
 
 
 def parse_stamps(words: NDArray[Any]) -> Array:
@@ -174,7 +232,7 @@ def unix_seconds(time: Array, subject: str, tally: Tally) -> Array:
                 tally.add("repaired", subject, good.size, f"time was in {unit}, not in seconds")
             return (time + offset) * factor
     raise InputError(
-        f"{subject}: time {middle:g} is no unix time in seconds; logs begin in 1979 or later"
+        f"{subject}: time {middle:g} is not a unix time in seconds; logs begin in 1979 or later"
     )
 
 

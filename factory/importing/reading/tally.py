@@ -1,4 +1,4 @@
-"""Tally: what was read, repaired, left out and found missing while logs were imported."""
+"""Counts of what an import read, repaired, left out and found missing, and the report of them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Tally:
     def __init__(self) -> None:
         self._counts: dict[tuple[str, str, str], int] = {}
         self.unread: dict[str, list[str]] = {}
-        """Names that files hold and nobody reads, by kind of file (`unread.tell_unread`)."""
+        """Names that files hold and nobody reads, by kind of file (`unread_names.tell_unread`)."""
 
     def add(self, action: str, subject: str, count: int = 1, detail: str = "") -> None:
         """Count something; nothing is recorded for a count of 0."""
@@ -50,7 +50,7 @@ class ImportReport:
     """What an import read, made and repaired."""
 
     kind: str
-    """slocum, seaglider, seaexplorer, og1 or lrauv."""
+    """Name of the importer, such as slocum."""
     files: tuple[str, ...]
     """Names of the files that were read, without folders."""
     deployments: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""Angles: the unit of each angle of a log, told by what a glider does; sentinels go first."""
+"""Unit of each angle of a log, radian or degree, found from what a glider's angles can be."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.log import Channel
+from factory.importing.reading.deployment_log import Channel
 from factory.importing.reading.tally import Tally
 
 Array = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Cleaning: values that cannot be, single spikes, and units that were swapped; all counted."""
+"""Repairs of one channel: impossible values and spikes removed, wrong units converted, counted."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.log import Channel
+from factory.importing.reading.deployment_log import Channel
 from factory.importing.reading.tally import Tally
 from factory.importing.repairs.plausibility import FASTEST, SLOWEST, speed_along_pitch
 from factory.importing.repairs.unreachable import unreachable
@@ -59,7 +59,7 @@ _RETURNED = 0.5
 def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str = "") -> Channel:
     """A channel of the finite, possible values; the rest counted.
 
-    `time` increases strictly (see `table.tidy`).
+    `time` increases strictly (see `reading.columns.tidy`).
     """
     subject = subject or name
     there = np.isfinite(values)
@@ -92,7 +92,7 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
 def spikes(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[np.bool_]:
     """Single samples that leave both neighbours faster than `rate` [unit/s] beyond `jump`.
 
-    The neighbours agree with each other, so that a step is no spike.
+    The neighbours agree with each other, so that a step is not taken for a spike.
     """
     bad = np.zeros(len(values), bool)
     if len(values) < 3:

@@ -1,4 +1,4 @@
-"""Physics: what a glider's log must show. A sign or scale that contradicts it is reported.
+"""Signs and scales of a log compared with how gliders move; contradictions are reported.
 
 A glider sinks nose down and rises nose up; it rises with more volume than it sinks with; it is
 neither faster than a thruster makes it nor slower than its own noise.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.log import Channel, Log
+from factory.importing.reading.deployment_log import Channel, DeploymentLog
 from factory.importing.reading.tally import Tally
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def speed_along_pitch(depth: Channel, pitch: Channel) -> float:
     return float(np.median(rate[use] / np.sin(np.radians(np.abs(angle[use])))))
 
 
-def check_signs(log: Log, tally: Tally) -> None:
+def check_signs(log: DeploymentLog, tally: Tally) -> None:
     """Report channels whose sign or scale contradicts the dives, as `suspect`."""
     depth = log.channel("measured_depth")
     rate = vertical_speed(depth)

@@ -6,7 +6,7 @@ import gsw
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.log import Channel
+from factory.importing.reading.deployment_log import Channel
 from factory.importing.reading.tally import Tally
 from factory.importing.repairs.cleaning import clean
 

@@ -1,4 +1,4 @@
-"""Runs: stretches of samples that no vehicle could reach from the rest of its log."""
+"""Stretches of samples that no vehicle could reach from the rest of its log."""
 
 from __future__ import annotations
 

@@ -11,15 +11,15 @@ import netCDF4
 import numpy as np
 import pytest
 
-from factory.exporting.og1_missions import export_og1, geographic, phases
-from factory.exporting.og1_terms import PHASES, sensor_attributes
-from factory.exporting.parquet import export_parquet
+from factory.exporting import EXPORTERS
+from factory.exporting.og1.missions import export_og1, phases
+from factory.exporting.og1.terms import PHASES, sensor_attributes
+from factory.exporting.parquet.flat_table import export_parquet
 from factory.inspect.missions_page import store_page
 from factory.stores.generated import GeneratedStore
 from twin.errors import InputError, StoreError
 from twin.records.schema import VARIABLES
 from twin.sensors import SensorSuite
-from twin.water.current.origin import Origin
 
 
 @pytest.fixture(scope="module")
@@ -134,20 +134,6 @@ def test_og1_calls_the_sensors_what_they_were(
         assert attributes["sensor_model"].startswith(model)
 
 
-def test_geographic_positions_agree_with_geodesy() -> None:
-    """Within a metre of pymap3d, 28 km from the origin."""
-    import pymap3d
-
-    origin = Origin(latitude_deg=52.0, longitude_deg=-16.0)
-    rng = np.random.default_rng(0)
-    north, east = rng.uniform(-20e3, 20e3, (2, 50))
-    latitude, longitude = geographic(north, east, origin)
-    exact = pymap3d.ned2geodetic(north, east, np.zeros(50), 52.0, -16.0, 0.0)
-    metres = 111e3  # [m] in a degree
-    assert np.abs(latitude - exact[0]).max() * metres < 1.0
-    assert np.abs(longitude - exact[1]).max() * metres * np.cos(np.radians(52.0)) < 1.0
-
-
 def test_phases_are_those_of_the_vocabulary() -> None:
     depth = np.array([0.2, 50.0, 50.0, 120.0])
     down = np.array([0.0, 0.2, -0.2, 0.01])
@@ -164,7 +150,7 @@ def test_parquet_has_a_row_for_every_sample(field_store: Path, tmp_path: Path) -
     import pyarrow.parquet as pq
 
     run = GeneratedStore(field_store)
-    path = export_parquet(run, range(len(run)), tmp_path / "missions.parquet")
+    path = export_parquet(run, range(len(run)), tmp_path / "missions.parquet", lambda: None)
     table = pq.read_table(path)
     assert table.num_rows == run.samples.sum()
     stored = [name for name in VARIABLES if name in run.dataset]
@@ -182,8 +168,10 @@ def test_without_pyarrow_the_way_out_is_told(
     field_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(InputError, match="pip install pyarrow"):
-        export_parquet(GeneratedStore(field_store), [0], tmp_path / "missions.parquet")
+    with pytest.raises(InputError, match=r"needs the package pyarrow.*glider-twin\[parquet\]"):
+        EXPORTERS["parquet"].export(
+            GeneratedStore(field_store), [0], tmp_path / "missions.parquet", lambda: None
+        )
     assert list(tmp_path.iterdir()) == []
 
 

@@ -12,17 +12,15 @@ from hypothesis import strategies as st
 from logs import Flight, nmea, write_slocum
 
 from factory.__main__ import PROGRAM
-from factory.exporting.og1_missions import geographic
-from factory.importing import KINDS, import_logs
-from factory.importing.dives.segments import Rules, surface_drift
+from factory.importing import import_logs
+from factory.importing.dives.segments import surface_drift
 from factory.importing.reading.columns import parse_stamps, tidy, unix_seconds
-from factory.importing.reading.log import Channel, Fixes
+from factory.importing.reading.deployment_log import Channel, Fixes
 from factory.importing.reading.tally import Tally
 from factory.importing.repairs.cleaning import degrees_minutes, spikes
+from factory.importing.repairs.dive_rules import DiveRules
 from twin.errors import InputError
-from twin.geodesy import offset, turn
 from twin.records.store import open_store
-from twin.water.current.origin import Origin
 
 FLIGHT = Flight()
 
@@ -85,10 +83,9 @@ def test_shallow_logs_and_unknown_kinds_are_told(tmp_path: Path) -> None:
     paths = write_slocum(tmp_path, Flight(depth=4.0, speed=0.1))
     with pytest.raises(InputError, match=r"no dive deeper than 5 m.*--min-depth"):
         import_logs("slocum", paths)
-    assert import_logs("slocum", paths, rules=Rules(min_depth=2.0))[1].rows == 3
+    assert import_logs("slocum", paths, rules=DiveRules(min_depth=2.0))[1].rows == 3
     with pytest.raises(InputError, match="unknown kind of log 'spray'"):
         import_logs("spray", paths)
-    assert KINDS == ("slocum", "seaglider", "seaexplorer", "og1", "lrauv")
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -121,28 +118,6 @@ def test_a_single_spike_is_found_and_a_step_is_kept(at: int, size: float, down: 
 @given(st.floats(-89.0, 89.0))
 def test_nmea_positions_round_trip(degrees: float) -> None:
     assert degrees_minutes(nmea(np.array([degrees])))[0] == pytest.approx(degrees, abs=1e-9)
-
-
-@given(st.floats(-70, 70), st.floats(-15e3, 15e3), st.floats(-15e3, 15e3))
-def test_offsets_add_up_a_course_by_the_compass(latitude: float, north: float, east: float) -> None:
-    """A straight course in many short steps, each on the plane that touches the Earth there."""
-    steps = 50
-    at = (latitude, 179.95)  # across the date line
-    for _ in range(steps):
-        origin = Origin(latitude_deg=at[0], longitude_deg=at[1])
-        place = geographic(np.array([north / steps]), np.array([east / steps]), origin)
-        at = float(place[0][0]), float(place[1][0])
-    back = offset(np.float64(at[0]), np.float64(at[1]), latitude, 179.95)
-    assert float(back[0]) == pytest.approx(north, abs=2.0)
-    assert float(back[1]) == pytest.approx(east, abs=2.0)
-
-
-def test_magnetic_axes_turn_by_the_variation() -> None:
-    """A vector to magnetic north points to the bearing of the variation."""
-    north, east = turn(np.array([0.0]), np.array([1.0]), 30.0)
-    assert np.degrees(np.arctan2(east[0], north[0])) == pytest.approx(30.0)
-    north, east = turn(np.array([1.0]), np.array([0.0]), 30.0)
-    assert np.degrees(np.arctan2(east[0], north[0])) == pytest.approx(120.0)
 
 
 def test_times_of_every_kind() -> None:

@@ -6,7 +6,6 @@ import gzip
 from collections.abc import Callable
 from pathlib import Path
 
-import netCDF4
 import numpy as np
 import pytest
 from logs import (
@@ -15,12 +14,13 @@ from logs import (
     write_csv,
     write_mat,
     write_nc4,
+    write_og1,
     write_seaexplorer,
 )
 
-from factory.exporting.og1_missions import export_og1
+from factory.exporting.og1.missions import export_og1
 from factory.importing import import_logs
-from factory.importing.formats.lrauv import in_unit
+from factory.importing.formats.lrauv.logs import in_unit
 from factory.stores.generated import GeneratedStore
 from twin.errors import InputError
 
@@ -131,30 +131,7 @@ def test_og1_files_of_our_own_come_back_sample_for_sample(
 
 
 def test_og1_magnetic_headings_need_the_variation(tmp_path: Path) -> None:
-    time = FLIGHT.time
-    state = FLIGHT.state(time)
-    latitude, longitude = FLIGHT.position(time)
-    under = state["under"] > 0
-    path = tmp_path / "magnetic.nc"
-    minutes = {"units": "minutes since 1970-01-01"}
-    with netCDF4.Dataset(path, "w") as file:
-        file.createDimension("N_MEASUREMENTS", len(time))
-        for name, values, attributes in (
-            ("TIME", time / 60.0, minutes),
-            ("DEPTH", state["depth"], {"units": "m"}),
-            ("PITCH", np.radians(state["pitch"]), {"units": "rad"}),
-            ("HEADING", state["heading"] - FLIGHT.variation, {"long_name": "magnetic heading"}),
-            ("LATITUDE_GPS", np.where(under, np.nan, latitude), {}),
-            ("LONGITUDE_GPS", np.where(under, np.nan, longitude), {}),
-            (
-                "TIME_GPS",
-                np.where(under, np.nan, time / 60.0),
-                {"units": "minutes since 1970-01-01"},
-            ),
-        ):
-            variable = file.createVariable(name, "f8", ("N_MEASUREMENTS",))
-            variable.setncatts(attributes)
-            variable[:] = values
+    path = write_og1(tmp_path / "magnetic.nc", FLIGHT)
     with pytest.raises(InputError, match="HEADING is magnetic"):
         import_logs("og1", [path])
     dataset, report = import_logs("og1", [path], variation_deg=FLIGHT.variation)
@@ -169,7 +146,7 @@ def test_og1_magnetic_headings_need_the_variation(tmp_path: Path) -> None:
 )
 def test_real_logs_come_back_from_their_og1_files(tmp_path: Path, log: str, kind: str) -> None:
     """Fixes just below the surface, and silent logs around them, make the same rows again."""
-    from factory.exporting.og1_logs import export_og1_logs
+    from factory.exporting.og1.deployments import export_og1_logs
     from twin.records.logs import LogStore
     from twin.records.store import write_store
 

@@ -20,7 +20,7 @@ from logs import (
 )
 
 from factory.importing import import_logs
-from factory.importing.reading.columns import read_table, tidy
+from factory.importing.reading.columns import column_names, read_table, tidy
 from factory.importing.reading.tally import Tally
 from factory.importing.repairs.angles import in_degrees
 from factory.importing.repairs.unreachable import unreachable
@@ -247,6 +247,36 @@ def test_the_index_that_pandas_writes_is_no_column(tmp_path: Path) -> None:
     assert np.allclose(dataset["measured_depth"], right["measured_depth"], equal_nan=True)
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,m_depth\n1,2\n3,4,5\n", "row 2 of the values has more cells than the header"),
+        ("time,m_depth\n1,2\n3,4,5,6\n", "not a table of 2 columns.*line 2"),
+        ("time,m_depth\n1,2,3,4\n", "not a table of 2 columns"),
+        ('time,m_depth\n1,"2\n3,4\n', "not a table of 2 columns"),
+        ("1\n2\n", "does not begin with a line of column names"),
+    ],
+)
+def test_tables_that_are_wrong_are_named(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=rf"a\.csv.*{message}"):
+        read_table(path)
+
+
+def test_cells_of_every_kind(tmp_path: Path) -> None:
+    """Separators at the ends of rows, short rows, quotes, words for nothing, and mixed columns."""
+    path = tmp_path / "a.csv"
+    path.write_text('x,"y",words,z,\n1e-1, 2 ,on,4,\nNaN,N/A,off,bad,\n\n0.30000000000000004\n')
+    table = read_table(path)
+    assert column_names(path) == ["x", "y", "words", "z"]
+    assert list(table.columns) == ["x", "y", "z"]
+    assert table.texts["words"].tolist() == ["on", "off", ""]
+    np.testing.assert_array_equal(table.columns["x"], [0.1, np.nan, 0.30000000000000004])
+    np.testing.assert_array_equal(table.columns["y"], [2.0, np.nan, np.nan])
+    np.testing.assert_array_equal(table.columns["z"], [4.0, np.nan, np.nan])
+
+
 def test_a_log_of_one_sample_says_so(tmp_path: Path) -> None:
     one = {name: values[60:61] for name, values in slocum_columns(FLIGHT).items()}
     path = write_csv(tmp_path / "unit1_flight.csv", one)
@@ -258,7 +288,7 @@ def test_files_of_no_log_format_are_named(tmp_path: Path) -> None:
     write_slocum(tmp_path, FLIGHT)
     (tmp_path / "LICENSE").write_text("free")
     _, report = import_logs("slocum", [tmp_path])
-    assert details(report, "left out")["files"] == "of no slocum format: LICENSE"
+    assert details(report, "left out")["files"] == "no slocum logs: LICENSE"
 
 
 def test_a_truth_in_centimetres_a_second_is_suspect(tmp_path: Path) -> None:

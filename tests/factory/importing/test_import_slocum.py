@@ -11,7 +11,7 @@ import pytest
 from logs import SHARED, START, Flight, gps_columns, slocum_columns, write_csv, write_slocum
 
 from factory.importing import import_logs
-from factory.importing.formats.slocum_binary import read_header, vehicle_of
+from factory.importing.formats.slocum.binary import read_header, vehicle_of
 from twin.errors import InputError
 from twin.records.store import open_store, read_trajectory, write_store
 
@@ -304,13 +304,13 @@ def test_a_store_of_logs_opens_like_a_store_of_missions(tmp_path: Path) -> None:
     ("name", "content", "message"),
     [
         ("a.dbd", b"", "is empty"),
-        ("a.dbd", b"hello\n" * 100, "no Slocum binary file"),
+        ("a.dbd", b"hello\n" * 100, "not a Slocum binary file"),
         ("a.dbd", b"dbd_label: DBD\nencoding_ver: 5\n", "truncated within its header"),
         ("a.csv", b"pitch_deg,vbd_cc,time\n1,2,3\n", "looks like seaglider"),
         ("a.csv", b"NavState,Timestamp,Lat,Lon\n1,2,3,4\n", "looks like seaexplorer"),
-        ("a.parquet", b"PAR1 but not whole", "no whole parquet file"),
+        ("a.parquet", b"PAR1 but not whole", "not a whole parquet file"),
         ("a.csv", b"time,m_depth,m_pitch\n", "no rows"),
-        ("a.csv", b"time,m_depth,m_pitch\n5,1,1\n", "is no unix time"),
+        ("a.csv", b"time,m_depth,m_pitch\n5,1,1\n", "is not a unix time"),
     ],
 )
 def test_files_that_are_no_slocum_log_are_named_in_one_line(

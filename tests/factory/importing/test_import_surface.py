@@ -19,7 +19,7 @@ from logs import (
 
 from factory.importing import import_logs
 from factory.importing.reading.columns import read_table
-from factory.importing.repairs.rules import Rules
+from factory.importing.repairs.dive_rules import DiveRules
 
 FLIGHT = Flight()
 UNIT334 = SHARED / "slocum_unit334_2023"
@@ -72,7 +72,7 @@ def test_a_slow_receiver_under_water_is_counted_or_refused(tmp_path: Path) -> No
     # 0.175 m/s downward: the last four are deeper than 2 m
     kept = why(report, "note", "kept")
     assert 1 <= kept <= 6
-    strict, report = import_logs("slocum", [flight_table, gps_table], rules=Rules(coast=0.0))
+    strict, report = import_logs("slocum", [flight_table, gps_table], rules=DiveRules(coast=0.0))
     assert why(report, "removed", "under water") == kept
     assert float(strict["measured_depth"][1, 0]) <= 2.0
     assert report.rows == FLIGHT.dives

@@ -12,18 +12,18 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
-from logs import LATITUDE, LONGITUDE, START, Flight, write_seaglider, write_slocum
+from logs import LATITUDE, START, Flight, write_seaglider, write_slocum
 from matplotlib.quiver import Quiver
 
 from factory.__main__ import PROGRAM
-from factory.exporting.og1_logs import export_og1_logs
-from factory.exporting.parquet import export_parquet
+from factory.exporting.og1.deployments import export_og1_logs
+from factory.exporting.parquet.flat_table import export_parquet
 from factory.importing import import_logs
 from factory.inspect.logs_page import deployment_page, dive_figures
 from factory.inspect.verify_logs import verify_logs
 from factory.stores.generated import GeneratedStore, open_missions
 from twin.errors import InputError, StoreError
-from twin.records.logs import LogStore, metres_from
+from twin.records.logs import LogStore
 from twin.records.store import write_store
 from twin.records.tracks import read_tracks
 from twin.render.subject import read_subject
@@ -165,16 +165,6 @@ def test_water_and_currents_are_exported_by_deployment(tmp_path: Path) -> None:
             assert 1020.0 < float(np.ma.median(file["DENSITY"][:])) < 1030.0
             assert "SENSOR_CTD" in file.variables
             np.testing.assert_allclose(file["VEHICLE_DAC_NORTH"][:], FLIGHT.north, rtol=1e-6)
-
-
-def test_metres_and_degrees_are_inverse() -> None:
-    from twin.geodesy import offset
-
-    rng = np.random.default_rng(1)
-    north, east = rng.uniform(-8e3, 8e3, (2, 40))
-    latitude, longitude = metres_from(north, east, (LATITUDE, LONGITUDE))
-    again = offset(latitude, longitude, LATITUDE, LONGITUDE)
-    np.testing.assert_allclose(again, (north, east), atol=0.1)
 
 
 @pytest.mark.skipif(importlib.util.find_spec("pyarrow") is None, reason="pyarrow is not installed")

@@ -12,7 +12,7 @@ import pytest
 from logs import Flight, write_csv, write_slocum
 
 from factory.importing import import_logs
-from factory.importing.dives.dataset import blocks
+from factory.importing.dives.dive_rows import blocks
 from learn.data.dataset import Mission, load_missions
 from learn.data.features import INPUT_SETS, select_features
 from learn.data.logs import filled, nearest

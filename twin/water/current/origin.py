@@ -5,14 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from twin import geodesy
 from twin.errors import CurrentError
 from twin.water.current import arguments as checks
-
-WGS84_SEMI_MAJOR = 6378137.0
-"""[m] Semi-major axis of the WGS84 ellipsoid (NGA.STND.0036)."""
-
-WGS84_FLATTENING = 1.0 / 298.257223563
-"""Flattening of the WGS84 ellipsoid (NGA.STND.0036)."""
 
 EARTH_ROTATION = 7.292115e-5
 """[rad/s] Angular rate of the Earth (WGS84); f = 2 EARTH_ROTATION sin(latitude)."""
@@ -46,16 +41,12 @@ class Origin:
     @property
     def meridian_radius(self) -> float:
         """[m] WGS84 radius of curvature in the meridian, M."""
-        e2 = WGS84_FLATTENING * (2.0 - WGS84_FLATTENING)
-        s = math.sin(math.radians(self.latitude_deg))
-        return WGS84_SEMI_MAJOR * (1.0 - e2) / (1.0 - e2 * s * s) ** 1.5
+        return geodesy.meridian_radius(self.latitude_deg)
 
     @property
     def normal_radius(self) -> float:
         """[m] WGS84 radius of curvature in the prime vertical, N."""
-        e2 = WGS84_FLATTENING * (2.0 - WGS84_FLATTENING)
-        s = math.sin(math.radians(self.latitude_deg))
-        return WGS84_SEMI_MAJOR / math.sqrt(1.0 - e2 * s * s)
+        return geodesy.normal_radius(self.latitude_deg)
 
     @property
     def curvature(self) -> float:
@@ -64,7 +55,7 @@ class Origin:
         A point (n, e) of the tangent plane lies at latitude0 + (n - e^2 curvature/2)/M and
         longitude0 + e (1 + n curvature)/(N cos latitude0), to second order in distance/radius.
         """
-        return math.tan(math.radians(self.latitude_deg)) / self.normal_radius
+        return geodesy.convergence(self.latitude_deg)
 
 
 def coriolis(latitude_deg: float) -> float:

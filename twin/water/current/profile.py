@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from twin.water.current import program as layout
 from twin.water.current.base import Current
 from twin.water.current.origin import Origin
 from twin.water.current.program import Floats
-from twin.water.separators import check_commas
+from twin.water.table_file import column_numbers, read_table_file
 
 COLUMNS = {
     "depth": ("depth", 1.0),
@@ -68,54 +67,32 @@ class Profile(Current):
         start with # are comments. Raises CurrentError naming file and row.
         """
         path = Path(path)
-        try:
-            text = path.read_text(encoding="utf-8-sig")
-        except (OSError, UnicodeDecodeError) as error:
-            raise CurrentError(f"cannot read the current profile {path}: {error}") from None
-        lines = [
-            (number, line)
-            for number, line in enumerate(text.splitlines(), start=1)
-            if line.strip() and not line.lstrip().startswith("#")
-        ]
-        if not lines:
-            raise CurrentError(f"{path} is empty: a profile needs the header depth,north,east")
-        check_commas(f"current profile {path}", lines, CurrentError)
-        names = [name.strip().lower() for name in next(csv.reader([lines[0][1]]))]
+        frame = read_table_file(path, "current profile", CurrentError)
+        names = [str(name).lower() for name in frame.columns]
         if all(map(_is_number, names)):
             raise CurrentError(
                 f"{path} begins with numbers: write the header depth,north,east[,down] above them"
             )
+        frame.columns = names
         columns: dict[str, list[float]] = {}
         for name in names:
             if name not in COLUMNS:
                 raise CurrentError(f"{path}: {unknown_name('column', name, COLUMNS)}")
-            if COLUMNS[name][0] in columns:
-                raise CurrentError(f"{path}: two columns for {COLUMNS[name][0]}")
-            columns[COLUMNS[name][0]] = []
+            field, sign = COLUMNS[name]
+            if field in columns or names.count(name) > 1:
+                raise CurrentError(f"{path}: two columns for {field}")
+            values = column_numbers(frame, name, str(path), CurrentError)
+            columns[field] = [sign * value for value in values]
         missing = [name for name in ("depth", "north", "east") if name not in columns]
         if missing:
             raise CurrentError(
                 f"{path} has no column {missing[0]}: a profile needs depth,north,east[,down]"
             )
-        for number, line in lines[1:]:
-            cells = next(csv.reader([line]))
-            if len(cells) != len(names):
-                raise CurrentError(
-                    f"{path} row {number}: {len(cells)} values, the header has {len(names)}"
-                )
-            for name, cell in zip(names, cells, strict=True):
-                field, sign = COLUMNS[name]
-                try:
-                    columns[field].append(sign * float(cell))
-                except ValueError:
-                    raise CurrentError(
-                        f"{path} row {number}: {name} is {cell.strip()!r}, not a number"
-                    ) from None
-        columns.setdefault("down", [0.0] * len(columns["depth"]))
-        rows = [number for number, _ in lines[1:]]
+        columns.setdefault("down", [0.0] * len(frame))
         check_rows(
-            str(path), columns["depth"], columns["north"], columns["east"], columns["down"], rows
-        )
+            str(path), columns["depth"], columns["north"], columns["east"], columns["down"],
+            list(frame.index),
+        )  # fmt: skip
         return cls(**{name: tuple(values) for name, values in columns.items()})
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:

@@ -1,0 +1,38 @@
+"""OG1.0: the OceanGliders' common format, for simulated missions and for logged deployments."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from factory.exporting.base import Advance, Exporter
+
+if TYPE_CHECKING:
+    from twin.records.reader import MissionStore
+
+
+def _write(
+    run: MissionStore, missions: Sequence[int], folder: Path, advance: Advance
+) -> list[Path]:
+    from factory.exporting.og1.deployments import export_og1_logs
+    from factory.exporting.og1.missions import export_og1
+    from factory.stores.generated import GeneratedStore
+    from twin.records.logs import LogStore
+
+    if isinstance(run, LogStore):
+        return export_og1_logs(run, missions, folder, advance)
+    assert isinstance(run, GeneratedStore)
+    written = []
+    for mission in missions:
+        written.append(export_og1(run, mission, folder))
+        advance()
+    return written
+
+
+OG1 = Exporter(
+    name="og1",
+    title="OceanGliders OG1.0 netCDF files, one a simulated mission or one a logged deployment",
+    ending="-og1",
+    write=_write,
+)

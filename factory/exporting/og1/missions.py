@@ -1,0 +1,208 @@
+"""Simulated missions as OG1.0 trajectory files: one file each, plainly marked as simulated.
+
+Format: OceanGliders OG1.0 terms of reference, version 1.0.0 (2024), on CF-1.10 and ACDD-1.3. The
+format knows one file per deployment, so each mission is one. LATITUDE and LONGITUDE are what the
+glider itself logged, its on-board dead-reckoned track; the truth, which no real file has, is in
+variables named TRUE_*. Simulated missions have no date: TIME counts from a nominal deployment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.exporting.og1.terms import (
+    ASCENT,
+    COORDINATES,
+    DESCENT,
+    DVL_MODE_FILL,
+    DVL_MODES,
+    FILL,
+    INFLECTION,
+    LONG_NAMES,
+    NOMINAL_DEPLOYMENT,
+    PHASE_FLAGS,
+    PHASES,
+    SENSORS,
+    SIMULATED_MEASURED,
+    STILL_SPEED,
+    SURFACE_DEPTH_M,
+    SURFACING,
+    TIME_FILL,
+    VOCABULARY,
+    global_attributes,
+    sensor_attributes,
+)
+from factory.exporting.og1.variables import (
+    Og1Variable,
+    deployment_place,
+    flags,
+    position,
+    text,
+    time_attributes,
+    write_og1,
+)
+from factory.stores.generated import GeneratedStore
+from twin.errors import StoreError
+from twin.geodesy import from_tangent_plane
+from twin.records.schema import VARIABLES
+from twin.water.current.origin import Origin
+
+Array = NDArray[np.float64]
+
+
+def export_og1(run: GeneratedStore, mission: int, folder: Path) -> Path:
+    """Write one mission into `folder`, under the name that the format prescribes.
+
+    Raises:
+      StoreError: no such mission, or its data cannot be read.
+    """
+    run.check_mission(mission)
+    missing = [name for name in _needed() if name not in run.dataset]
+    if missing:
+        raise StoreError(f"store {run.path} lacks {', '.join(missing)}: OG1.0 needs them")
+    identity = global_attributes(run, mission)
+    series = _series(run, mission, identity)
+    return write_og1(folder, identity, series, int(run.samples[mission]))
+
+
+def _needed() -> list[str]:
+    positions = ["measured_onboard_north", "measured_onboard_east", "measured_gps_north"]
+    signals = [name for _, name, _ in SIMULATED_MEASURED]
+    return [*positions, "measured_gps_east", "measured_depth", "measured_dvl_mode", *signals]
+
+
+def _series(
+    run: GeneratedStore, mission: int, identity: Mapping[str, Any]
+) -> Iterator[tuple[str, Og1Variable]]:
+    samples = int(run.samples[mission])
+
+    def row(name: str) -> Array:
+        return run.row(name, mission)[:samples].astype(float)
+
+    origin = Origin(latitude_deg=run.parameters(mission).number("water.latitude"))
+    place = (origin.latitude_deg, origin.longitude_deg)
+    start = NOMINAL_DEPLOYMENT.timestamp()
+    time = start + np.arange(samples) * run.period
+    depth = np.maximum(row("measured_depth"), 0.0)  # valid_min is 0: the gauge's zero error
+    yield (
+        "TRAJECTORY",
+        text(
+            str(identity["id"]).removesuffix("_delayed"), "trajectory name", cf_role="trajectory_id"
+        ),
+    )
+    yield "WMO_IDENTIFIER", text("none: simulation", "wmo id")
+    model = {"platform_model_vocabulary": "n/a"}
+    vehicle = str(run.settings["vehicle"])
+    yield "PLATFORM_MODEL", text(f"simulated {vehicle} glider", "model of the glider", **model)
+    yield "PLATFORM_SERIAL_NUMBER", text(f"sim{mission:06d}", "glider serial number")
+    elapsed = time_attributes("Time elapsed since 1970-01-01T00:00:00Z")
+    elapsed["time_vocabulary"] = VOCABULARY + "TIME/"
+    yield "TIME", Og1Variable(time, elapsed, TIME_FILL)
+    latitude, longitude = from_tangent_plane(
+        row("measured_onboard_north"), row("measured_onboard_east"), *place
+    )
+    method = {"interpolation_methodology": "simulated on-board dead reckoning between GPS fixes"}
+    long_name = "longitude of each measurement and GPS location"
+    own = {**method, "longitude_vocabulary": VOCABULARY + "LON/"}
+    yield "LONGITUDE", position(longitude, long_name, "longitude", own)
+    own = {**method, "latitude_vocabulary": VOCABULARY + "LAT/"}
+    yield "LATITUDE", position(latitude, "Latitude north (WGS84)", "latitude", own)
+    yield (
+        "DEPTH",
+        Og1Variable(
+            depth,
+            {
+                "long_name": "depth below the surface by the simulated pressure transducer",
+                "standard_name": "depth",
+                "units": "m",
+                "positive": "down",
+                "axis": "Z",
+                "valid_min": 0.0,
+                "valid_max": 10000.0,
+                "depth_vocabulary": VOCABULARY + "DEPTH/",
+                "comment": "readings above the surface, by the zero error of the gauge, are 0 "
+                "here; PRES keeps them",
+            },
+            fill=FILL,
+        ),
+    )
+    gps_latitude, gps_longitude = from_tangent_plane(
+        row("measured_gps_north"), row("measured_gps_east"), *place
+    )
+    fixed = np.isfinite(gps_latitude)
+    gps_time = np.where(fixed, time, np.nan)
+    yield "TIME_GPS", Og1Variable(gps_time, time_attributes("time of each GPS location"), TIME_FILL)
+    at = {"coordinates": COORDINATES}
+    yield (
+        "LONGITUDE_GPS",
+        position(gps_longitude, "longitude of each GPS location", "longitude", at),
+    )
+    yield "LATITUDE_GPS", position(gps_latitude, "latitude of each GPS location", "latitude", at)
+    yield (
+        "DEPLOYMENT_TIME",
+        Og1Variable(np.array(start), time_attributes("date of deployment"), dimensions=()),
+    )
+    yield from deployment_place(*place)
+    yield (
+        "PHASE",
+        Og1Variable(
+            phases(depth, row("true_velocity_down")),
+            {
+                "long_name": "behavior of the glider at sea",
+                "phase_vocabulary": PHASES,
+                "phase_calculation_method": "depth and vertical speed of the simulation",
+                **flags(PHASE_FLAGS),
+                "coordinates": COORDINATES,
+            },
+            fill=0,
+            kind="i1",
+        ),
+    )
+    for name in SENSORS:
+        empty = np.array(0, np.int8)
+        yield name, Og1Variable(empty, sensor_attributes(run, name), dimensions=(), kind="i1")
+    for name, stored, sensor in SIMULATED_MEASURED:
+        yield name, _signal(row(stored), stored, {"sensor": sensor} if sensor else {})
+    yield (
+        "DVL_MODE",
+        Og1Variable(
+            row("measured_dvl_mode"),
+            {
+                "long_name": "what the DVL's velocity is relative to (simulated)",
+                **flags(DVL_MODES),
+                "coordinates": COORDINATES,
+                "sensor": "SENSOR_DVL",
+            },
+            fill=DVL_MODE_FILL,
+            kind="i1",
+        ),
+    )
+    true_latitude, true_longitude = from_tangent_plane(row("true_north"), row("true_east"), *place)
+    yield "TRUE_LONGITUDE", position(true_longitude, "true longitude", "longitude", at)
+    yield "TRUE_LATITUDE", position(true_latitude, "true latitude", "latitude", at)
+    for stored in run.signals():
+        if stored.startswith("true_"):
+            yield stored.upper(), _signal(row(stored), stored, {})
+
+
+def phases(depth: Array, velocity_down: Array) -> NDArray[np.int8]:
+    """OG1.0 phase of each sample from depth [m] and vertical speed [m/s]."""
+    phase = np.where(velocity_down > 0.0, DESCENT, ASCENT)
+    phase = np.where(np.abs(velocity_down) < STILL_SPEED, INFLECTION, phase)
+    return np.where(depth < SURFACE_DEPTH_M, SURFACING, phase).astype(np.int8)
+
+
+def _signal(values: Array, stored: str, attributes: Mapping[str, Any]) -> Og1Variable:
+    variable = VARIABLES[stored]
+    described: dict[str, Any] = {
+        **variable.attributes(),
+        "long_name": f"{LONG_NAMES.get(stored, variable.long_name)} (simulated)",
+        "coordinates": COORDINATES,
+        **attributes,
+    }
+    return Og1Variable(values, described, fill=np.nan, kind="f4")

@@ -1,0 +1,141 @@
+"""Variables of an OG1.0 file with their attributes, and the netCDF-4 file that is made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import netCDF4
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.exporting.og1.terms import COORDINATES, EPOCH, FILL, N_MEASUREMENTS, bounds
+from twin.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Og1Variable:
+    """One variable of the file."""
+
+    values: NDArray[Any]
+    attributes: Mapping[str, Any]
+    fill: float | int | None = None
+    dimensions: tuple[str, ...] = (N_MEASUREMENTS,)
+    kind: str = field(default="f8")
+
+
+def write_og1(
+    folder: Path,
+    identity: Mapping[str, Any],
+    variables: Iterable[tuple[str, Og1Variable]],
+    samples: int,
+) -> Path:
+    """Write a file into `folder`, under the name that the format prescribes: the attribute `id`.
+
+    Raises:
+      InputError: the disk refuses.
+    """
+    path = folder / f"{identity['id']}.nc"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with netCDF4.Dataset(path, "w", format="NETCDF4") as file:
+            _fill(file, identity, variables, samples)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+    return path
+
+
+def _fill(
+    file: Any,
+    identity: Mapping[str, Any],
+    variables: Iterable[tuple[str, Og1Variable]],
+    samples: int,
+) -> None:
+    file.createDimension(N_MEASUREMENTS, None)  # unlimited, as the format demands
+    place = {}
+    for name, one in variables:
+        options: dict[str, Any] = {}
+        if one.dimensions:
+            options = {"compression": "zlib", "chunksizes": (samples,)}
+        if name in COORDINATES.split():
+            place[name] = one.values
+        kind: Any = str if one.kind == "str" else one.kind
+        variable: Any = file.createVariable(
+            name, kind, one.dimensions, fill_value=one.fill, **options
+        )
+        variable.setncatts(dict(one.attributes))
+        if one.kind == "str":
+            variable[...] = str(one.values)
+        else:
+            # a missing value becomes the fill before the cast: no integer is NaN
+            values = np.asarray(one.values)
+            if one.fill is not None:
+                values = np.where(np.isnan(values), one.fill, values)
+            variable[...] = values.astype(one.kind)
+    limits = bounds(place["LATITUDE"], place["LONGITUDE"], place["DEPTH"])
+    file.setncatts({**identity, **limits})
+
+
+def text(value: str, long_name: str, **attributes: str) -> Og1Variable:
+    """A word or a sentence about the whole file."""
+    return Og1Variable(
+        np.array(value), {"long_name": long_name, **attributes}, dimensions=(), kind="str"
+    )
+
+
+def flags(meanings: Mapping[int, str]) -> dict[str, Any]:
+    """CF's attributes of a variable that holds codes."""
+    return {
+        "flag_values": np.array(list(meanings), np.int8),
+        "flag_meanings": " ".join(meanings.values()),
+    }
+
+
+def time_attributes(long_name: str) -> dict[str, Any]:
+    """Attributes of a time in seconds since 1970."""
+    return {
+        "long_name": long_name,
+        "standard_name": "time",
+        "units": EPOCH,
+        "calendar": "gregorian",
+        "valid_min": 1e9,
+        "valid_max": 4e9,
+    }
+
+
+def position(
+    values: Array, long_name: str, standard_name: str, attributes: Mapping[str, Any]
+) -> Og1Variable:
+    """Latitudes or longitudes [degree]; NaN becomes the fill value."""
+    largest = 90.0 if standard_name == "latitude" else 180.0
+    return Og1Variable(
+        values,
+        {
+            "long_name": long_name,
+            "standard_name": standard_name,
+            "units": "degrees_north" if standard_name == "latitude" else "degrees_east",
+            "valid_min": -largest,
+            "valid_max": largest,
+            **attributes,
+        },
+        fill=FILL,
+    )
+
+
+def deployment_place(latitude: float, longitude: float) -> Iterable[tuple[str, Og1Variable]]:
+    """Variables of the place where the deployment began [degree]."""
+    for kind, value in (("latitude", latitude), ("longitude", longitude)):
+        attributes = {
+            "long_name": f"{kind} of deployment",
+            "standard_name": kind,
+            "units": "degrees_north" if kind == "latitude" else "degrees_east",
+        }
+        fill = FILL if np.isnan(value) else None
+        yield (
+            f"DEPLOYMENT_{kind.upper()}",
+            Og1Variable(np.array(value), attributes, fill=fill, dimensions=()),
+        )

@@ -1,0 +1,83 @@
+"""Checks of one dive: a log that does not hold it to its end, and sensors that stood still."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from factory.importing.dives.segments import Segment
+from factory.importing.reading.deployment_log import DeploymentLog
+from factory.importing.reading.tally import Tally
+
+_SILENT = 120.0
+"""[s] Between the last sample and the fix; a Seaglider needs a minute or two to its first fix."""
+_DEEP = 10.0
+"""[m] What surfaced within that time was shallower."""
+_BELOW = 5.0
+"""[m] Sensors are judged under water."""
+_FEWEST = 20
+"""Samples without which a standstill is no proof."""
+_STEADY = ("measured_pitch", "measured_heading")
+"""Channels that never stay the same to the last digit over a dive."""
+_STANDS, _PITCHED = 300.0, 10.0
+"""[s, degree] A depth that keeps its value for so long while the nose points up or down."""
+
+
+def complete(log: DeploymentLog, segment: Segment, dive: int, tally: Tally) -> bool:
+    """Whether the log holds a dive from its first fix to its last; says so where it does not."""
+    inside = log.channel("measured_depth").within(segment.start, segment.end)
+    if not len(inside):
+        return False
+    whole = True
+    if (
+        segment.end_fix is not None
+        and inside.values[-1] > _DEEP
+        and segment.end - inside.time[-1] > _SILENT
+    ):
+        tally.add(
+            "note", "incomplete dives", 1,
+            f"{log.deployment} dive {dive}: log ends at {inside.values[-1]:.0f} m",
+        )  # fmt: skip
+        whole = False
+    if (
+        segment.start_fix is not None
+        and inside.values[0] > _DEEP
+        and inside.time[0] - segment.start > _SILENT
+    ):
+        tally.add(
+            "note", "incomplete dives", 1,
+            f"{log.deployment} dive {dive}: log begins at {inside.values[0]:.0f} m",
+        )  # fmt: skip
+        whole = False
+    return whole
+
+
+def standing(log: DeploymentLog, segment: Segment, tally: Tally) -> None:
+    """Report sensors that stood still for the whole dive, as `suspect`, once for each dive."""
+    depth = log.channel("measured_depth").within(segment.start, segment.end)
+    below = depth.values > _BELOW
+    if below.sum() < _FEWEST:
+        return
+    first, last = depth.time[below][[0, -1]]
+    for name in _STEADY:
+        values = log.channel(name).within(first, last).values
+        if len(values) >= _FEWEST and np.ptp(values) == 0.0:
+            tally.add(
+                "suspect", name, 1,
+                f"{log.deployment}: the same value for a whole dive; stuck? (dives counted)",
+            )  # fmt: skip
+    pitch = log.channel("measured_pitch")
+    if len(pitch):
+        same = (np.diff(depth.values) == 0.0) & below[1:]
+        same &= np.abs(pitch.at(depth.time[1:])) > _PITCHED
+        # the longest run of repeated depths
+        ends = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]])))
+        runs = ends.reshape(-1, 2)
+        longest = max(
+            (float(depth.time[end] - depth.time[start]) for start, end in runs), default=0.0
+        )
+        if longest > _STANDS:
+            tally.add(
+                "suspect", "measured_depth", 1,
+                f"{log.deployment}: one depth for more than {_STANDS:g} s while pitched; stuck?"
+                " (dives counted)",
+            )  # fmt: skip

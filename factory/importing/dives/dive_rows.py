@@ -1,0 +1,206 @@
+"""The dataset of an import: one row for each dive, ready to be written as a store."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.dives.dive_current import METHOD
+from factory.importing.dives.segments import PHASES, Segment
+from factory.importing.reading.deployment_log import Array, DeploymentLog
+from twin.records.attributes import (
+    COMMENT,
+    CONVENTIONS,
+    DEPLOYMENT,
+    DIVE,
+    DIVE_DURATION,
+    N_SAMPLES,
+    PROGRAM_VERSION,
+    SAMPLE_PERIOD,
+    SPLIT,
+    SPLITS,
+    START_TIME,
+    TITLE,
+)
+from twin.records.schema import MISSION, TIME, VARIABLES
+from twin.version import __version__
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SHARES = (0.6, 0.2, 0.2)
+"""Parts of a deployment's dives for training, validation and test, in this order of time."""
+FRAMES = (
+    "On one time grid. NED frame with its origin at each row's start; body axes forward, "
+    "starboard, down. Headings are true."
+)
+"""End of a store's comment."""
+_PHASE_FLAGS = sorted(PHASES)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DiveRow:
+    """One row of the store."""
+
+    log: DeploymentLog
+    segment: Segment
+    signals: dict[str, Array]
+    numbers: dict[str, float]
+    """Per-row numbers besides those of the segment: dive, vehicle_dac_north ..."""
+
+
+NUMBERS: dict[str, tuple[str, str]] = {
+    "start_latitude": ("degree_north", "latitude of the fix before the dive"),
+    "start_longitude": ("degree_east", "longitude of the fix before the dive"),
+    "end_latitude": ("degree_north", "latitude of the first fix after the dive"),
+    "end_longitude": ("degree_east", "longitude of the first fix after the dive"),
+    "displacement_north": ("m", "displacement over ground between the fixes, north"),
+    "displacement_east": ("m", "displacement over ground between the fixes, east"),
+    DIVE_DURATION: ("s", "time between the row's start and end"),
+    "surface_duration": ("s", "time between the fixes at the surface before the dive"),
+    "surface_drift_north": ("m s-1", "drift at the surface before the dive, north"),
+    "surface_drift_east": ("m s-1", "drift at the surface before the dive, east"),
+    "magnetic_variation": ("degree", "magnetic variation that was applied, east positive"),
+    "vehicle_dac_north": ("m s-1", "depth-averaged current that the vehicle reported, north"),
+    "vehicle_dac_east": ("m s-1", "depth-averaged current that the vehicle reported, east"),
+    "dac_north": ("m s-1", "depth-averaged current by the fixes and w/tan(pitch + 3 deg), north"),
+    "dac_east": ("m s-1", "depth-averaged current by the fixes and w/tan(pitch + 3 deg), east"),
+    "thruster_fraction": ("1", "part of the row's time with the thruster on"),
+}
+"""Units and meaning of the per-row numbers."""
+
+
+def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, Any]) -> xr.Dataset:
+    """The rows padded with NaN to the longest; variables that no row has are left out."""
+    import xarray as xr
+
+    lengths = np.array([len(row.signals["measured_gap"]) for row in rows], np.int32)
+    longest = int(lengths.max())
+    names = [name for name in VARIABLES if any(name in row.signals for row in rows)]
+    variables: dict[str, Any] = {
+        N_SAMPLES: (
+            MISSION,
+            lengths,
+            {"units": "1", "long_name": "samples of the row; later ones are padding"},
+        )
+    }
+    for name in names:
+        values = np.full((len(rows), longest), np.nan, np.float32)
+        for i, row in enumerate(rows):
+            if name in row.signals:
+                values[i, : lengths[i]] = row.signals[name]
+        described: dict[str, Any] = dict(VARIABLES[name].attributes())
+        if name == "measured_phase":
+            described["flag_values"] = np.array(_PHASE_FLAGS, np.float32)
+            described["flag_meanings"] = " ".join(PHASES[flag] for flag in _PHASE_FLAGS)
+        variables[name] = ((MISSION, TIME), values, described)
+    variables |= _per_row(rows)
+    coordinates = {
+        MISSION: (MISSION, np.arange(len(rows)), {"long_name": "row of the store"}),
+        TIME: (
+            TIME,
+            period * np.arange(longest),
+            {"units": "s", "long_name": "time since the start of the row"},
+        ),
+    }
+    common = {
+        **CONVENTIONS,
+        TITLE: "Underwater glider logs",
+        COMMENT: f"Recorded by vehicles at sea. {FRAMES}",
+        SAMPLE_PERIOD: period,
+        PROGRAM_VERSION: __version__,
+    }
+    return xr.Dataset(variables, coordinates, {**common, **attributes})
+
+
+def split_rows(rows: Sequence[DiveRow]) -> NDArray[np.int8]:
+    """Flag of `SPLITS` of each row: blocks of consecutive dives of each deployment.
+
+    Neighbouring dives share water, trim and biofouling, so that a random draw would leak. Rows with
+    and rows without truth are divided each by itself: all parts have truth where there is enough.
+    """
+    flags = np.full(len(rows), SPLITS.index("test"), np.int8)
+    groups: dict[tuple[str, bool], list[int]] = {}
+    for k, row in enumerate(rows):
+        known = any(
+            name.startswith("true_") and np.isfinite(values).any()
+            for name, values in row.signals.items()
+        )
+        groups.setdefault((row.log.deployment, known), []).append(k)
+    for members in groups.values():
+        flags[members] = blocks(len(members))
+    return flags
+
+
+def blocks(count: int) -> NDArray[np.int8]:
+    """Flags of `count` dives in order of time; of one it is test, of two train and test."""
+    test = max(1, round(SHARES[2] * count))
+    validation = min(max(1, round(SHARES[1] * count)), max(count - test - 1, 0))
+    return np.repeat(
+        np.arange(len(SPLITS), dtype=np.int8), (count - test - validation, validation, test)
+    )
+
+
+def _per_row(rows: Sequence[DiveRow]) -> dict[str, Any]:
+    nothing = (float("nan"), float("nan"))
+    numbers = []
+    for row in rows:
+        segment = row.segment
+        start, end = segment.start_fix or nothing, segment.end_fix or nothing
+        numbers.append(
+            {
+                "start_latitude": start[0],
+                "start_longitude": start[1],
+                "end_latitude": end[0],
+                "end_longitude": end[1],
+                "displacement_north": segment.displacement[0],
+                "displacement_east": segment.displacement[1],
+                DIVE_DURATION: segment.duration,
+                "surface_duration": segment.surface_duration,
+                "surface_drift_north": segment.surface_drift[0],
+                "surface_drift_east": segment.surface_drift[1],
+                **row.numbers,
+            }
+        )
+    variables: dict[str, Any] = {}
+    for name, (units, long_name) in NUMBERS.items():
+        if any(name in entry for entry in numbers):
+            values = np.array([entry.get(name, np.nan) for entry in numbers], np.float64)
+            described = {"units": units, "long_name": long_name}
+            if name.startswith("dac_"):
+                described["comment"] = METHOD
+            variables[name] = (MISSION, values, described)
+    variables[DIVE] = (
+        MISSION,
+        np.array([int(entry["dive"]) for entry in numbers], np.int32),
+        {"units": "1", "long_name": "number of the dive: the vehicle's own, or counted from 0"},
+    )
+    variables[START_TIME] = (
+        MISSION,
+        np.array([row.segment.start for row in rows], np.float64),
+        {
+            "units": "seconds since 1970-01-01T00:00:00",
+            "calendar": "proleptic_gregorian",
+            "long_name": "UTC time of the row's first sample: of the fix before the dive, if any",
+            "standard_name": "time",
+        },
+    )
+    variables[DEPLOYMENT] = (
+        MISSION,
+        np.array([row.log.deployment for row in rows], dtype=object),  # a fixed width warns
+        {"long_name": "deployment that the row belongs to"},
+    )
+    variables[SPLIT] = (
+        MISSION,
+        split_rows(rows),
+        {
+            "flag_values": np.arange(len(SPLITS), dtype=np.int8),
+            "flag_meanings": " ".join(SPLITS),
+            "long_name": "part of the data set, by dive in blocks of time",
+        },
+    )
+    return variables

@@ -1,0 +1,86 @@
+"""The files that the user named: folders replaced by the logs in them, unusable files refused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from factory.importing.formats.base import ARRAYS, TABLES, Importer, WrongFormat
+from factory.importing.formats.registry import likely_kind, sniff
+from factory.importing.reading.columns import column_names
+from factory.importing.reading.netcdf import holds_arrays, variable_names
+from factory.importing.reading.tally import Tally, summarise
+from twin.errors import InputError
+
+
+def expand(importer: Importer, paths: Sequence[Path], tally: Tally) -> list[Path]:
+    """The files named, and those of the kind in the folders named (not in folders below).
+
+    A file that is named twice is read once, counted.
+
+    Raises:
+      InputError: no such file, a folder without any, an unreadable or empty file.
+      WrongFormat: a file of another kind, by the names in it.
+    """
+    files: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            files += _inside(importer, path, tally)
+        elif path.exists():
+            files.append(path)
+        else:
+            raise InputError(f"no file {path}")
+    unique = list({path.resolve(): path for path in files}.values())
+    tally.add("left out", "files", len(files) - len(unique), "named twice")
+    for path in unique:
+        if path.stat().st_size == 0:
+            raise InputError(f"{path} is empty")
+        _check_contents(importer, path)
+    if not unique:
+        raise InputError(
+            f"no files to import; name {importer.name} logs or a folder that holds them"
+        )
+    return unique
+
+
+def _inside(importer: Importer, folder: Path, tally: Tally) -> list[Path]:
+    """The logs in a folder; what else is there is counted."""
+    every = sorted(path for path in folder.iterdir() if path.is_file())
+    inside = [path for path in every if importer.accepts(path)]
+    if not inside:
+        endings = " ".join(sorted(importer.suffixes))
+        raise InputError(
+            f"folder {folder} holds no {importer.name} logs ({endings}); folders below it are not "
+            f"searched{_looks_like(every)}"
+        )
+    others = [path.name for path in every if path not in inside]
+    tally.add("left out", "files", len(others), f"no {importer.name} logs: {summarise(others)}")
+    return inside
+
+
+def _looks_like(files: Sequence[Path]) -> str:
+    """What to try instead, by the first file that looks like a log."""
+    for path in files:
+        try:
+            kind = sniff(path) if path.stat().st_size else None
+        except (InputError, OSError):
+            continue  # a file that cannot be read says nothing
+        if kind is not None:
+            return f"; {path.name} looks like {kind}: use `factory import {kind}`"
+    return ""
+
+
+def _check_contents(importer: Importer, path: Path) -> None:
+    """Refuse a file in a container that the kind has not, or with the names of another kind.
+
+    What is neither a table nor netCDF is the vehicle's own binary file: its reader judges it.
+    """
+    if holds_arrays(path):
+        names, endings = variable_names(path), ARRAYS
+    elif path.suffix.lower() in TABLES:
+        names, endings = column_names(path), TABLES
+    else:
+        return
+    foreign = not importer.marks & set(names) and likely_kind(names) is not None
+    if foreign or not importer.suffixes & endings:
+        raise WrongFormat(path, names)

@@ -1,0 +1,114 @@
+"""Importer: what the import must know of one kind of log, and the function that reads it."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from twin.errors import InputError
+
+if TYPE_CHECKING:
+    from factory.importing.reading.deployment_log import DeploymentLog
+    from factory.importing.reading.tally import Tally
+
+TABLES = frozenset({".csv", ".gz", ".parquet", ".txt"})
+"""Suffixes of tables, which `factory.importing.reading.columns.read_table` reads."""
+ARRAYS = frozenset({".nc", ".nc4", ".mat"})
+"""Suffixes of netCDF and HDF5 files, which `factory.importing.reading.netcdf` opens."""
+SHORTEST, LONGEST = 0.05, 120.0
+"""[s] Periods that a store of logs can have."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ReadOptions:
+    """What the user says about logs that the files do not."""
+
+    variation_deg: float | None = None
+    """[degree] Magnetic variation, east positive; None takes the log's own."""
+    cache: Path | None = None
+    """Folder of cache files; only for importers with `takes_cache`."""
+
+
+Reader = Callable[[Sequence[Path], ReadOptions, "Tally"], "list[DeploymentLog]"]
+"""Reads files into one log for each deployment, counting what it does in the tally.
+
+It raises `WrongFormat` for a file of another kind and `InputError` for one that it cannot use.
+"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Importer:
+    """One kind of log. Heavy libraries belong inside `read`: help texts show the other fields."""
+
+    name: str
+    """What the user types: `factory import NAME FILES`."""
+    vehicle: str
+    """Whose logs these are."""
+    files: str
+    """The files, in a few words for help texts and documents."""
+    channels: str
+    """What a store gets of them, in a few words for documents."""
+    suffixes: frozenset[str]
+    """Endings (lower case, with the dot) that a folder is searched for."""
+    marks: frozenset[str]
+    """Names of columns or variables that such files have and others do not."""
+    period: float
+    """[s] Default period of the store: about half the usual spacing of the logs."""
+    read: Reader
+    """The reader."""
+    name_words: frozenset[str] = frozenset()
+    """Words between the dots of a file's name that make it a log whatever its ending."""
+    first_bytes: tuple[bytes, ...] = ()
+    """How the vehicle's own binary files begin."""
+    extra: str | None = None
+    """Extra of this project that brings the packages which reading may need."""
+    takes_cache: bool = False
+    """Whether the reader uses `ReadOptions.cache`."""
+    held: frozenset[str] = frozenset()
+    """Channels that the logs give only when they change: between samples the last value holds."""
+    lacks: frozenset[str] = frozenset()
+    """Channels that no such vehicle has: their absence is not reported."""
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[a-z][a-z0-9_-]*", self.name):
+            raise InputError(
+                f"importer name {self.name!r}: use small letters, digits, - and _, such as 'slocum'"
+            )
+        for field in ("vehicle", "files", "channels", "suffixes", "marks"):
+            if not getattr(self, field):
+                raise InputError(f"importer {self.name!r}: {field} is empty; say what it is")
+        wrong = sorted(s for s in self.suffixes if not s.startswith(".") or s != s.lower())
+        if wrong:
+            raise InputError(
+                f"importer {self.name!r}: suffix {wrong[0]!r} must begin with a dot and be in "
+                "small letters, such as '.csv'"
+            )
+        if not SHORTEST <= self.period <= LONGEST:
+            raise InputError(
+                f"importer {self.name!r}: period must be within {SHORTEST:g} to {LONGEST:g} s, "
+                f"not {self.period:g}"
+            )
+        if not callable(self.read):
+            raise InputError(f"importer {self.name!r}: read must be a function, not {self.read!r}")
+
+    def accepts(self, path: Path) -> bool:
+        """Whether the file's name is that of such a log."""
+        words = set(path.name.lower().split("."))
+        return path.suffix.lower() in self.suffixes or bool(self.name_words & words)
+
+
+class WrongFormat(InputError):
+    """A file is not a log of the kind that is read; `names` are the columns or variables in it."""
+
+    def __init__(self, path: Path, names: Iterable[str]):
+        self.path = path
+        self.names = tuple(names)
+        super().__init__(f"{path.name} is of another format; it holds {self.some}")
+
+    @property
+    def some(self) -> str:
+        """The first names."""
+        return ", ".join(self.names[:5]) or "nothing"

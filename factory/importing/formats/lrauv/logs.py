@@ -1,0 +1,298 @@
+"""Reader of LRAUV logs: MATLAB v7.3 (.mat), netCDF-4 (.nc4) and csv files of its simulator.
+
+Every variable has a time of its own: in a .mat a group of time (days since year 0), value and
+units; in a .nc4 a coordinate NAME_time. Names are CF's standard names; values in a csv carry
+their unit as text. Positions that follow a surfacing may be reset to GPS already.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.formats.base import ReadOptions, WrongFormat
+from factory.importing.reading.columns import parse_stamps, read_table, tidy, unix_seconds
+from factory.importing.reading.deployment_log import NO_FIXES, Channel, DeploymentLog, Fixes
+from factory.importing.reading.netcdf import as_array, open_netcdf
+from factory.importing.reading.tally import Tally
+from factory.importing.reading.unread_names import note_unread
+from factory.importing.repairs.cleaning import clean, positions
+from factory.importing.repairs.seawater import ctd_channels
+from twin.errors import InputError
+
+Array = NDArray[np.float64]
+
+UNITS: dict[str, tuple[str, float]] = {
+    "m": ("m", 1.0),
+    "mm": ("m", 1e-3),
+    "cm": ("m", 1e-2),
+    "rad": ("degree", 180.0 / np.pi),
+    "radian": ("degree", 180.0 / np.pi),
+    "arcdeg": ("degree", 1.0),
+    "degree": ("degree", 1.0),
+    "degrees": ("degree", 1.0),
+    "deg": ("degree", 1.0),
+    "rad/s": ("rad s-1", 1.0),
+    "cc": ("cm3", 1.0),
+    "cm3": ("cm3", 1.0),
+    "l": ("cm3", 1e3),
+    "liter": ("cm3", 1e3),
+    "m3": ("cm3", 1e6),
+    "m^3": ("cm3", 1e6),
+    "cubic_meter": ("cm3", 1e6),
+    "m/s": ("m s-1", 1.0),
+    "meter_per_second": ("m s-1", 1.0),
+    "pascal": ("dbar", 1e-4),
+    "pa": ("dbar", 1e-4),
+    "decibar": ("dbar", 1.0),
+    "dbar": ("dbar", 1.0),
+    "bar": ("dbar", 10.0),
+    "degc": ("degree_Celsius", 1.0),
+    "celsius": ("degree_Celsius", 1.0),
+    "k": ("kelvin", 1.0),
+    "kelvin": ("kelvin", 1.0),
+    "psu": ("1", 1.0),
+    "1": ("1", 1.0),
+    "meter": ("m", 1.0),
+}
+"""Unit as written (lower case): the schema's unit, and the factor to it."""
+KELVIN = 273.15
+SOURCES = {
+    "measured_depth": ("depth",),
+    "measured_pressure": ("sea_water_pressure",),
+    "measured_pitch": ("platform_pitch_angle",),
+    "measured_roll": ("platform_roll_angle",),
+    "measured_heading": ("platform_orientation",),
+    "measured_pump": ("platform_buoyancy_position",),
+    "measured_shift": ("platform_mass_position",),
+    "measured_fin": ("platform_rudder_angle",),
+    "commanded_pump": ("VerticalControl.buoyancyAction",),
+    "commanded_shift": ("VerticalControl.massPositionAction",),
+}
+"""Channels of the store, and the variables that they come from."""
+WANTED_UNIT = {
+    "measured_depth": "m", "measured_pressure": "dbar", "measured_pitch": "degree",
+    "measured_roll": "degree", "measured_heading": "degree", "measured_pump": "cm3",
+    "measured_shift": "m", "measured_fin": "degree", "commanded_pump": "cm3",
+    "commanded_shift": "m",
+}  # fmt: skip
+_PROPELLER = ("platform_propeller_rotation_rate", "platform_propeller_rotation_rate_1")
+_READ = (
+    *(name for names in SOURCES.values() for name in names), *_PROPELLER, "latitude", "longitude",
+    "latitude_fix", "longitude_fix", "sea_water_temperature", "sea_water_salinity",
+    "EpochSeconds", "Timestamp", "time", "time_fix",
+)  # fmt: skip
+_WITH_UNIT = re.compile(r"^\s*([-+0-9.eE]+|nan)\s*([^\d\s].*)?$", re.IGNORECASE)
+_TURNING = 1.0
+"""[rad/s] A propeller that turns faster drives."""
+
+_SIMULATOR = (".csv", ".gz")
+
+TimedValues = tuple[Array, Array, str]
+"""Time as written, values, unit as written."""
+
+
+def read_lrauv(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
+    """One log for each file.
+
+    Raises:
+      WrongFormat: another kind of file.
+      InputError: truncated, or a unit that is not known.
+    """
+    return [_log(path, _series(path), options.variation_deg, tally) for path in paths]
+
+
+def _series(path: Path) -> dict[str, TimedValues]:
+    """Every variable of a file with its own time."""
+    if path.suffix.lower() in _SIMULATOR:
+        return _csv(path)
+    with open_netcdf(path) as file:
+        try:
+            found = _groups(file) if file.groups else {}
+            found |= {n: s for n, s in _variables(file).items() if n not in found}
+        except (RuntimeError, OSError) as error:
+            raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
+        names = [*file.groups, *file.variables]
+    if "depth" not in found and "sea_water_pressure" not in found:
+        raise WrongFormat(path, names)
+    return found
+
+
+def _groups(file: Any) -> dict[str, TimedValues]:
+    """MATLAB: groups of time, value, units; components are groups of such groups."""
+    found: dict[str, TimedValues] = {}
+    for name, group in file.groups.items():
+        if name.startswith("#"):
+            continue
+        if {"time", "value"} <= set(group.variables):
+            unit = group.variables.get("units")
+            text = "" if unit is None else "".join(chr(int(c)) for c in np.ravel(unit[:]))
+            time, values = (as_array(group.variables[n][:]) for n in ("time", "value"))
+            if len(time) == len(values):
+                found[name] = (time, values, text.strip("\0 "))
+        else:
+            for inner, series in {**_groups(group), **_variables(group)}.items():
+                found.setdefault(inner, series)
+    return found
+
+
+def _variables(file: Any) -> dict[str, TimedValues]:
+    """netCDF-4: variables along a time of their own, NAME_time or the dimension's coordinate."""
+    found: dict[str, TimedValues] = {}
+    for name, variable in file.variables.items():
+        if len(variable.dimensions) != 1 or variable.dtype == str:
+            continue
+        dimension = variable.dimensions[0]
+        clock = next(
+            (file.variables[n] for n in (f"{name}_time", dimension, "time") if n in file.variables),
+            None,
+        )
+        if clock is None or clock is variable or variable.dtype.kind not in "fiu":
+            continue
+        time, values = as_array(clock[:]), as_array(variable[:])
+        if len(time) == len(values):
+            found[name] = (time, values, str(getattr(variable, "units", "")))
+    return found
+
+
+def _csv(path: Path) -> dict[str, TimedValues]:
+    """The simulator's csv: each value is a number and the text of its unit."""
+    table = read_table(path)
+    names = [*table.columns, *table.texts]
+    if "depth" not in names or not {"EpochSeconds", "Timestamp"} & set(names):
+        raise WrongFormat(path, names)
+    time = table.columns.get("EpochSeconds")
+    if time is None:
+        time = parse_stamps(table.texts["Timestamp"])
+    found: dict[str, TimedValues] = {n: (time, v, "") for n, v in table.columns.items()}
+    for name, words in table.texts.items():
+        if name == "Timestamp":
+            continue
+        values, units = np.full(len(words), np.nan), set()
+        for i, word in enumerate(words):
+            match = _WITH_UNIT.match(str(word))
+            if match and match.group(1).lower() != "nan":
+                values[i] = float(match.group(1))
+                units.add((match.group(2) or "").strip())
+        if len(units) > 1:
+            raise InputError(f"{path.name}: column {name} mixes the units {', '.join(units)}")
+        found[name] = (time, values, units.pop() if units else "")
+    return found
+
+
+def in_unit(values: Array, unit: str, wanted: str, subject: str) -> Array:
+    """Values in the wanted unit of the schema, by the unit that the file writes.
+
+    Raises:
+      InputError: an unknown unit, or one of another quantity.
+    """
+    if not unit:
+        return values
+    known = UNITS.get(unit.strip().lower())
+    if known is not None and wanted == "degree_Celsius" and known[0] == "kelvin":
+        return values - KELVIN
+    if known is None or known[0] != wanted:
+        raise InputError(f"{subject}: unit {unit!r} is not one of {wanted}")
+    return values * known[1]
+
+
+def _log(
+    path: Path, series: Mapping[str, TimedValues], variation_deg: float | None, tally: Tally
+) -> DeploymentLog:
+    def channel(name: str, source: str, wanted: str, *, offset: Array | float = 0.0) -> Channel:
+        written, values, unit = series[source]
+        values = in_unit(values, unit, wanted, f"{path.name} {source}") + offset
+        time = unix_seconds(written, f"{path.name} {source}", Tally())
+        time, columns = tidy(time, {name: values}, source, tally)
+        return clean(name, time, columns[name], tally, subject=source)
+
+    note_unread("LRAUV log", series, _READ, tally)
+    channels: dict[str, Channel] = {}
+    for target, names in SOURCES.items():
+        source = next((n for n in names if n in series), None)
+        if source is not None and np.isfinite(series[source][1]).any():
+            channels[target] = channel(target, source, WANTED_UNIT[target])
+    if not len(channels.get("measured_depth", ())) and not len(
+        channels.get("measured_pressure", ())
+    ):
+        raise InputError(f"{path.name} holds no depth")
+    tally.add("read", path.name, max(len(c) for c in channels.values()), "samples")
+    if "measured_heading" in channels and variation_deg is not None:
+        turned = channels["measured_heading"]
+        channels["measured_heading"] = Channel(
+            turned.time, np.mod(turned.values + variation_deg, 360.0)
+        )
+    fixes = _fixes(path, series, tally)
+    depth = channels.get("measured_depth") or channels["measured_pressure"]
+    if "sea_water_temperature" in series:
+        warm = channel("measured_temperature", "sea_water_temperature", "degree_Celsius")
+        practical = None
+        if "sea_water_salinity" in series:
+            fresh = channel("measured_salinity", "sea_water_salinity", "1")
+            practical = fresh.at(warm.time)
+        channels |= ctd_channels(
+            warm.time,
+            temperature=warm.values,
+            pressure=depth.at(warm.time),
+            practical=practical,
+            latitude=float(np.median(fixes.latitude)) if len(fixes) else 0.0,
+            longitude=float(np.median(fixes.longitude)) if len(fixes) else 0.0,
+            tally=tally,
+        )
+    auxiliary: dict[str, Channel] = {}
+    if "latitude" in series and "longitude" in series:
+        latitude = channel("latitude", "latitude", "degree")
+        longitude = channel("longitude", "longitude", "degree")
+        if len(latitude) > 1 and len(longitude) > 1:
+            auxiliary |= {"latitude": latitude, "longitude": longitude}
+    propeller = next((n for n in _PROPELLER if n in series), None)
+    if propeller is not None and np.isfinite(series[propeller][1]).any():
+        spin = channel("thruster", propeller, "rad s-1")
+        auxiliary["thruster"] = Channel(
+            spin.time, (np.abs(spin.values) > _TURNING).astype(np.float64)
+        )
+    return DeploymentLog(
+        deployment=path.name.split(".")[0],
+        platform="LRAUV",
+        channels={name: c for name, c in channels.items() if len(c)},
+        fixes=fixes,
+        magnetic_variation=Channel(*np.zeros((2, 0))),
+        auxiliary=auxiliary,
+        files=(path.name,),
+        # the vehicle logs no csv: they come from its software in a simulated sea
+        simulated=path.suffix.lower() in _SIMULATOR,
+    )
+
+
+def _fixes(path: Path, series: Mapping[str, TimedValues], tally: Tally) -> Fixes:
+    """GPS fixes: latitude and longitude are logged milliseconds apart and belong together."""
+    if not {"latitude_fix", "longitude_fix"} <= set(series):
+        return NO_FIXES
+    parts = []
+    for name in ("latitude_fix", "longitude_fix"):
+        written, values, unit = series[name]
+        values = in_unit(values, unit, "degree", f"{path.name} {name}")
+        time = unix_seconds(written, f"{path.name} {name}", Tally())
+        time, columns = tidy(time, {name: values}, name, tally)
+        there = np.isfinite(columns[name])
+        parts.append((time[there], columns[name][there]))
+    (time, latitude), (other, longitude) = parts
+    if not len(time) or not len(other):
+        return NO_FIXES
+    right = np.clip(np.searchsorted(other, time), 0, len(other) - 1)
+    left = np.maximum(right - 1, 0)
+    near = np.where(np.abs(other[left] - time) < np.abs(other[right] - time), left, right)
+    pair = np.abs(other[near] - time) < _TOGETHER
+    tally.add("removed", "GPS fixes", int((~pair).sum()), "latitude without longitude")
+    latitude, longitude = positions(latitude[pair], longitude[near][pair], "GPS fixes", tally)
+    good = np.isfinite(latitude) & np.isfinite(longitude)
+    return Fixes(time[pair][good], latitude[good], longitude[good])
+
+
+_TOGETHER = 2.0
+"""[s] Halves of one fix are never further apart."""

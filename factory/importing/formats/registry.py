@@ -1,0 +1,48 @@
+"""Registry of the importers, and which kind of log a file looks like."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from factory.importing.formats.base import Importer
+from factory.importing.formats.lrauv import LRAUV
+from factory.importing.formats.og1 import OG1
+from factory.importing.formats.seaexplorer import SEAEXPLORER
+from factory.importing.formats.seaglider import SEAGLIDER
+from factory.importing.formats.slocum import SLOCUM
+from twin.registry import Registry
+
+IMPORTERS: Registry[Importer] = Registry("kind of log", Importer, group="glider_twin.importers")
+"""Every kind of log that can be imported, by name."""
+
+register = IMPORTERS.register
+"""Add an importer of one's own."""
+
+for _importer in (SLOCUM, SEAGLIDER, SEAEXPLORER, OG1, LRAUV):
+    register(_importer)
+
+
+def likely_kind(names: Iterable[str]) -> str | None:
+    """The importer most of whose marks are among the names; None when they are nobody's."""
+    found = set(names)
+    scores = {importer.name: len(importer.marks & found) for importer in IMPORTERS.values()}
+    best = max(scores, key=lambda name: scores[name])
+    return best if scores[best] else None
+
+
+def sniff(path: Path) -> str | None:
+    """The kind of log that a file looks like by what is in it; None when it looks like none.
+
+    Raises:
+      InputError: the file cannot be read.
+    """
+    from factory.importing.reading.columns import column_names
+    from factory.importing.reading.netcdf import holds_arrays, variable_names
+
+    with path.open("rb") as file:
+        start = file.read(64)
+    for importer in IMPORTERS.values():
+        if any(start.startswith(first) for first in importer.first_bytes):
+            return importer.name
+    return likely_kind(variable_names(path) if holds_arrays(path) else column_names(path))

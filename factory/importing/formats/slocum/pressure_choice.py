@@ -1,0 +1,153 @@
+"""Pressure of a Slocum: the least noisy of its sensors, with gaps filled from the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.reading.deployment_log import EMPTY, Channel
+from factory.importing.reading.tally import Tally
+from factory.importing.repairs.cleaning import clean, to_dbar
+from factory.importing.repairs.gps_fixes import nearest
+
+Array = NDArray[np.float64]
+
+PRESSURES = ("sci_water_pressure", "m_water_pressure", "m_pressure")
+"""[bar] Candidates; the one with the least noise is taken."""
+_COVERED, _COVER_GAP = 0.9, 60.0
+"""A pressure sensor competes when it covers this part of the longest cover; gaps count 60 s."""
+_MOVING = 8.0
+"""[dbar] Noise is measured below the waves."""
+_HOLE = 15.0
+"""[s] A sensor that is silent for longer, and for three of its spacings, is off."""
+_SHALLOW = 20.0
+"""[dbar] Holes are at the surface: the sensors are compared in the water near it."""
+_RAMP = 60.0
+"""[s] Over so long one sensor passes into the other, so that no step looks like a depth rate."""
+_RATE, _ENOUGH = 0.05, 10
+"""[dbar/s] Faster is on the way up or down; and so many samples of each make a median."""
+_SAME_ZERO = 2.0
+"""[dbar] Sensors that differ by less have one zero: a lag of some seconds, or half a hull's length
+at 26 degree of pitch, make as much."""
+_AGREE = 10.0
+"""[dbar] Sensors of one vehicle that differ by more in the median are not joined."""
+
+
+def slocum_pressure(native: Mapping[str, Channel], tally: Tally) -> dict[str, Channel]:
+    """The least noisy pressure [dbar] of those that cover the log, its holes filled.
+
+    A CTD is switched off near the surface; the vehicle's own sensors are not. What fills a hole is
+    shifted by the difference of the two sensors in shallow water.
+
+    Raises:
+      InputError: pressure and depth fit no unit.
+    """
+    depth = native.get("m_depth", EMPTY)
+    found: dict[str, Channel] = {}
+    for name in PRESSURES:
+        one = native.get(name, EMPTY)
+        if len(one) < 2:
+            continue
+        beside = depth.at(one.time) if len(depth) else None
+        dbar = to_dbar(one.values, beside, name, tally, native="bar")
+        channel = clean("measured_pressure", one.time, dbar, tally, subject=name)
+        if len(channel) > 2:
+            found[name] = channel
+    if not found:
+        return {}
+    cover = {name: _cover(channel) for name, channel in found.items()}
+    enough = [n for n in found if cover[n] >= _COVERED * max(cover.values())]
+    noise = {n: pressure_noise(found[n]) for n in found}
+    best = min(enough, key=lambda n: noise[n])
+    others = ", ".join(f"{n} {noise[n]:.2g}" for n in enough if n != best)
+    tally.add(
+        "note", "measured_pressure", len(found[best]),
+        f"from {best}, noise {noise[best]:.2g} dbar" + (f" (not {others})" if others else ""),
+    )  # fmt: skip
+    pressure = found[best]
+    for name in sorted((n for n in found if n != best), key=lambda n: noise[n]):
+        pressure, added = filled(pressure, found[name])
+        tally.add("note", "measured_pressure", added, f"from {name} where {best} was silent")
+    return {"measured_pressure": pressure}
+
+
+def _cover(channel: Channel) -> float:
+    """[s] Time under water that a sensor covers; a fast one has more samples, not more cover."""
+    gap = np.minimum(np.diff(channel.time), _COVER_GAP)
+    return float(gap[channel.values[1:] > _MOVING].sum())
+
+
+def filled(pressure: Channel, other: Channel) -> tuple[Channel, int]:
+    """A pressure with another sensor's samples in its holes, and how many these are.
+
+    A hole is longer than `_HOLE` and three spacings, or before the first and after the last sample.
+    """
+    reach = max(_HOLE, 3.0 * pressure.spacing)
+    edges = np.concatenate([[-np.inf], pressure.time, [np.inf]])
+    at = np.searchsorted(edges, other.time, side="right") - 1
+    inside = (edges[at + 1] - edges[at] > reach) & (edges[at] < other.time)
+    if not inside.any():
+        return pressure, 0
+    shift = _shift(pressure, other)
+    if shift is None:
+        return pressure, 0
+    added, low, high = other.time[inside], edges[at[inside]], edges[at[inside] + 1]
+    shifts = shift + np.zeros(len(added))
+    for edge in (low, high):
+        shifts += _step(pressure, other, shift, edge) * np.clip(
+            1.0 - np.abs(added - edge) / _RAMP, 0.0, 1.0
+        )
+    time = np.concatenate([pressure.time, added])
+    values = np.concatenate([pressure.values, other.values[inside] - shifts])
+    order = np.argsort(time, kind="stable")
+    return Channel(time[order], values[order]), int(inside.sum())
+
+
+def _step(pressure: Channel, other: Channel, shift: float, edge: Array) -> Array:
+    """[dbar] What is left of the difference at the edges of holes; 0 where nobody knows."""
+    there = np.isfinite(edge)
+    at = np.where(there, edge, pressure.time[0])
+    near = np.abs(nearest(other.time, at) - at) < _HOLE
+    left = other.at(at) - pressure.at(at) - shift
+    return np.where(there & near & (np.abs(left) < _AGREE), left, 0.0)
+
+
+def _shift(pressure: Channel, other: Channel) -> float | None:
+    """[dbar] How much more `other` shows than `pressure`; None where they clash or never meet.
+
+    A sensor that answers late, or sits further aft, shows more on one way and less on the other:
+    the mean of both ways is the difference at rest. A small one is none.
+    """
+    step = np.searchsorted(pressure.time, other.time)
+    left = pressure.time[np.clip(step - 1, 0, len(pressure) - 1)]
+    right = pressure.time[np.clip(step, 0, len(pressure) - 1)]
+    near = (np.abs(other.time - left) < _HOLE) & (np.abs(right - other.time) < _HOLE)
+    near &= other.values < _SHALLOW
+    difference = other.values - pressure.at(other.time)
+    rate = np.gradient(other.values, other.time)
+    ways = [near & (rate > _RATE), near & (rate < -_RATE)]
+    if min(int(way.sum()) for way in ways) < _ENOUGH:
+        ways = [near]
+    if not ways[0].any():
+        return None
+    shift = float(np.mean([np.median(difference[way]) for way in ways]))
+    if abs(shift) < _SAME_ZERO:
+        return 0.0
+    return shift if abs(shift) < _AGREE else None
+
+
+def pressure_noise(channel: Channel) -> float:
+    """[dbar] Noise of one sample: its distance from the line between its neighbours."""
+    time, values = channel.time, channel.values
+    if len(time) < 3:
+        return float("inf")
+    part = (time[1:-1] - time[:-2]) / np.maximum(time[2:] - time[:-2], 1e-9)
+    line = values[:-2] + part * (values[2:] - values[:-2])
+    use = (values[1:-1] > _MOVING) & (time[2:] - time[:-2] < 6.0 * channel.spacing)
+    if use.sum() < 10:
+        return float("inf")
+    residual = np.abs((values[1:-1] - line)[use])
+    # the mean of the central nine tenths: a median of quantised data is zero
+    return float(np.mean(residual[residual <= np.percentile(residual, 90.0)]))

@@ -1,0 +1,104 @@
+"""One import: files of one kind of vehicle in, dataset and report out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from factory.importing.dives.build import build
+from factory.importing.files import expand
+from factory.importing.formats.base import (
+    LONGEST,
+    SHORTEST,
+    Importer,
+    ReadOptions,
+    WrongFormat,
+)
+from factory.importing.formats.registry import IMPORTERS, likely_kind
+from factory.importing.reading.tally import ImportReport, Tally
+from factory.importing.repairs.dive_rules import DiveRules
+from twin.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from factory.importing.reading.deployment_log import DeploymentLog
+
+
+def import_logs(
+    kind: str,
+    files: Sequence[Path | str],
+    *,
+    period: float | None = None,
+    rules: DiveRules | None = None,
+    variation_deg: float | None = None,
+    cache: Path | None = None,
+) -> tuple[xr.Dataset, ImportReport]:
+    """Read logs, cut them into dives, and put these on one time grid.
+
+    Args:
+      kind: a name in `factory.importing.IMPORTERS`, such as slocum.
+      files: files or folders.
+      period: [s] between samples [default: the importer's].
+      rules: how the dives are cut.
+      variation_deg: [degree] magnetic variation, east positive, instead of the log's own.
+      cache: folder of a Slocum's cache files [default: beside the logs].
+
+    Raises:
+      InputError: a file cannot be used; the message names it and says why.
+    """
+    importer = IMPORTERS[kind]
+    step = importer.period if period is None else float(period)
+    if not SHORTEST <= step <= LONGEST:
+        raise InputError(f"period must be within {SHORTEST:g} to {LONGEST:g} s, not {step:g}")
+    if variation_deg is not None and not -180.0 <= variation_deg <= 180.0:
+        raise InputError(f"magnetic variation must be within +-180 degree, not {variation_deg:g}")
+    if cache is not None and not importer.takes_cache:
+        takers = ", ".join(one.name for one in IMPORTERS.values() if one.takes_cache)
+        raise InputError(f"{kind} logs have no cache files: leave --cache out (it is for {takers})")
+    tally = Tally()
+    try:
+        paths = expand(importer, [Path(f) for f in files], tally)
+        options = ReadOptions(variation_deg=variation_deg, cache=cache)
+        logs = _read(importer, paths, options, tally)
+    except WrongFormat as error:
+        raise _explained(error, importer) from error
+    return build(
+        logs,
+        kind=kind,
+        period=step,
+        rules=rules or DiveRules(),
+        tally=tally,
+        files=[path.name for path in paths],
+        held=importer.held,
+        lacks=importer.lacks,
+    )
+
+
+def _read(
+    importer: Importer, paths: Sequence[Path], options: ReadOptions, tally: Tally
+) -> list[DeploymentLog]:
+    try:
+        return importer.read(paths, options, tally)
+    except ModuleNotFoundError as error:
+        if importer.extra is None:
+            raise
+        raise InputError(
+            f"these {importer.name} logs need the package {error.name}, which is not installed: "
+            f'pip install "glider-twin[{importer.extra}]"'
+        ) from error
+
+
+def _explained(error: WrongFormat, importer: Importer) -> InputError:
+    """The error with the kind of log that the file looks like."""
+    kind = likely_kind(error.names)
+    if kind is not None and kind != importer.name:
+        return InputError(
+            f"{error.path.name} is not a log of the kind {importer.name}, it looks like {kind}: "
+            f"use `factory import {kind}`"
+        )
+    return InputError(
+        f"{error.path.name} is not a log of the kind {importer.name} as it is known here; it holds "
+        f"{error.some}"
+    )

@@ -1,0 +1,110 @@
+"""The log of one deployment: channels at their native rates, in the schema's names and units."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Channel:
+    """One signal: finite values at strictly increasing times."""
+
+    time: Array
+    """[s] since 1970-01-01 UTC, shape (samples,)."""
+    values: Array
+    """In the unit of its name in `twin.records.schema`, shape (samples,)."""
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def spacing(self) -> float:
+        """[s] Median time between samples; NaN for fewer than two."""
+        return float(np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")
+
+    def within(self, start: float, end: float) -> Channel:
+        """The samples from `start` to `end` [s], both included."""
+        first, last = np.searchsorted(self.time, [start, end], side="left")
+        if last < len(self.time) and self.time[last] == end:
+            last += 1
+        return Channel(self.time[first:last], self.values[first:last])
+
+    def at(self, times: Array) -> Array:
+        """Linear interpolation, the end values held outside; NaN for an empty channel."""
+        if not len(self):
+            return np.full(np.shape(times), np.nan)
+        return np.interp(times, self.time, self.values)
+
+
+EMPTY = Channel(np.zeros(0), np.zeros(0))
+
+
+@dataclasses.dataclass(frozen=True)
+class Fixes:
+    """GPS fixes in time order."""
+
+    time: Array
+    """[s] since 1970-01-01 UTC."""
+    latitude: Array
+    """[degree] north."""
+    longitude: Array
+    """[degree] east."""
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def keep(self, mask: NDArray[np.bool_]) -> Fixes:
+        """The fixes where `mask` is true."""
+        return Fixes(self.time[mask], self.latitude[mask], self.longitude[mask])
+
+    def within(self, start: float, end: float) -> Fixes:
+        """The fixes from `start` to `end` [s], both included."""
+        return self.keep((self.time >= start) & (self.time <= end))
+
+
+NO_FIXES = Fixes(np.zeros(0), np.zeros(0), np.zeros(0))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DeploymentLog:
+    """One deployment of one vehicle.
+
+    `channels` are keyed by schema names (`measured_pitch` in degree ...). `auxiliary` holds what
+    rows are made from and a store does not keep as it is: `dive` (number), `latitude`/`longitude`
+    (on-board track, degree), `onboard_north`/`onboard_east` (m, any origin), `dac_north`/`dac_east`
+    (what the vehicle reported, m/s, at the time it became known), `velocity_north/_east/_down`
+    (truth through the water, m/s), `thruster` (1 = on), `afloat` (times at which the vehicle says
+    that it is at the surface).
+    """
+
+    deployment: str
+    """Name of the deployment; rows carry it."""
+    platform: str
+    """Make of the vehicle."""
+    channels: Mapping[str, Channel]
+    fixes: Fixes
+    magnetic_variation: Channel
+    """[degree] east positive: true heading = magnetic heading + variation; may be empty."""
+    auxiliary: Mapping[str, Channel] = dataclasses.field(default_factory=dict)
+    files: tuple[str, ...] = ()
+    station: bool = False
+    """True when a shore station has zeroed the pressure and paired the fixes with the dives."""
+    simulated: bool = False
+    """True when the files say that no vehicle at sea recorded them."""
+
+    def channel(self, name: str) -> Channel:
+        """A channel or an auxiliary one; empty when the log lacks it."""
+        return self.channels.get(name) or self.auxiliary.get(name) or EMPTY
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """[s] First and last time of any depth, pressure or attitude sample."""
+        names = ("measured_depth", "measured_pressure", "measured_pitch")
+        used = [c for n in names if len(c := self.channel(n))]
+        return min(c.time[0] for c in used), max(c.time[-1] for c in used)

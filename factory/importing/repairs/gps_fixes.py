@@ -1,0 +1,195 @@
+"""GPS fixes that a vehicle cannot have had, such as those under water: removed and counted."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.reading.deployment_log import Channel, Fixes
+from factory.importing.reading.tally import Tally
+from factory.importing.repairs.dive_rules import DiveRules
+from twin.geodesy import offset
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+STATION_DEPTH = 8.0
+"""[m] A shore station has paired fixes with dives; the first sample comes after the fix."""
+_STEPS = 3
+"""So many steps of nearly the same speed and course, faster than any drift, are extrapolation."""
+_ALIKE = 0.3
+"""Velocities that differ by less than this part are the same."""
+_LONGEST_STEP = 60.0
+"""[s] Receivers extrapolate from one second to the next, not over minutes."""
+_NEAR = 120.0
+"""[s] A depth from longer before says nothing about the fix."""
+_SHARE, _LEAST = 0.5, 5
+"""With more than this part of at least so many fixes under water, the clocks are suspect."""
+_QUARTER, _SHIFTS = 900.0, 96
+"""[s] Clocks differ by time zones and summer time: multiples of a quarter of an hour."""
+_FITS = 0.9
+"""A shift explains fixes under water when so many of them come to the surface."""
+
+
+def good_fixes(
+    fixes: Fixes, depth: Channel, rules: DiveRules, tally: Tally, *, station: bool = False
+) -> Fixes:
+    """Fixes without those that a receiver invents and those that no drift explains; counted.
+
+    Args:
+      depth: [m] below the log's own surface.
+      station: a shore station has paired the fixes with the dives.
+    """
+    if not len(fixes):
+        return fixes
+    racing = coasting(fixes, rules.coast_speed)
+    tally.add(
+        "removed", "GPS fixes", int(racing.sum()),
+        f"constant velocity above {rules.coast_speed:g} m/s: the receiver coasts, or is carried",
+    )  # fmt: skip
+    fixes = fixes.keep(~racing)
+    if station:
+        near = np.abs(nearest(depth.time, fixes.time) - fixes.time) < _NEAR
+        deep = (depth.at(fixes.time) > STATION_DEPTH) & near
+        tally.add("removed", "GPS fixes", int(deep.sum()), f"deeper than {STATION_DEPTH:g} m")
+        fixes = fixes.keep(~deep)
+    else:
+        fixes = _afloat(fixes, depth, rules, tally)
+    keep = np.ones(len(fixes), bool)
+    for i in range(1, len(fixes) - 1):
+        # alone away from both neighbours, which agree with each other
+        if _apart(fixes, i - 1, i, rules) and _apart(fixes, i, i + 1, rules):
+            keep[i] = _apart(fixes, i - 1, i + 1, rules)
+    tally.add("removed", "GPS fixes", int((~keep).sum()), "away from their neighbours")
+    return fixes.keep(keep)
+
+
+def coasting(fixes: Fixes, fastest: float) -> Mask:
+    """Fixes of a receiver that lost its satellites and goes on at the last velocity it guessed.
+
+    At least `_STEPS` steps at the same velocity, above `fastest` [m/s].
+    """
+    bad = np.zeros(len(fixes), bool)
+    if len(fixes) <= _STEPS:
+        return bad
+    gap = np.diff(fixes.time)
+    north, east = (np.empty(len(gap)) for _ in range(2))
+    for i in range(len(gap)):
+        north[i], east[i] = offset(
+            fixes.latitude[i + 1], fixes.longitude[i + 1],
+            float(fixes.latitude[i]), float(fixes.longitude[i]),
+        )  # fmt: skip
+    velocity = (north + 1j * east) / np.maximum(gap, 1e-3)
+    fast = (np.abs(velocity) > fastest) & (gap < _LONGEST_STEP)
+    alike = fast[1:] & fast[:-1]
+    alike &= np.abs(np.diff(velocity)) < _ALIKE * np.maximum(np.abs(velocity[1:]), fastest)
+    start = 0
+    while start < len(fast):
+        if not fast[start]:
+            start += 1
+            continue
+        end = start
+        while end < len(alike) and alike[end]:
+            end += 1
+        if end - start + 1 >= _STEPS:
+            bad[start + 1 : end + 2] = True
+        start = end + 1
+    return bad
+
+
+def _afloat(fixes: Fixes, depth: Channel, rules: DiveRules, tally: Tally) -> Fixes:
+    """Fixes at the surface, and those just below it where the receiver has hardly coasted yet."""
+    away = np.abs(nearest(depth.time, fixes.time) - fixes.time)
+    # a silent log says little about the fix; well below on both sides it says enough
+    near = (away < rules.fix_lag) | ((away < _NEAR) & _well_below(fixes.time, depth))
+    deep = near & ~_at_surface(fixes.time, depth, rules)
+    keep = ~deep
+    coasted = 0
+    last = -1
+    for i in range(len(fixes)):
+        if not deep[i]:
+            last = i
+            continue
+        if rules.coast > 0.0 and _just_dived(float(fixes.time[i]), depth, rules):
+            known = last >= 0 and fixes.time[i] - fixes.time[last] < _LONGEST_STEP
+            moved = _distance(fixes, last, i) if known else 0.0
+            keep[i] = moved <= rules.coast
+            coasted += int(keep[i])
+    wet = int((~keep).sum())
+    if wet > _SHARE * near.sum() and wet >= _LEAST:
+        tally.add("suspect", "GPS fixes", wet, _clocks(fixes.time, depth, rules))
+    tally.add(
+        "removed", "GPS fixes", int((~keep).sum()),
+        f"under water: deeper than {rules.fix_depth:g} m",
+    )  # fmt: skip
+    tally.add(
+        "note", "GPS fixes", coasted,
+        f"deeper than {rules.fix_depth:g} m, within {rules.fix_lag:g} s of the surface and"
+        f" {rules.coast:g} m of the last one there: kept",
+    )  # fmt: skip
+    return fixes.keep(keep)
+
+
+def _well_below(times: Array, depth: Channel) -> Mask:
+    """Whether the samples before and after are both far below the surface."""
+    right = np.clip(np.searchsorted(depth.time, times), 0, len(depth) - 1)
+    left = np.maximum(right - 1, 0)
+    return np.minimum(depth.values[left], depth.values[right]) > STATION_DEPTH
+
+
+def _at_surface(times: Array, depth: Channel, rules: DiveRules) -> Mask:
+    """Whether the vehicle was at the surface; with rare depths, whether it can have been."""
+    shallow = depth.at(times) <= rules.fix_depth
+    right = np.clip(np.searchsorted(depth.time, times), 0, len(depth) - 1)
+    left = np.maximum(right - 1, 0)
+    rare = depth.time[right] - depth.time[left] > rules.fix_lag
+    least = np.minimum(depth.values[left], depth.values[right])
+    return shallow | (rare & (least <= rules.fix_depth))
+
+
+def _just_dived(time: float, depth: Channel, rules: DiveRules) -> bool:
+    before = depth.within(time - rules.fix_lag, time)
+    if not len(before) or before.time[0] == time:  # the log begins with the fix
+        return bool(depth.at(np.array([time]))[0] <= STATION_DEPTH)
+    return bool(before.values.min() <= rules.fix_depth)
+
+
+def _clocks(times: Array, depth: Channel, rules: DiveRules) -> str:
+    """What to say of fixes under water: the clock difference that brings them to the surface."""
+    best, found = 0.0, 0.0
+    for k in range(-_SHIFTS, _SHIFTS + 1):
+        moved = times + k * _QUARTER
+        inside = (moved >= depth.time[0]) & (moved <= depth.time[-1])
+        if inside.sum() < 0.5 * len(times):
+            continue
+        share = float(np.mean(depth.at(moved[inside]) <= rules.fix_depth))
+        # of equal shifts the smallest
+        if share > found + 1e-9 or (share == found and abs(k * _QUARTER) < abs(best)):
+            best, found = k * _QUARTER, share
+    text = "most fixes are under water: do the clocks of GPS and flight differ?"
+    if found >= _FITS and best:
+        text += f" Fixes {abs(best) / 3600.0:g} h {'later' if best > 0 else 'earlier'} would fit"
+    return text
+
+
+def _distance(fixes: Fixes, i: int, j: int) -> float:
+    """[m] Between two fixes."""
+    north, east = offset(
+        fixes.latitude[j], fixes.longitude[j], float(fixes.latitude[i]), float(fixes.longitude[i])
+    )
+    return float(np.hypot(north, east))
+
+
+def _apart(fixes: Fixes, i: int, j: int, rules: DiveRules) -> bool:
+    reach = rules.fix_noise + rules.fix_speed * float(fixes.time[j] - fixes.time[i])
+    return _distance(fixes, i, j) > reach
+
+
+def nearest(times: Array, wanted: Array) -> Array:
+    """Of each wanted time, the nearest of `times`; infinite without any."""
+    if not len(times):
+        return np.full(np.shape(wanted), np.inf)
+    right = np.clip(np.searchsorted(times, wanted), 1, max(len(times) - 1, 1))
+    right = np.minimum(right, len(times) - 1)
+    left = np.maximum(right - 1, 0)
+    return np.where(wanted - times[left] <= times[right] - wanted, times[left], times[right])

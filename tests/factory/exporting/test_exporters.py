@@ -1,0 +1,90 @@
+"""Every registered exporter: complete, documented, writes flown and logged stores; a user's own."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from logs import Flight, example, write_slocum
+
+from factory.exporting import EXPORTERS, Exporter
+from factory.importing import import_logs
+from factory.stores.generated import open_missions
+from twin.errors import InputError, StoreError
+from twin.records.store import write_store
+
+ROOT = Path(__file__).resolve().parents[3]
+PAGE = (ROOT / "docs" / "factory.md").read_text()
+EVERY = pytest.mark.parametrize("exporter", EXPORTERS.values(), ids=lambda one: one.name)
+
+
+@pytest.fixture(scope="module")
+def log_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("log")
+    dataset, _ = import_logs("slocum", write_slocum(folder, Flight()))
+    return write_store(dataset, folder / "real.zarr")
+
+
+@EVERY
+@pytest.mark.parametrize("name", ["field_store", "log_store"])
+def test_stores_are_written_and_progress_is_told(
+    exporter: Exporter, name: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    if exporter.extra == "parquet":
+        pytest.importorskip("pyarrow")
+    run = open_missions(request.getfixturevalue(name))
+    done: list[int] = []
+    target = exporter.default_path(tmp_path / "store.zarr")
+    written = exporter.export(run, [0, 1], target, lambda: done.append(1))
+    assert len(done) == 2
+    assert written
+    for path in written:
+        assert path.stat().st_size > 1000
+        assert target == (path if exporter.target == "file" else path.parent)
+    assert target.name.startswith("store")
+    with pytest.raises(StoreError, match="not 77"):
+        exporter.export(run, [77], target)
+
+
+@EVERY
+def test_formats_are_documented_and_their_extras_exist(exporter: Exporter) -> None:
+    assert f"| `{exporter.name}` | {exporter.title} | `STORE{exporter.ending}` |" in PAGE
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert exporter.extra is None or exporter.extra in extras["optional-dependencies"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"name": "My Format"}, "small letters"),
+        ({"title": ""}, "title is empty"),
+        ({"ending": "parquet"}, r"like '\.parquet' for a file"),
+        ({"write": None}, "write must be a function"),
+    ],
+)
+def test_half_an_exporter_is_refused(change: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        dataclasses.replace(EXPORTERS["og1"], **change)
+
+
+def test_an_exporter_of_ones_own_is_one_file_outside_the_package(
+    log_store: Path, tmp_path: Path
+) -> None:
+    """The example of the page, as it stands there."""
+    (tmp_path / "counts.py").write_text(example(PAGE, "my_format.py"))
+    environment = {**os.environ, "GLIDER_TWIN_PLUGINS": str(tmp_path / "counts.py")}
+    done = subprocess.run(
+        [sys.executable, "-m", "factory", "export", str(log_store), "--to", "counts"],
+        cwd=ROOT, env=environment, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    run = open_missions(log_store)
+    expected = [
+        f"{k},{n},{run.row('measured_depth', k)[:n].max():.1f}" for k, n in enumerate(run.samples)
+    ]
+    assert log_store.with_name("real.csv").read_text().splitlines() == expected

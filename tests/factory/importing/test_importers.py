@@ -1,0 +1,201 @@
+"""Every registered importer: complete, documented, told from the others; and a user's own one."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from logs import (
+    Flight,
+    example,
+    write_basestation,
+    write_csv,
+    write_dbd,
+    write_mat,
+    write_nc4,
+    write_og1,
+    write_seaexplorer,
+    write_seaglider,
+    write_slocum,
+)
+
+from factory.importing import IMPORTERS, Importer, import_logs, sniff
+from twin.errors import InputError
+from twin.records.schema import VARIABLES
+from twin.records.store import open_store
+
+ROOT = Path(__file__).resolve().parents[3]
+PAGE = (ROOT / "docs" / "real.md").read_text()
+FLIGHT = Flight(depth=100.0, surface=600.0)
+
+WRITERS: dict[str, tuple[Callable[[Path, Flight], list[Path]], ...]] = {
+    "slocum": (write_slocum, write_dbd),
+    "seaglider": (write_seaglider, write_basestation),
+    "seaexplorer": (
+        lambda folder, flight: [write_seaexplorer(folder / "sea009_M3_gli.csv", flight)],
+    ),
+    "og1": (lambda folder, flight: [write_og1(folder / "deployment.nc", flight)],),
+    "lrauv": (
+        lambda folder, flight: [write_mat(folder / "log.mat", flight)],
+        lambda folder, flight: [write_nc4(folder / "log.nc4", flight)],
+    ),
+}
+"""Logs of an imaginary flight in each layout of each kind."""
+LAYOUTS = [(kind, k) for kind, writers in WRITERS.items() for k in range(len(writers))]
+
+
+def write(kind: str, layout: int, folder: Path) -> list[Path]:
+    if (kind, layout) == ("slocum", 1):
+        pytest.importorskip("dbdreader")
+    folder.mkdir(exist_ok=True)
+    return WRITERS[kind][layout](folder, FLIGHT)
+
+
+def test_every_importer_has_logs_that_these_tests_write() -> None:
+    assert set(WRITERS) == set(IMPORTERS.names())
+
+
+def test_every_folder_of_formats_is_registered() -> None:
+    folders = (ROOT / "factory" / "importing" / "formats").glob("*/__init__.py")
+    assert {path.parent.name for path in folders} == set(IMPORTERS.names())
+
+
+@pytest.mark.parametrize(("kind", "layout"), LAYOUTS)
+def test_logs_come_back_dive_by_dive(kind: str, layout: int, tmp_path: Path) -> None:
+    importer = IMPORTERS[kind]
+    paths = write(kind, layout, tmp_path / "logs")
+    assert all(importer.accepts(path) for path in paths)
+    given = None if (kind, layout) != ("og1", 0) else FLIGHT.variation  # that file has none
+    dataset, report = import_logs(kind, [tmp_path / "logs"], variation_deg=given)
+    assert report.kind == kind
+    assert report.rows == FLIGHT.dives
+    assert report.period == importer.period
+    assert set(report.channels) <= set(VARIABLES)
+    for dive in range(FLIGHT.dives):
+        n = int(dataset["n_samples"][dive])
+        start = dataset["start_time"].values.astype(float)[dive]
+        truth = FLIGHT.state(start + dataset["time"].values[:n])
+        depth = dataset["measured_depth"].values[dive, :n]
+        assert np.median(np.abs(depth - truth["depth"])) < 0.6
+        steady = (truth["depth"] > 10.0) & (truth["depth"] < 90.0)
+        for name in ("pitch", "heading", "pump"):
+            if f"measured_{name}" in dataset:
+                values = dataset[f"measured_{name}"].values[dive, :n][steady]
+                assert np.allclose(values, truth[name][steady], atol=1e-2), name
+        if report.rows_with_fixes:
+            moved = FLIGHT.displacement(start, start + float(dataset["dive_duration"][dive]))
+            assert float(dataset["displacement_north"][dive]) == pytest.approx(moved[0], abs=3.0)
+            assert float(dataset["displacement_east"][dive]) == pytest.approx(moved[1], abs=3.0)
+
+
+@pytest.mark.parametrize(("kind", "layout"), LAYOUTS)
+def test_logs_are_told_from_those_of_every_other_kind(
+    kind: str, layout: int, tmp_path: Path
+) -> None:
+    paths = [p for p in write(kind, layout, tmp_path / "logs") if p.suffix != ".cac"]
+    for path in paths:
+        assert sniff(path) == kind, path.name
+        for other in IMPORTERS.names():
+            if other == kind:
+                continue
+            with pytest.raises(InputError, match=re.escape(path.name)) as caught:
+                import_logs(other, [path], variation_deg=0.0)
+            assert "\n" not in str(caught.value)
+            if path.suffix != ".dbd":  # its names are in another file
+                assert f"looks like {kind}: use `factory import {kind}`" in str(caught.value)
+
+
+def test_a_folder_of_other_logs_names_their_kind(tmp_path: Path) -> None:
+    write("seaglider", 1, tmp_path / "logs")
+    with pytest.raises(InputError, match=r"p9990001\.nc looks like seaglider: use"):
+        import_logs("slocum", [tmp_path / "logs"])
+
+
+def test_a_file_that_looks_like_no_log(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "prices.csv", {"fish": [1, 2], "price": [3, 4]})
+    assert sniff(path) is None
+    with pytest.raises(InputError, match=r"prices\.csv is not a log of the kind slocum .* fish"):
+        import_logs("slocum", [path])
+
+
+@pytest.mark.parametrize("importer", IMPORTERS.values(), ids=lambda one: one.name)
+def test_the_page_has_a_row_of_each_importer(importer: Importer) -> None:
+    row = (
+        f"| `{importer.name}` | {importer.vehicle} | {importer.files} | {importer.channels} | "
+        f"{importer.period:g} s |"
+    )
+    assert row in PAGE
+    assert f"factory import {importer.name} " in PAGE
+
+
+@pytest.mark.parametrize("importer", IMPORTERS.values(), ids=lambda one: one.name)
+def test_channels_and_extras_exist(importer: Importer) -> None:
+    assert importer.held | importer.lacks <= set(VARIABLES)
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert importer.extra is None or importer.extra in extras["optional-dependencies"]
+
+
+@pytest.mark.parametrize("importer", IMPORTERS.values(), ids=lambda one: one.name)
+def test_marks_belong_to_one_kind(importer: Importer) -> None:
+    for other in IMPORTERS.values():
+        assert other is importer or not importer.marks & other.marks
+
+
+@pytest.mark.parametrize("kind", [i.name for i in IMPORTERS.values() if not i.takes_cache])
+def test_a_cache_is_refused_where_nothing_reads_it(kind: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"{kind} logs have no cache files.*for slocum"):
+        import_logs(kind, [tmp_path], cache=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"name": "My Logs"}, "small letters"),
+        ({"files": ""}, "files is empty"),
+        ({"marks": frozenset()}, "marks is empty"),
+        ({"suffixes": frozenset({"csv"})}, "suffix 'csv' must begin with a dot"),
+        ({"period": 0.0}, "period must be within"),
+        ({"read": "a string"}, "read must be a function"),
+    ],
+)
+def test_half_an_importer_is_refused(change: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        dataclasses.replace(IMPORTERS["og1"], **change)
+
+
+def test_an_importer_of_ones_own_is_one_file_outside_the_package(tmp_path: Path) -> None:
+    """The example of the page, as it stands there."""
+    (tmp_path / "my_logs.py").write_text(example(PAGE, "my_logs.py"))
+    state = FLIGHT.state(FLIGHT.time)
+    write_csv(
+        tmp_path / "log.csv",
+        {"time": FLIGHT.time, "my_depth": state["depth"], "my_pitch": state["pitch"]},
+    )
+
+    def call(*words: str) -> subprocess.CompletedProcess[str]:
+        environment = {**os.environ, "GLIDER_TWIN_PLUGINS": str(tmp_path / "my_logs.py")}
+        out = ["--out", str(tmp_path / "own.zarr")]
+        return subprocess.run(
+            [sys.executable, "-m", "factory", "import", *words, *out],
+            cwd=ROOT, env=environment, capture_output=True, text=True,
+        )  # fmt: skip
+
+    done = call("mine", str(tmp_path / "log.csv"))
+    assert done.returncode == 0, done.stderr
+    store = open_store(tmp_path / "own.zarr")
+    assert store.sizes["mission"] == FLIGHT.dives
+    assert store.attrs["sample_period_s"] == 5.0
+    # the others know it, too
+    done = call("seaglider", str(tmp_path / "log.csv"), "--overwrite")
+    assert done.returncode == 2
+    assert "looks like mine" in done.stderr
+    help_text = call("--help").stdout
+    assert "mine" in help_text

@@ -1,0 +1,65 @@
+"""Dependencies: what is imported is declared, and dm-control's are ours where it goes in alone."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import tomllib
+from importlib import metadata
+from pathlib import Path
+
+from packaging.requirements import Requirement
+
+from twin.suite.requirement import INSTALL
+
+ROOT = Path(__file__).resolve().parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+OWN = ("twin", "factory", "learn")
+PYTHON_313 = {"python_version": "3.13", "extra": ""}
+
+
+def plain(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def declared() -> list[Requirement]:
+    """Every requirement of users: the tests' and the linters' do not count."""
+    extras = PROJECT["optional-dependencies"]
+    users = [r for name, extra in extras.items() if name not in ("test", "lint") for r in extra]
+    return [Requirement(text) for text in [*PROJECT["dependencies"], *users]]
+
+
+def imported() -> set[str]:
+    """Top modules that the three packages import from elsewhere."""
+    found = set()
+    for path in (path for name in OWN for path in (ROOT / name).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                found |= {alias.name.partition(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                found.add(node.module.partition(".")[0])
+    return found - set(OWN) - sys.stdlib_module_names
+
+
+def test_every_import_is_declared() -> None:
+    names = {plain(requirement.name) for requirement in declared()}
+    distributions = metadata.packages_distributions()
+    for module in sorted(imported()):
+        sources = {plain(name) for name in distributions.get(module, [module])}
+        assert sources & names, f"{module} comes from {sources}, which pyproject.toml does not name"
+
+
+def test_python_3_13_has_all_that_dm_control_needs_but_labmaze() -> None:
+    needed = [Requirement(text) for text in metadata.requires("dm-control") or ()]
+    wanted = {plain(r.name) for r in needed if not r.marker or r.marker.evaluate(PYTHON_313)}
+    ours = [Requirement(text) for text in PROJECT["dependencies"]]
+    there = {plain(r.name) for r in ours if not r.marker or r.marker.evaluate(PYTHON_313)}
+    assert wanted - there == {"labmaze"}
+    assert "dm-control" not in there
+
+
+def test_the_suite_names_the_range_of_dm_control() -> None:
+    (range_,) = [Requirement(r) for r in PROJECT["dependencies"] if r.startswith("dm-control")]
+    asked = Requirement(INSTALL.split('"')[1])
+    assert (asked.name, asked.specifier) == (range_.name, range_.specifier)

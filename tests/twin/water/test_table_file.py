@@ -1,0 +1,90 @@
+"""Tables with another separator than the comma are refused with the way out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from twin.errors import CurrentError, InputError, MissionError
+from twin.mission import load_mission
+from twin.water.current import Profile
+from twin.water.density_spec import read_density_csv
+
+SEPARATORS = [(";", "semicolons"), ("\t", "tabs"), (" ", "blanks")]
+
+
+@pytest.mark.parametrize(("separator", "word"), SEPARATORS)
+def test_a_current_profile_must_have_commas(tmp_path: Path, separator: str, word: str) -> None:
+    path = tmp_path / "profile.csv"
+    path.write_text("# a comment; with\tall\ndepth,north,east\n0,0.1,0\n".replace(",", separator))
+    with pytest.raises(CurrentError, match=f"profile.csv line 2: .*by {word}; .*by commas.*point"):
+        Profile.from_csv(path)
+
+
+@pytest.mark.parametrize(("separator", "word"), SEPARATORS)
+def test_a_density_profile_must_have_commas(tmp_path: Path, separator: str, word: str) -> None:
+    path = tmp_path / "density.csv"
+    path.write_text("depth,density\n0,1025\n".replace(",", separator))
+    with pytest.raises(InputError, match=f"density.csv line 1: .*by {word}; .*by commas.*point"):
+        read_density_csv(path)
+
+
+def test_a_decimal_comma_is_found_where_it_stands(tmp_path: Path) -> None:
+    path = tmp_path / "profile.csv"
+    path.write_text("depth,north,east\n0;0,1;0,2\n")
+    with pytest.raises(CurrentError, match="line 2: columns are separated by semicolons"):
+        Profile.from_csv(path)
+
+
+def test_blanks_around_commas_and_comments_are_fine(tmp_path: Path) -> None:
+    path = tmp_path / "profile.csv"
+    path.write_text("# from a cast; 3 May\ndepth, north,\teast\n 0, 0.1, 0\n10, 0.2, 0.1 \n")
+    assert Profile.from_csv(path).north == (0.1, 0.2)
+    path = tmp_path / "density.csv"
+    path.write_text("# from a cast; 3 May\ndepth,density\n0,1025\n\n10, 1026\n")
+    assert read_density_csv(path).values.tolist() == [1025.0, 1026.0]
+
+
+def test_a_profile_without_header_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "profile.csv"
+    path.write_text("0,0.1,0\n10,0.2,0\n")
+    with pytest.raises(CurrentError, match="begins with numbers: write the header depth,north"):
+        Profile.from_csv(path)
+
+
+@pytest.mark.parametrize("separator", ";,\t")
+def test_a_table_is_no_mission(tmp_path: Path, separator: str) -> None:
+    path = tmp_path / "mission.csv"
+    path.write_text("kind,max_depth_m\nsaw-tooth,100\n".replace(",", separator))
+    with pytest.raises(MissionError, match=r"no table of columns but \[\[segments\]\]"):
+        load_mission(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "density.csv is empty"),
+        ("# nothing but words\n", "density.csv is empty"),
+        ("depth,density\n", "density.csv has no rows"),
+        ("depth,dens\n0,1025\n", "lacks the column 'temperature'"),
+        ("depth,density,density\n0,1025,1026\n", "more than one column 'density'"),
+        ("# cast\ndepth,density\n0,1025\n\n10,heavy\n", "row 5: density is 'heavy', not a number"),
+        ("depth,density\n0,1025,7\n", "row 2: 3 values, the header has 2"),
+        ("depth,density\n0,1025\n10\n", "row 3: 1 values, the header has 2"),
+    ],
+)
+def test_a_density_file_that_is_wrong_says_where(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "density.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message) as caught:
+        read_density_csv(path)
+    assert "density.csv" in str(caught.value)
+
+
+def test_numbers_keep_every_bit(tmp_path: Path) -> None:
+    path = tmp_path / "density.csv"
+    path.write_text('"depth","density"\n0.1,1025.0000000000002\n0.30000000000000004,1026\n')
+    profile = read_density_csv(path)
+    assert profile.depth.tolist() == [0.1, 0.30000000000000004]
+    assert profile.values.tolist() == [1025.0000000000002, 1026.0]

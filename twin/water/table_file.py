@@ -1,0 +1,95 @@
+"""Tables of numbers in CSV files, with comments behind #; errors name the line."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from twin.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def read_table_file(path: Path, what: str, error: type[InputError] = InputError) -> pd.DataFrame:
+    """The cells as text, without blanks around them; the index is the line in the file.
+
+    Empty lines and those that start with # are left out.
+
+    Args:
+      path: the file.
+      what: what errors call it, such as "density file".
+      error: the class of the errors.
+
+    Raises:
+      InputError: (or `error`) it cannot be read or is empty, columns are separated by something
+        else than commas, or a line has more or fewer cells than the header.
+    """
+    import pandas as pd
+
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as cause:
+        raise error(f"cannot read the {what} {path}: {cause}") from cause
+    lines = {
+        number: line
+        for number, line in enumerate(text.splitlines(), start=1)
+        if line.strip() and not line.lstrip().startswith("#")
+    }
+    if not lines:
+        raise error(f"{what} {path} is empty: it needs a line of column names and rows of numbers")
+    numbers = list(lines)
+    width = lines[numbers[0]].count(",") + 1
+    for number, line in lines.items():
+        wrong = _separator(line.strip())
+        if wrong:
+            raise error(
+                f"{what} {path} line {number}: columns are separated by {wrong}; separate them by"
+                " commas and write decimals with a point (in a spreadsheet: save as CSV, comma"
+                " delimited, under English number formats)"
+            )
+        if line.count(",") + 1 != width:
+            raise error(
+                f"{what} {path} row {number}: {line.count(',') + 1} values, the header has {width}"
+            )
+    frame = pd.read_csv(
+        io.StringIO("\n".join(lines.values())), header=None, dtype=str, na_filter=False
+    )
+    frame = frame.apply(lambda column: column.str.strip())
+    frame.columns = pd.Index(frame.iloc[0])
+    frame = frame.iloc[1:]
+    frame.index = pd.Index(numbers[1:])
+    return frame
+
+
+def column_numbers(
+    frame: pd.DataFrame, name: str, source: str, error: type[InputError] = InputError
+) -> list[float]:
+    """A column as numbers.
+
+    Raises:
+      InputError: (or `error`) a cell is not a number; the message names its line.
+    """
+    values = []
+    for number, cell in frame[name].items():
+        try:
+            values.append(float(cell))
+        except ValueError:
+            raise error(f"{source} row {number}: {name} is {cell!r}, not a number") from None
+    return values
+
+
+def _separator(line: str) -> str | None:
+    """What separates the columns of a line where it is not commas.
+
+    A table of numbers needs none of these inside a cell. Spreadsheets write semicolons where the
+    comma is the decimal mark.
+    """
+    if ";" in line:
+        return "semicolons"
+    if "," in line:
+        return None
+    if "\t" in line:
+        return "tabs"
+    return "blanks" if len(line.split()) > 1 else None
