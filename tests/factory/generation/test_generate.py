@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import pytest
 
 import factory.generation.workers
@@ -275,7 +276,9 @@ def test_an_unstable_mission_is_recorded_replaced_and_counted(
         assert failure.values["vehicle.k_q"] == -40.0
         assert failure.time_s is not None
         assert f"at {failure.time_s:.1f} s" in failure.reason
+        warn = mujoco.get_mju_user_warning()
         then, now = replay_failure(run, mission, failure.attempt)
+        assert mujoco.get_mju_user_warning() is warn  # silenced for the replay only
         assert then == now
     assert "vehicle_k_q" not in run.dataset or set(run.array("vehicle_k_q")) == {1.0}
     assert verify_store(run).ok

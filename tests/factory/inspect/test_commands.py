@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from typing import Any
 import pytest
 
 from factory.__main__ import PROGRAM
-from factory.commands.generate import raw_bytes
+from factory.commands.generate import BLAS_THREADS, raw_bytes
 from factory.recipe.overrides import read_changes
 from factory.recipe.parameters import TABLE
 from factory.recipe.plan import check_room
@@ -176,6 +177,15 @@ def test_float32_size_counts_every_sample_of_every_signal() -> None:
     recipe = make_recipe(hours=0.2)
     samples = sum(round(duration / 0.5) + 1 for duration in recipe.plan.durations_s)
     assert raw_bytes(recipe) == 4 * len(SIMULATED) * samples
+
+
+def test_generating_leaves_the_environment_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(BLAS_THREADS, raising=False)
+    code = PROGRAM.main(["generate", "--hours", "0.06", "--out", str(tmp_path / "s.zarr")])
+    assert code == 0
+    assert BLAS_THREADS not in os.environ
 
 
 def test_generating_imports_no_library_that_it_does_not_need(tmp_path: Path) -> None:
