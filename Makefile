@@ -6,7 +6,7 @@ BIN := .venv/bin
 BENCHMARKS := benchmarks/cli_startup.py benchmarks/physics_step.py benchmarks/current_sampling.py benchmarks/sensor_cost.py benchmarks/suite_step.py benchmarks/factory_speed.py benchmarks/layer_speed.py benchmarks/render_speed.py
 
 .NOTPARALLEL:
-.PHONY: setup demo test lint check bench gallery lock clean
+.PHONY: setup demo test lint check mutants bench gallery lock clean
 
 setup: .venv/.installed   ## virtual environment with the pinned versions, GL libraries
 	@scripts/gl.sh
@@ -26,6 +26,9 @@ lint: setup               ## style and types
 	@$(BIN)/mypy
 
 check: lint test          ## all that must hold before a commit; the tests build and try the wheel
+
+mutants: setup            ## change the code on purpose; the tests must notice 85 % (half an hour)
+	@$(BIN)/python scripts/mutate.py $(ARGS)
 
 bench: setup              ## measured costs, printed beside their yardsticks
 	@for benchmark in $(BENCHMARKS); do $(BIN)/python $$benchmark || exit 1; done

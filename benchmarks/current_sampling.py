@@ -11,7 +11,7 @@ import time
 import numpy as np
 from numba import njit
 
-from twin.water.current import parse_current
+from twin.water.current import Grid, Profile, Uniform, parse_current
 from twin.water.current import program as layout
 from twin.water.current.sampler import sample
 
@@ -37,7 +37,7 @@ def grid_program(components: int) -> np.ndarray:
     axis = np.arange(-8, 9) * 9000.0
     field = random.normal(0.0, 0.1, (6, 50, axis.size, axis.size, components))
     days = 86400.0 * np.arange(6)
-    return layout.program([layout.grid_record(days, depth, axis, axis, field, 1e-7)])
+    return layout.program([Grid.box_record(days, depth, axis, axis, field, 1e-7)])
 
 
 def main() -> None:
@@ -57,9 +57,9 @@ def main() -> None:
     }
     programs = {name: parse_current(text).compile(36000.0) for name, text in texts.items()}
     uneven = 1000.0 * (np.arange(40) / 39.0) ** 1.5
-    profile = layout.profile_record(uneven, np.random.default_rng(2).normal(0, 0.1, (40, 3)))
+    profile = Profile.record(40, uneven, np.random.default_rng(2).normal(0, 0.1, (40, 3)))
     programs["profile, 40 uneven depths"] = layout.program([profile])
-    programs["uniform + profile"] = layout.program([layout.record(1, [0.1, 0.0, 0.0]), profile])
+    programs["uniform + profile"] = layout.program([Uniform.record(0.1, 0.0, 0.0), profile])
     programs["grid u, v"] = grid_program(2)
     programs["grid u, v, w"] = grid_program(3)
     for name, program in programs.items():

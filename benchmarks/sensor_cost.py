@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from twin.sensors import SUITE_PRESETS, SensorSuite
-from twin.sensors.noise import DEVICES, device_generator
+from twin.sensors import SUITE_PRESETS, SensorSuite, Surroundings
+from twin.sensors.noise import sensor_generator
 from twin.water.density import DensityProfile
 
 HOUR = 3600.0
@@ -51,6 +51,8 @@ def saw_tooth(duration: float = HOUR, dt: float = DT) -> dict[str, np.ndarray]:
         "specific_force_y", "shift", "rotation", "pump",
     ):  # fmt: skip
         truth[f"true_{name}"] = np.zeros_like(t)
+    for part in ("shift", "rotation", "pump"):
+        truth[f"commanded_{part}"] = truth[f"true_{part}"]
     return truth
 
 
@@ -78,17 +80,14 @@ def main() -> None:
     field = SensorSuite.preset("field")
     measured = field.measure(truth, **setting)
     drawn = field.draw(seed)
-    extra: dict[str, dict[str, Any]] = {
-        "pressure": {"density": density, "latitude": 36.8},
-        "dvl": {"gyro": measured, "bottom_depth": 200.0, "current": None},
-    }
+    surroundings = Surroundings(density=density, bottom_depth=200.0)
+    signals = truth | measured
     print("device        ms per mission-hour (field)")
-    for name in DEVICES:
-        signals = measured if name == "onboard" else truth
+    for name, sensor in field.items():
         cost = best_ms(
             functools.partial(
-                getattr(field, name).measure, signals, dt=DT, drawn=drawn,
-                rng=device_generator(seed, name), **extra.get(name, {}),
+                sensor.measure, signals, dt=DT, drawn=drawn,
+                rng=sensor_generator(seed, name), surroundings=surroundings,
             )
         )  # fmt: skip
         print(f"{name:12s} {cost:8.3f}")

@@ -1,1 +1,38 @@
-"""Data factory: randomised glider missions in bulk, written to one zarr store."""
+"""Data factory: randomised glider missions in bulk, written to one zarr store.
+
+    import factory
+
+    factory.generate("missions.zarr", preset="field", hours=10)
+    store = factory.open("missions.zarr")
+
+Every public name is imported when it is first used.
+"""
+
+from typing import TYPE_CHECKING
+
+from twin.lazy import attach
+
+if TYPE_CHECKING:
+    from factory.facade import generate as generate
+    from factory.facade import import_logs as import_logs
+    from factory.generation.bulk import Summary as Summary
+    from factory.recipe.parameters import PARAMETERS as PARAMETERS
+    from factory.recipe.presets import PRESETS as PRESETS
+    from factory.stores.generated import GeneratedStore as GeneratedStore
+    from factory.stores.generated import open_missions as open  # noqa: F401
+    from twin.records.logs import LogStore as LogStore
+
+_PLACES = {
+    "PARAMETERS": "factory.recipe.parameters:PARAMETERS",
+    "PRESETS": "factory.recipe.presets:PRESETS",
+    "LogStore": "twin.records.logs:LogStore",
+    "GeneratedStore": "factory.stores.generated:GeneratedStore",
+    "Summary": "factory.generation.bulk:Summary",
+    "generate": "factory.facade:generate",
+    "import_logs": "factory.facade:import_logs",
+    "open": "factory.stores.generated:open_missions",
+}
+"""Where each public name is."""
+
+__all__ = [*_PLACES]
+__getattr__, __dir__ = attach(__name__, _PLACES)

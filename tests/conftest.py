@@ -6,6 +6,7 @@ import ctypes
 import os
 
 import hypothesis
+import pytest
 
 from twin.preload import preload_triton
 
@@ -38,3 +39,14 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 hypothesis.settings.register_profile("here", deadline=None)
 hypothesis.settings.register_profile("ci", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "here")
+
+
+@pytest.fixture
+def own_variables():
+    """A test may declare variables of its own: the schema is as it was afterwards."""
+    from twin.records.schema import VARIABLES
+
+    before = dict(VARIABLES)
+    yield
+    VARIABLES.clear()
+    VARIABLES.update(before)

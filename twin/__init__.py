@@ -1,5 +1,107 @@
-"""Twin of an underwater glider: MuJoCo physics, currents, control, sensors and the data schema."""
+"""Twin of an underwater glider: MuJoCo physics, currents, control, sensors and the data schema.
 
-from twin.compiled.private import ensure_numba_cache
+    import twin
 
-ensure_numba_cache()
+    run = twin.simulate(current="uniform:0.1,0")
+    run["true_surge"]            # [m/s] an array, as in a mapping
+    run.plot().savefig("run.png")
+
+Every public name is imported when it is first used.
+"""
+
+from typing import TYPE_CHECKING
+
+from twin.lazy import attach
+from twin.version import __version__
+
+if TYPE_CHECKING:
+    from twin import errors as errors
+    from twin.checks.agreement import check_manoeuvres as check_manoeuvres
+    from twin.checks.agreement import check_published as check_published
+    from twin.facade import simulate as simulate
+    from twin.mission.controller import Command as Command
+    from twin.mission.controller import Observation as Observation
+    from twin.mission.plan import Mission as Mission
+    from twin.mission.schedule import Schedule as Schedule
+    from twin.mission.segments import Hold as Hold
+    from twin.mission.segments import SawTooth as SawTooth
+    from twin.mission.segments import Spiral as Spiral
+    from twin.mission.segments import Surface as Surface
+    from twin.mission.shipped import load_mission as load_mission
+    from twin.mission.shipped import mission_names as mission_names
+    from twin.physics.scenario import Scenario as Scenario
+    from twin.physics.scenario import Start as Start
+    from twin.physics.settle import trim as trim
+    from twin.physics.simulation import Simulation as Simulation
+    from twin.physics.simulation import simulate_many as simulate_many
+    from twin.plot.registry import figure as figure
+    from twin.plot.registry import figure_names as figure_names
+    from twin.records.store import open_store as open_store
+    from twin.records.trajectory import Trajectory as Trajectory
+    from twin.records.trajectory_file import open_trajectory as open_trajectory
+    from twin.sensors.suite import SensorSuite as SensorSuite
+    from twin.vehicle.vehicle import Vehicle as Vehicle
+    from twin.vehicle.vehicle import load_vehicle as load_vehicle
+    from twin.vehicle.vehicle import vehicle_names as vehicle_names
+    from twin.water.current.ekman import Ekman as Ekman
+    from twin.water.current.gauss_markov import GaussMarkov as GaussMarkov
+    from twin.water.current.geostrophic import Geostrophic as Geostrophic
+    from twin.water.current.grid import Grid as Grid
+    from twin.water.current.inertial import Inertial as Inertial
+    from twin.water.current.log_layer import LogLayer as LogLayer
+    from twin.water.current.origin import Origin as Origin
+    from twin.water.current.profile import Profile as Profile
+    from twin.water.current.spec import parse_current as parse_current
+    from twin.water.current.tide import Tide as Tide
+    from twin.water.current.uniform import Uniform as Uniform
+    from twin.water.density import DensityProfile as DensityProfile
+    from twin.water.density_spec import parse_density as parse_density
+
+
+_PLACES = {
+    "Command": "twin.mission.controller:Command",
+    "DensityProfile": "twin.water.density:DensityProfile",
+    "Ekman": "twin.water.current.ekman:Ekman",
+    "GaussMarkov": "twin.water.current.gauss_markov:GaussMarkov",
+    "Geostrophic": "twin.water.current.geostrophic:Geostrophic",
+    "Grid": "twin.water.current.grid:Grid",
+    "Hold": "twin.mission.segments:Hold",
+    "Inertial": "twin.water.current.inertial:Inertial",
+    "LogLayer": "twin.water.current.log_layer:LogLayer",
+    "Mission": "twin.mission.plan:Mission",
+    "Observation": "twin.mission.controller:Observation",
+    "Origin": "twin.water.current.origin:Origin",
+    "Profile": "twin.water.current.profile:Profile",
+    "SawTooth": "twin.mission.segments:SawTooth",
+    "Scenario": "twin.physics.scenario:Scenario",
+    "Schedule": "twin.mission.schedule:Schedule",
+    "SensorSuite": "twin.sensors.suite:SensorSuite",
+    "Simulation": "twin.physics.simulation:Simulation",
+    "Spiral": "twin.mission.segments:Spiral",
+    "Start": "twin.physics.scenario:Start",
+    "Surface": "twin.mission.segments:Surface",
+    "Tide": "twin.water.current.tide:Tide",
+    "Trajectory": "twin.records.trajectory:Trajectory",
+    "Uniform": "twin.water.current.uniform:Uniform",
+    "Vehicle": "twin.vehicle.vehicle:Vehicle",
+    "check_manoeuvres": "twin.checks.agreement:check_manoeuvres",
+    "check_published": "twin.checks.agreement:check_published",
+    "errors": "twin.errors",
+    "figure": "twin.plot.registry:figure",
+    "figure_names": "twin.plot.registry:figure_names",
+    "load_mission": "twin.mission.shipped:load_mission",
+    "load_vehicle": "twin.vehicle.vehicle:load_vehicle",
+    "mission_names": "twin.mission.shipped:mission_names",
+    "open_store": "twin.records.store:open_store",
+    "open_trajectory": "twin.records.trajectory_file:open_trajectory",
+    "parse_current": "twin.water.current.spec:parse_current",
+    "parse_density": "twin.water.density_spec:parse_density",
+    "simulate": "twin.facade:simulate",
+    "simulate_many": "twin.physics.simulation:simulate_many",
+    "trim": "twin.physics.settle:trim",
+    "vehicle_names": "twin.vehicle.vehicle:vehicle_names",
+}
+"""Where each public name is."""
+
+__all__ = [*_PLACES, "__version__"]
+__getattr__, __dir__ = attach(__name__, _PLACES)

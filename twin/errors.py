@@ -23,6 +23,27 @@ class InputError(TwinError, ValueError):
     exit_code = 2
 
 
+class UnknownName(InputError, KeyError):
+    """A name that is not there; a `KeyError` too, as mappings raise. The nearest is offered."""
+
+    def __init__(self, kind: str, name: str, allowed: Iterable[str], *, hint: str = ""):
+        super().__init__(unknown_name(kind, name, allowed) + hint)
+        self.name = name
+
+    def __str__(self) -> str:
+        return str(self.args[0])  # KeyError would put it in quotes
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unknown_again, (str(self), self.name)
+
+
+def _unknown_again(message: str, name: str) -> UnknownName:
+    """An `UnknownName` as another process raised it."""
+    error = UnknownName.__new__(UnknownName, message)
+    error.args, error.name = (message,), name
+    return error
+
+
 class VehicleError(InputError):
     """A vehicle file lacks an element or holds a wrong one."""
 
@@ -60,6 +81,17 @@ class SimulationUnstable(TwinError):
 def unknown_name(kind: str, name: str, allowed: Iterable[str]) -> str:
     """One line for a name that is not among `allowed`, with the nearest one when there is one."""
     names = sorted(allowed)
-    near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    near = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
     hint = f": did you mean {near[0]!r}?" if near else ""
-    return f"unknown {kind} {name!r}{hint} (allowed: {', '.join(names)})"
+    if len(names) > MOST_NAMES:  # a wall of names hides the hint
+        nearest = difflib.get_close_matches(str(name), names, n=NEAREST, cutoff=0.0)
+        listed = f"{', '.join(nearest)} and {len(names) - NEAREST} others"
+    else:
+        listed = ", ".join(names)
+    return f"unknown {kind} {name!r}{hint} (allowed: {listed})"
+
+
+MOST_NAMES = 45
+"""Names that a message lists in full"""
+NEAREST = 6
+"""Names that it lists of more than that"""

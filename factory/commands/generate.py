@@ -41,7 +41,8 @@ class Generate(JsonOption):
     vehicle: str = "glider"
     """shipped vehicle name, or the path of an MJCF file"""
     sensors: str | None = None
-    """sensor suite instead of the preset's: ideal, field, field-uncalibrated, field-no-dvl"""
+    """sensor suite instead of the preset's: ideal, field, field-uncalibrated or field-no-dvl; +NAME
+    adds a sensor that an installed distribution brings"""
     current: str | None = None
     """one current for all missions instead of drawn ones, as in `twin simulate`, such as
     grid:FILE.nc,lat=49,lon=-16,time=2000-01-05"""
@@ -148,7 +149,9 @@ def raw_bytes(recipe: Recipe) -> int:
     from factory.recipe.plan import samples_in
     from twin.records.schema import SIMULATED
 
-    return 4 * len(SIMULATED) * sum(samples_in(duration) for duration in recipe.plan.durations_s)
+    measured = {entry.name for entry in recipe.suite.writes(SIMULATED)}
+    signals = len(measured.union(SIMULATED))
+    return 4 * signals * sum(samples_in(duration) for duration in recipe.plan.durations_s)
 
 
 def _splits(recipe: Recipe) -> str:

@@ -5,12 +5,27 @@ from __future__ import annotations
 from factory.exporting.base import Exporter
 from factory.exporting.og1 import OG1
 from factory.exporting.parquet import PARQUET
+from twin.errors import InputError
 from twin.registry import Registry
 
-EXPORTERS: Registry[Exporter] = Registry("export format", Exporter, group="glider_twin.exporters")
+
+def _check(name: str, kind: object) -> Exporter:
+    if not isinstance(kind, Exporter):
+        raise InputError(
+            f"{kind!r} cannot be registered as a export format: it must be a "
+            f"{Exporter.__module__}.{Exporter.__name__}"
+        )
+    if kind.name != name:
+        raise InputError(f"export format {name!r} leads to {kind!r}, which has another name")
+    return kind
+
+
+EXPORTERS: Registry[Exporter] = Registry(
+    "export format", group="glider_twin.exporters", check=_check
+)
 """Every format that a store can be exported to, by name."""
 
-register = EXPORTERS.register
+register = EXPORTERS.add
 """Add an exporter of one's own."""
 
 for _exporter in (OG1, PARQUET):

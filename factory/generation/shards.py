@@ -28,7 +28,6 @@ from twin.records.sharded import (
     flag_attributes,
     shard_missions,
 )
-from twin.sensors import DRAWN_UNITS
 
 UNUSED_CODE = -1
 """Stands in integer parameters where NaN stands in the others."""
@@ -125,7 +124,7 @@ def small_arrays(recipe: Recipe, missions: Sequence[FlownMission]) -> dict[str, 
         array = _parameter_array(recipe, name, parameter, missions, longest)
         if array is not None:
             small[parameter.variable] = array
-    for name, unit in DRAWN_UNITS.items():
+    for name, unit in recipe.suite.drawn_units().items():
         values = np.array([flown.sensors.get(name, 0.0) for flown in missions])
         if values.any():
             text = "constant of this mission's sensors: " + name.replace("_", " ")

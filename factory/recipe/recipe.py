@@ -7,7 +7,7 @@ import json
 import math
 import platform
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -27,7 +27,7 @@ from twin.physics.mujoco_model import INTEGRATORS, compile_model
 from twin.physics.scenario import SAMPLE_PERIOD
 from twin.records import attributes
 from twin.records.schema import SCHEMA_VERSION
-from twin.sensors import SensorSuite
+from twin.sensors import SUITE_PRESETS, SensorSuite
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.version import __version__
 
@@ -56,8 +56,8 @@ class Recipe:
     """replaced distributions, by parameter name"""
     vehicle: Vehicle
     """as its file says"""
-    sensors: str | None = None
-    """sensor suite by name; None: the preset's"""
+    sensors: str | SensorSuite | None = None
+    """sensor suite, or its name such as field+turbidity; None: the preset's"""
     current: str | None = None
     """one current for all missions, as `twin simulate --current` takes it; None: drawn"""
 
@@ -73,12 +73,17 @@ class Recipe:
 
     @property
     def sensor_preset(self) -> str:
-        """Name of the sensor suite."""
+        """Name of the sensor suite; that of a suite given as an object is `custom`."""
+        if isinstance(self.sensors, SensorSuite):
+            named = (name for name, suite in SUITE_PRESETS.items() if suite == self.sensors)
+            return next(named, "custom")
         return self.sensors or PRESETS[self.preset].sensors
 
     @cached_property
     def suite(self) -> SensorSuite:
         """The sensors."""
+        if isinstance(self.sensors, SensorSuite):
+            return self.sensors
         return SensorSuite.preset(self.sensor_preset)
 
     @cached_property
@@ -152,7 +157,7 @@ class Recipe:
             **self.physics,
             attributes.SAMPLE_PERIOD: SAMPLE_PERIOD,
             "distributions": {name: d.text() for name, d in self.distributions.items()},
-            "sensors": asdict(self.suite),
+            "sensors": self.suite.settings(),
             "current": None if self.given_current is None else self.given_current.describe(),
             "versions": versions(),
         }
@@ -178,7 +183,7 @@ def make_recipe(
     seed: int = 0,
     changes: Mapping[str, str | float] | None = None,
     vehicle: str = "glider",
-    sensors: str | None = None,
+    sensors: str | SensorSuite | None = None,
     current: str | None = None,
 ) -> Recipe:
     """A recipe from names.

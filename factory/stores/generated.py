@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import json
 import math
-import typing
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ from twin.errors import StoreError
 from twin.records.attributes import ATTEMPT, DURATION, FAILED_MISSIONS, SCENARIO, SENSORS, SETTINGS
 from twin.records.logs import LogStore
 from twin.records.reader import MissionStore
-from twin.sensors import DRAWN_UNITS, SensorSuite
+from twin.sensors import SensorSuite
 
 
 class GeneratedStore(MissionStore):
@@ -73,13 +72,7 @@ class GeneratedStore(MissionStore):
     @functools.cached_property
     def suite(self) -> SensorSuite:
         """The sensors, from their settings in the store."""
-        hints = typing.get_type_hints(SensorSuite)
-        return SensorSuite(
-            **{
-                name: hints[name](**{k: _tuples(v) for k, v in fields.items()})
-                for name, fields in self.settings["sensors"].items()
-            }
-        )
+        return SensorSuite.from_settings(self.settings["sensors"])
 
     @functools.cached_property
     def given_current(self) -> GivenCurrent | None:
@@ -151,7 +144,7 @@ class GeneratedStore(MissionStore):
             name: float(self.array(SENSOR_PREFIX + name)[mission])
             if SENSOR_PREFIX + name in self
             else 0.0
-            for name in DRAWN_UNITS
+            for name in self.suite.drawn_units()
         }
 
     def failures(self) -> list[tuple[int, FailedAttempt]]:
@@ -183,7 +176,3 @@ def open_missions(path: str | Path) -> GeneratedStore | LogStore:
     """
     with MissionStore(path) as store:
         return LogStore(path) if store.logged else GeneratedStore(path)
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value

@@ -16,10 +16,12 @@ from typing import Any
 
 import numpy as np
 from llvmlite import binding, ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
+
+from twin.compiled import jit
 
 Floats = NDArray[np.float32]
 
@@ -340,7 +342,7 @@ def _add_rows(typing_context, source, source_step, count, out):
     return types.void(*[types.intp] * 4), generate
 
 
-_compiled = njit(cache=True, nogil=True, error_model="numpy")
+_compiled = jit(nogil=True)
 """Kernels take addresses and sizes: one compilation serves tensors of any stride between tiles,
 and no array slice is made inside a loop."""
 

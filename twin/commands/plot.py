@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from twin.cli.console import Console
-from twin.errors import InputError, unknown_name
+from twin.errors import InputError, UnknownName
+from twin.plot.registry import FIGURES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 FORMATS = (".png", ".pdf", ".svg")
 """Endings that matplotlib writes here."""
 ALL = "all"
+CHOICES = ", ".join((*FIGURES, f"or {ALL}"))
+"""What --figure takes"""
 PRINT_DPI = 300
 """[pixel/in] of a .png, as journals ask for"""
 
@@ -35,9 +38,7 @@ class Plot:
     mission: int = 0
     """index of the mission in the store"""
 
-    figure: str = "overview"
-    """overview, track, track_3d, section, velocity, actuator, sensor, current, log (what a real
-    vehicle measured; drawn for overview where there is no truth), or all"""
+    figure: Annotated[str, tyro.conf.arg(help=CHOICES)] = "overview"
 
     out: Path | None = None
     """file (.png, .pdf or .svg) [default: FIGURE.png]; with --figure all a folder, made if need
@@ -51,14 +52,13 @@ class Plot:
 
     def run(self, console: Console) -> int:
         """Draw and save; says which files were written."""
-        from twin.plot import FIGURES
         from twin.plot.caption import mission_caption
         from twin.records.reader import MissionStore
         from twin.records.store import read_trajectory
         from twin.records.tracks import choose_tracks, read_tracks
 
         if self.figure not in (*FIGURES, ALL):
-            raise InputError(unknown_name("figure", self.figure, (*FIGURES, ALL)))
+            raise UnknownName("figure", self.figure, (*FIGURES, ALL))
         out = self._out()
         trajectory = read_trajectory(self.store, self.mission)
         caption = mission_caption(MissionStore(self.store), self.mission)
@@ -66,10 +66,7 @@ class Plot:
         if self.tracks is not None:
             tracks = choose_tracks(read_tracks(self.tracks, self.mission), self.only)
         if self.figure != ALL:
-            name = self.figure
-            if name == "overview" and "true_depth" not in trajectory.signals:
-                name = "log"
-            self._save(self._draw(name, trajectory, tracks), out, caption, console)
+            self._save(self._draw(self.figure, trajectory, tracks), out, caption, console)
             return 0
         missing = []
         for name in FIGURES:
@@ -99,20 +96,17 @@ class Plot:
 
     def _draw(self, name: str, trajectory: Trajectory, tracks: Sequence[NamedTrack]) -> Figure:
         """One figure; raises InputError when the mission lacks a signal that it shows."""
-        from twin.plot import FIGURES
-        from twin.records.schema import VARIABLES
+        from twin.plot.registry import figure, suited
 
-        draw = FIGURES[name]
+        takes = suited(trajectory, name).takes_tracks
+        if tracks and not takes and self.figure != ALL:
+            able = ", ".join(each for each, kind in FIGURES.items() if kind.takes_tracks)
+            raise InputError(f"--tracks: the {name} figure draws no tracks; these do: {able}")
+        options = {"tracks": tracks} if takes else {}
         try:
-            return draw(trajectory, tracks) if name in _WITH_TRACKS else draw(trajectory)
-        except KeyError as error:
-            signal = str(error.args[0])
-            if signal not in VARIABLES or signal in trajectory.signals:
-                raise
-            raise InputError(
-                f"mission {self.mission} of {self.store} has no signal {signal}, which the "
-                f"{name} figure shows"
-            ) from error
+            return figure(trajectory, name, **options)
+        except InputError as error:
+            raise InputError(f"mission {self.mission} of {self.store}: {error}") from error
 
     def _save(self, figure: Figure, path: Path, caption: str, console: Console) -> None:
         from twin.plot.caption import add_caption
@@ -121,6 +115,3 @@ class Plot:
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=PRINT_DPI)
         console.say(str(path))
-
-
-_WITH_TRACKS = ("overview", "track", "track_3d")

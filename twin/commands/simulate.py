@@ -87,7 +87,7 @@ class Simulate(JsonOption):
             console.warn(f"the mission was not flown to its end: {reason}")
         if simulation.current_program is None:
             return
-        from twin.water.current.sampler import beyond_grid
+        from twin.water.current.grid import beyond_grid
 
         north, east = trajectory["true_north"], trajectory["true_east"]
         outside = beyond_grid(simulation.current_program, north, east)
@@ -120,13 +120,11 @@ class Simulate(JsonOption):
         )
 
     def _write(self, scenario: Scenario, trajectory: Trajectory) -> None:
-        import json
-
-        from twin.records.attributes import SCENARIO
+        from twin.facade import provenance_of
         from twin.records.store import mission_dataset, write_store
 
         assert self.out is not None
-        attributes = {SCENARIO: json.dumps(scenario.describe())}
+        attributes = {**trajectory.provenance, **provenance_of(scenario)}
         write_store(mission_dataset([trajectory], attributes=attributes), self.out, overwrite=True)
 
     def _draw(self, trajectory: Trajectory) -> None:

@@ -19,9 +19,9 @@ A uniform current then changes nothing but the track, to the last bit but roundi
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from twin.compiled import jit
 from twin.fossen.forces import (
     Parameters,
     damping_wrench,
@@ -51,7 +51,7 @@ QUATERNION = slice(3, 7)
 NU_R = slice(7, 13)
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def actuator_position(start: float, command: float, lag: float, rate: float, elapsed: float):  # type: ignore[no-untyped-def]
     """Exact solution of dx/dt = clip((command - x) / lag, -rate, rate) after `elapsed` [s]."""
     gap = command - start
@@ -64,7 +64,7 @@ def actuator_position(start: float, command: float, lag: float, rate: float, ela
     return command - gap * np.exp(-elapsed / lag)
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def actuators_after(start: Array, command: Array, law: Array, elapsed: float) -> Array:
     """Positions (shift, rotation, pump) after `elapsed` [s]; `law` rows: min, max, lag, rate."""
     position = np.empty(3)
@@ -74,7 +74,7 @@ def actuators_after(start: Array, command: Array, law: Array, elapsed: float) ->
     return position
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def mass_distribution(p: Parameters, shift: float, rotation: float):  # type: ignore[no-untyped-def]
     """(CG (3,) [m], I_b (3, 3) [kg m2] about the CB) with the movable block held in place."""
     movable = movable_position(p, shift, rotation)
@@ -88,7 +88,7 @@ def mass_distribution(p: Parameters, shift: float, rotation: float):  # type: ig
     return cg, inertia
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def acceleration(  # type: ignore[no-untyped-def]
     p: Parameters,
     down: Array,
@@ -116,7 +116,7 @@ def acceleration(  # type: ignore[no-untyped-def]
     return solve_positive_definite(m_rb + p.added_mass, force)
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def derivative(p: Parameters, program: Array, t: float, y: Array, actuators: Array) -> Array:
     """dy/dt at time `t` [s] for actuator positions (shift [m], rotation [rad], pump [cm3])."""
     rotation = rotation_from_quaternion(y[3:7])
@@ -147,7 +147,7 @@ def derivative(p: Parameters, program: Array, t: float, y: Array, actuators: Arr
     return dy
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def integrate(  # type: ignore[no-untyped-def]
     p: Parameters,
     program: Array,

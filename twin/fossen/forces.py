@@ -10,8 +10,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from twin.compiled import jit
 
 if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
@@ -107,14 +108,14 @@ def parameters_of(vehicle: Vehicle, density_depth: Array, density_value: Array) 
     )
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def smoothstep(x: float) -> float:
     """3 x^2 - 2 x^3 between 0 and 1, constant outside."""
     x = min(max(x, 0.0), 1.0)
     return x * x * (3.0 - 2.0 * x)
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def flow_functions(angle: float, linear_angle: float, blend_angle: float):  # type: ignore[no-untyped-def]
     """Stand-ins for angle, angle^2 and 1 that equal them inside the identified range.
 
@@ -130,7 +131,7 @@ def flow_functions(angle: float, linear_angle: float, blend_angle: float):  # ty
     return odd, square, one, s
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def damping_wrench(p: Parameters, nu_r: Array) -> Array:
     """-D(nu_r) nu_r: force [N] and moment [N m] about the CB, shape (6,), body FRD.
 
@@ -176,7 +177,7 @@ def damping_wrench(p: Parameters, nu_r: Array) -> Array:
     return body
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def movable_position(p: Parameters, shift: float, rotation: float) -> Array:
     """Centre of the movable block [m], shape (3,), body FRD; +rotation [rad] moves it to port."""
     r = np.empty(3)
@@ -186,7 +187,7 @@ def movable_position(p: Parameters, shift: float, rotation: float) -> Array:
     return r
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def strip_immersion(p: Parameters, depth: float, slope: float, strip: int):  # type: ignore[no-untyped-def]
     """(x [m], immersed fraction) of one strip; `slope` is the depth gained per metre forward."""
     x = p.hull_length * ((strip + 0.5) / STRIPS - 0.5)
@@ -194,7 +195,7 @@ def strip_immersion(p: Parameters, depth: float, slope: float, strip: int):  # t
     return x, fraction
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def restoring(p: Parameters, down: Array, depth: float, moment: Array, displaced_mass: float):  # type: ignore[no-untyped-def]
     """(g(eta), immersion): restoring vector, shape (6,), on the left of Fossen's equation.
 
@@ -220,7 +221,7 @@ def restoring(p: Parameters, down: Array, depth: float, moment: Array, displaced
     return g, immersion
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def density_at(p: Parameters, depth: float) -> float:
     """Density [kg/m3] from the table, linear between its rows, constant beyond its ends."""
     depths, values = p.density_depth, p.density_value
@@ -234,7 +235,7 @@ def density_at(p: Parameters, depth: float) -> float:
     return values[row - 1] + part * (values[row] - values[row - 1])
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def displaced_mass(p: Parameters, depth: float, pump: float) -> float:
     """Mass of the water that the fully immersed hull displaces [kg]; pump in cm3.
 

@@ -8,13 +8,14 @@ buoyancy (CB), NED inertial axes, SI units. Every function is compiled.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from twin.compiled import jit
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def skew(a: Array) -> Array:
     """S(a), shape (3, 3), with S(a) b = a x b (Fossen 2011, definition 2.2)."""
     s = np.zeros((3, 3))
@@ -27,7 +28,7 @@ def skew(a: Array) -> Array:
     return s
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def times(matrix: Array, vector: Array) -> Array:
     """Matrix times vector as plain loops: for 3 to 6 rows faster than a BLAS call."""
     rows, columns = matrix.shape
@@ -38,7 +39,7 @@ def times(matrix: Array, vector: Array) -> Array:
     return product
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def transposed_times(matrix: Array, vector: Array) -> Array:
     """Transposed matrix times vector."""
     rows, columns = matrix.shape
@@ -49,7 +50,7 @@ def transposed_times(matrix: Array, vector: Array) -> Array:
     return product
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def rotation_from_quaternion(q: Array) -> Array:
     """R_nb, body to NED, shape (3, 3), of a scalar-first quaternion (Fossen 2011, eq. 2.69).
 
@@ -70,7 +71,7 @@ def rotation_from_quaternion(q: Array) -> Array:
     return r
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def quaternion_rate(q: Array, omega: Array) -> Array:
     """dq/dt = T_q(q) omega for body rates omega [rad/s] (Fossen 2011, eq. 2.75)."""
     rate = np.empty(4)
@@ -81,7 +82,7 @@ def quaternion_rate(q: Array, omega: Array) -> Array:
     return rate
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def point_mass_inertia(mass: float, r: Array) -> Array:
     """Parallel-axis term -m S(r) S(r), shape (3, 3) [kg m2] (Fossen 2011, eq. 3.36)."""
     inertia = np.empty((3, 3))
@@ -93,7 +94,7 @@ def point_mass_inertia(mass: float, r: Array) -> Array:
     return inertia
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def rolled_inertia(inertia: Array, angle: float) -> Array:
     """R_x(angle) I R_x(angle)^T: a block that turned by `angle` [rad] about the body x axis."""
     turn = np.zeros((3, 3))
@@ -112,7 +113,7 @@ def rolled_inertia(inertia: Array, angle: float) -> Array:
     return rolled
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def rigid_body_mass(mass: float, cg: Array, inertia: Array) -> Array:
     """M_RB, shape (6, 6), of a body with CG at `cg` [m] (Fossen 2011, eq. 3.44).
 
@@ -129,7 +130,7 @@ def rigid_body_mass(mass: float, cg: Array, inertia: Array) -> Array:
     return m_rb
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def rigid_body_coriolis(mass: float, cg: Array, inertia: Array, omega: Array) -> Array:
     """C_RB, shape (6, 6), in the parametrisation without the linear velocity.
 
@@ -151,7 +152,7 @@ def rigid_body_coriolis(mass: float, cg: Array, inertia: Array, omega: Array) ->
     return c_rb
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def added_mass_coriolis(m_a: Array, nu_r: Array) -> Array:
     """C_A(nu_r), shape (6, 6), of the added mass `m_a` (Fossen 2011, eq. 6.43).
 
@@ -169,7 +170,7 @@ def added_mass_coriolis(m_a: Array, nu_r: Array) -> Array:
     return c_a
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def solve_positive_definite(matrix: Array, right: Array) -> Array:
     """x of M x = b by Cholesky's factorisation; NaN when M is not positive definite.
 

@@ -22,9 +22,9 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from twin.compiled import inline, jit
 from twin.errors import InputError
 from twin.fossen.forces import flow_functions
 from twin.vehicle.vehicle import Vehicle
@@ -111,7 +111,7 @@ def fly(
     return Motion(surge=velocity[:, 0], sway=velocity[:, 1], heave=velocity[:, 2])
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inline
 def _acceleration(mass, inverse, c, weight, immersion, roll, pitch, p, q, r, u, v, w):  # type: ignore[no-untyped-def]
     """d(u, v, w)/dt [m/s2] from the weight [N], the attitude and the rates; no allocation."""
     square = u * u + v * v + w * w
@@ -142,7 +142,7 @@ def _acceleration(mass, inverse, c, weight, immersion, roll, pitch, p, q, r, u, 
     )
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _rate(mass, inverse, c, inputs, row, part, u, v, w):  # type: ignore[no-untyped-def]
     """`_acceleration` with the inputs at `part` of the way from sample `row` to the next."""
     a, b = inputs[row], inputs[row + 1]
@@ -163,7 +163,7 @@ def _rate(mass, inverse, c, inputs, row, part, u, v, w):  # type: ignore[no-unty
     )
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _integrate(mass, inverse, c, inputs, period):  # type: ignore[no-untyped-def]
     """Classical RK4 with the inputs linear between samples; velocities (time, 3) from rest."""
     samples = inputs.shape[0]

@@ -16,8 +16,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from twin.compiled import jit
 
 Array = NDArray[np.float64]
 
@@ -72,7 +73,7 @@ TIME_TOLERANCE = 1e-6
 """[s] a tick this close to a limit counts as on it: tick times are sums of rounded periods."""
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _enter(table: Array, state: Array, index: int, t: float, depth: float, heading: float) -> None:
     """Make row `index` the current segment and choose its first phase."""
     previous = state[PHASE]
@@ -100,7 +101,7 @@ def _enter(table: Array, state: Array, index: int, t: float, depth: float, headi
         state[PHASE] = SURFACING
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _advance(table: Array, state: Array, t: float, depth: float, heading: float) -> None:
     """Phases and segments: turn at the depth limits, count, go on, abort."""
     end = table.shape[0] - 1
@@ -142,7 +143,7 @@ def _advance(table: Array, state: Array, t: float, depth: float, heading: float)
     state[PHASE] = following
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _pid(
     kp: float,
     ki: float,
@@ -168,7 +169,7 @@ def _pid(
     return clamped
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def guidance_step(
     table: Array,
     gains: Array,

@@ -1,42 +1,28 @@
 """Plots of trajectories: functions that return a matplotlib Figure, all in one style.
 
-Nothing here uses pyplot: save a figure with `figure.savefig(path)`, or show it in a notebook.
+Nothing here uses pyplot: save a figure with `figure.savefig(path)`, or show it in a notebook. Each
+figure is imported when it is first used; `registry` adds one of one's own.
 """
 
-from collections.abc import Callable
+from twin.lazy import attach
 
-from matplotlib.figure import Figure
-
-from twin.plot.current_profile import current_figure
-from twin.plot.logged_dive import log_figure
-from twin.plot.overview import overview_figure
-from twin.plot.section import section_figure
-from twin.plot.sensors import sensor_figure
-from twin.plot.signals import actuator_figure, velocity_figure
-from twin.plot.track import track_3d_figure, track_figure
-
-FIGURES: dict[str, Callable[..., Figure]] = {
-    "overview": overview_figure,
-    "track": track_figure,
-    "track_3d": track_3d_figure,
-    "section": section_figure,
-    "velocity": velocity_figure,
-    "actuator": actuator_figure,
-    "sensor": sensor_figure,
-    "current": current_figure,
-    "log": log_figure,
+_PLACES = {
+    "FIGURES": "twin.plot.registry:FIGURES",
+    "FigureKind": "twin.plot.registry:FigureKind",
+    "actuator_figure": "twin.plot.actuator:actuator_figure",
+    "current_figure": "twin.plot.current_profile:current_figure",
+    "figure": "twin.plot.registry:figure",
+    "figure_names": "twin.plot.registry:figure_names",
+    "log_figure": "twin.plot.logged_dive:log_figure",
+    "overview_figure": "twin.plot.overview:overview_figure",
+    "register": "twin.plot.registry:register",
+    "section_figure": "twin.plot.section:section_figure",
+    "sensor_figure": "twin.plot.sensor:sensor_figure",
+    "track_3d_figure": "twin.plot.track_3d:track_3d_figure",
+    "track_figure": "twin.plot.track:track_figure",
+    "velocity_figure": "twin.plot.velocity:velocity_figure",
 }
-"""Every figure by the name that the command line uses."""
+"""Where each public name is."""
 
-__all__ = [
-    "FIGURES",
-    "actuator_figure",
-    "current_figure",
-    "log_figure",
-    "overview_figure",
-    "section_figure",
-    "sensor_figure",
-    "track_3d_figure",
-    "track_figure",
-    "velocity_figure",
-]
+__all__ = [*_PLACES]
+__getattr__, __dir__ = attach(__name__, _PLACES)

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.plot import style
+from twin.plot.registry import FigureKind
 from twin.records.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -63,3 +64,6 @@ def draw_current(axes: Axes, trajectory: Trajectory) -> None:
     style.pad_limits(axes, least=0.05, which="x")
     axes.set_xlabel("current [m/s]")
     axes.legend(loc="best")
+
+
+FIGURE = FigureKind(name="current", summary="the current against depth", draw=current_figure)

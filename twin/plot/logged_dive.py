@@ -10,7 +10,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.plot import style
-from twin.plot.signals import PANEL_HEIGHT, draw_lines, thinned_time
+from twin.plot.registry import FigureKind
+from twin.plot.signals import PANEL_HEIGHT, draw_lines, thinned_time, unit_text
+from twin.records.schema import variable
 from twin.records.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -65,8 +67,6 @@ SHOWN = 0.3, 99.7
 """Percentiles under water that the axes cover"""
 MARGIN = 0.08
 """Of the range, beyond it"""
-COMMANDS = ("measured_pump", "measured_shift", "measured_rotation", "measured_pitch")
-"""Signals whose command is drawn where the log has it"""
 
 
 def log_figure(trajectory: Trajectory) -> Figure:
@@ -74,7 +74,7 @@ def log_figure(trajectory: Trajectory) -> Figure:
 
     Where the log has gaps every panel is shaded. Axes cover what happens under water.
     """
-    shown = [p for p in PANELS if has_values(trajectory, p.signal)]
+    shown = [p for p in (*PANELS, *_other_parts(trajectory)) if has_values(trajectory, p.signal)]
     rows = -(-(len(shown) + 1) // 2)
     with style.styled():
         height = 0.45 + DEPTH_HEIGHT + PANEL_HEIGHT * rows
@@ -97,6 +97,21 @@ def log_figure(trajectory: Trajectory) -> Figure:
             style.label_time(place, unit)
         figure.align_ylabels()
     return figure
+
+
+def _other_parts(trajectory: Trajectory) -> list[Panel]:
+    """A panel for each part of the vehicle, measured and commanded, that PANELS does not know."""
+    known = {panel.signal for panel in PANELS} | {"measured_depth"}
+    names = [name for name in trajectory if name.startswith("measured_") and name not in known]
+    return [
+        Panel(
+            signal=name,
+            title=variable(name).long_name.partition(",")[0],
+            unit=unit_text(variable(name).units),
+        )
+        for name in names
+        if name.replace("measured_", "commanded_", 1) in trajectory
+    ]
 
 
 def has_values(trajectory: Trajectory, name: str) -> bool:
@@ -134,8 +149,8 @@ def gap_spans(gap: Array) -> list[tuple[int, int]]:
 
 def _draw(axes: Axes, trajectory: Trajectory, panel: Panel) -> None:
     entries = [(panel.signal, "measured", style.TRUTH)]
-    command = panel.signal.replace("measured_", "commanded_")
-    if panel.signal in COMMANDS and has_values(trajectory, command):
+    command = panel.signal.replace("measured_", "commanded_", 1)
+    if command != panel.signal and not panel.circular and has_values(trajectory, command):
         entries.append((command, "command", style.COMMAND))
     draw_lines(axes, trajectory, entries, factor=panel.factor, unwrap=panel.circular)
     if not panel.circular:
@@ -202,3 +217,10 @@ def _depth(axes: Axes, trajectory: Trajectory) -> None:
     style.depth_axis(axes, float(np.nanmax(depth)), label=False)
     axes.set_title("depth")
     axes.set_ylabel("[m]")
+
+
+FIGURE = FigureKind(
+    name="log",
+    summary="what a real vehicle measured; drawn for `overview` where there is no truth",
+    draw=log_figure,
+)

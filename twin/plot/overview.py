@@ -8,15 +8,19 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from twin.plot import style
+from twin.plot.actuator import ATTITUDE, draw_actuators, draw_attitude
 from twin.plot.current_profile import draw_current
+from twin.plot.registry import FigureKind
 from twin.plot.section import draw_section
-from twin.plot.signals import draw_actuators, draw_attitude, thinned_time
+from twin.plot.signals import thinned_time
 from twin.plot.track import LEGEND_ROW, draw_legend, draw_track, legend_rows
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
 
-HEIGHTS = (1.9, 2.75, 4.35)
-"""[in] of section, track and signals"""
+HEIGHTS = (1.9, 2.75)
+"""[in] of section and track"""
+PANEL_HEIGHT = 0.87
+"""[in] of each signal below them"""
 LEGEND_COLUMNS = 4
 """Of dead-reckoned tracks"""
 
@@ -25,8 +29,9 @@ def overview_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -
     """Depth section, track, current profile, attitude and actuators on one page."""
     with style.styled():
         names = LEGEND_ROW * legend_rows(tracks, LEGEND_COLUMNS)
-        figure = style.new_figure(style.PAGE_WIDTH, sum(HEIGHTS) + names)
-        heights = [HEIGHTS[0], HEIGHTS[1] + names, HEIGHTS[2]]
+        panels = len(ATTITUDE) + len(trajectory.actuators)
+        heights = [HEIGHTS[0], HEIGHTS[1] + names, PANEL_HEIGHT * panels]
+        figure = style.new_figure(style.PAGE_WIDTH, sum(heights))
         rows = figure.subfigures(3, 1, squeeze=False, height_ratios=heights)
         top, middle, bottom = rows[:, 0]
         section = top.add_subplot()
@@ -38,9 +43,9 @@ def overview_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -
         left.set_title("track over ground")
         draw_current(right, trajectory)
         right.set_title("current met on the way")
-        grid = bottom.subplots(5, 1, sharex=True)
-        draw_attitude(grid[:2], trajectory)
-        draw_actuators(grid[2:], trajectory)
+        grid = bottom.subplots(panels, 1, sharex=True)
+        draw_attitude(grid[: len(ATTITUDE)], trajectory)
+        draw_actuators(grid[len(ATTITUDE) :], trajectory)
         style.label_time(grid[-1], thinned_time(trajectory)[2])
         bottom.align_ylabels()
     return figure
@@ -53,3 +58,11 @@ def _headline(trajectory: Trajectory) -> str:
     deepest = float(np.max(trajectory["true_depth"]))
     through = f"{distance / 1000:.1f} km" if distance >= 2000 else f"{distance:.0f} m"
     return f"{span:.3g} {unit}, {through} through the water, down to {deepest:.0f} m"
+
+
+FIGURE = FigureKind(
+    name="overview",
+    summary="section, track, current, attitude and actuators on a page",
+    draw=overview_figure,
+    takes_tracks=True,
+)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
 from twin.plot import style
+from twin.plot.registry import FigureKind
 from twin.records.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -71,3 +72,8 @@ def draw_section(axes: Axes, trajectory: Trajectory, colour: str = "speed") -> N
     bar = axes.figure.colorbar(lines, ax=axes, pad=0.02, aspect=22)
     bar.set_label(label)
     bar.outline.set_visible(False)
+
+
+FIGURE = FigureKind(
+    name="section", summary="depth against time, coloured by speed", draw=section_figure
+)

@@ -1,4 +1,4 @@
-"""Signals against time: velocities, actuators, attitude and its setpoints."""
+"""Signals against time: what the figures of velocities, parts, attitude and logs share."""
 
 from __future__ import annotations
 
@@ -24,80 +24,6 @@ def stack(panels: int, *, height: float = PANEL_HEIGHT) -> tuple[Figure, list[Ax
     figure = style.new_figure(height=0.45 + height * panels)
     axes = figure.subplots(panels, 1, sharex=True, squeeze=False)[:, 0]
     return figure, list(axes)
-
-
-def velocity_figure(trajectory: Trajectory) -> Figure:
-    """Surge, sway and heave through the water, and the speed over ground."""
-    with style.styled():
-        figure, axes = stack(4, height=0.95)
-        for panel, (name, title) in zip(
-            axes,
-            (("surge", "surge"), ("sway", "sway (starboard)"), ("heave", "heave (down)")),
-            strict=False,
-        ):
-            draw_lines(panel, trajectory, [(f"true_{name}", name, style.TRUTH)])
-            panel.set_title(f"{title}, through the water")
-            panel.set_ylabel("[m/s]")
-            style.pad_limits(panel, least=0.01)
-        over_ground = np.hypot(trajectory["true_velocity_north"], trajectory["true_velocity_east"])
-        time, seconds, unit = thinned_time(trajectory)
-        (speed,) = style.thin(over_ground)
-        axes[-1].plot(time / seconds, speed, color=style.PALETTE["green"])
-        axes[-1].set_title("horizontal speed over ground")
-        axes[-1].set_ylabel("[m/s]")
-        style.label_time(axes[-1], unit)
-        figure.align_ylabels()
-    return figure
-
-
-ACTUATORS = (
-    ("shift", "battery shift [mm]", 1000.0),
-    ("rotation", "battery rotation [°]", 1.0),
-    ("pump", "pumped volume [cm³]", 1.0),
-)
-"""Signal, title and factor from the schema's unit to the shown one."""
-
-
-def actuator_figure(trajectory: Trajectory) -> Figure:
-    """Actuators and control: command and position, attitude and its setpoints."""
-    with style.styled():
-        figure, axes = stack(5, height=0.92)
-        draw_actuators(axes[:3], trajectory)
-        draw_attitude(axes[3:], trajectory)
-        style.label_time(axes[-1], thinned_time(trajectory)[2])
-        figure.align_ylabels()
-    return figure
-
-
-def draw_actuators(axes: Sequence[Axes], trajectory: Trajectory) -> None:
-    """Commanded and true shift, rotation and pump into three axes."""
-    for panel, (name, title, factor) in zip(axes, ACTUATORS, strict=True):
-        draw_lines(
-            panel,
-            trajectory,
-            [
-                (f"commanded_{name}", "command", style.COMMAND),
-                (f"true_{name}", "position", style.TRUTH),
-            ],
-            factor=factor,
-        )
-        label, _, unit = title.partition(" [")
-        panel.set_title(label)
-        panel.set_ylabel(f"[{unit}")
-    _legend_above(axes[0], 2)
-
-
-def draw_attitude(axes: Sequence[Axes], trajectory: Trajectory) -> None:
-    """Pitch and heading with their setpoints into two axes."""
-    for panel, name in zip(axes, ("pitch", "heading"), strict=True):
-        entries = [(f"true_{name}", name, style.TRUTH)]
-        setpoint = trajectory.signals.get(f"commanded_{name}")
-        if setpoint is not None and np.isfinite(setpoint).any():
-            entries.insert(0, (f"commanded_{name}", "setpoint", style.COMMAND))
-        draw_lines(panel, trajectory, entries, unwrap=name == "heading")
-        panel.set_title(f"{name}" + (" and its setpoint" if len(entries) > 1 else ""))
-        panel.set_ylabel("[°]")
-        style.pad_limits(panel, least=2.0)
 
 
 def draw_lines(
@@ -162,11 +88,13 @@ def thinned_time(trajectory: Trajectory) -> tuple[Array, float, str]:
     return time, seconds, unit
 
 
-def _legend_above(axes: Axes, columns: int) -> None:
-    axes.legend(
-        loc="lower right",
-        bbox_to_anchor=(1.0, 0.98),
-        ncols=columns,
-        borderaxespad=0.1,
-        columnspacing=1.0,
-    )
+UNIT_TEXT = {
+    "degree": "°", "m s-1": "m/s", "m s-2": "m/s²", "rad s-1": "rad/s", "cm3": "cm³",
+    "kg m-3": "kg/m³", "degree_Celsius": "°C",
+}  # fmt: skip
+"""How figures write the schema's units."""
+
+
+def unit_text(units: str) -> str:
+    """A unit of the schema as figures write it, in brackets."""
+    return f"[{UNIT_TEXT.get(units, units)}]"

@@ -1,4 +1,4 @@
-"""Track: where the glider went, from above and in space, beside dead-reckoned tracks."""
+"""Track: where the glider went, from above, beside dead-reckoned tracks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
 from twin.plot import style
-from twin.plot.space import LEGEND, space_axes
+from twin.plot.registry import FigureKind
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
 
@@ -30,10 +30,6 @@ LONG_NAME = 14
 """Letters of a name from which a legend at column width has one column less"""
 LEGEND_ROW = 0.16
 """[in] height of a legend's row"""
-SPACE_HEIGHT = 2.95
-"""[in] of a figure in space with one row of names"""
-MOST_3D = 2500
-"""Points of a line in space"""
 
 
 def track_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> Figure:
@@ -132,34 +128,9 @@ def line_look(index: int) -> dict[str, Any]:
     }
 
 
-def track_3d_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> Figure:
-    """The track in space, depth down; the vertical scale is its own, as oceanographers plot it."""
-    with style.styled():
-        columns = legend_columns(tracks)
-        rows = -(-(len(tracks) + 4) // columns)
-        height = SPACE_HEIGHT + LEGEND_ROW * (rows - 1)
-        figure = style.new_figure(height=height)
-        north, east, depth, time = style.thin(
-            *(trajectory[f"true_{n}"] for n in ("north", "east", "depth")),
-            trajectory.time,
-            most=MOST_3D,
-        )
-        metres, unit = style.length_unit(north, east)
-        floor = float(depth.max()) * 1.1 + 1.0
-        top = 1.0 - (LEGEND_ROW * rows + 0.12) / height
-        axes = space_axes(figure, floor=floor, unit=unit, top=top)
-        axes.plot(east / metres, north / metres, depth, color=style.TRUTH, lw=1.6, label="truth")
-        axes.plot(
-            east / metres, north / metres, floor, color=style.GUIDE, lw=0.8, label="on the chart"
-        )
-        for index, track in enumerate(tracks):
-            n, e, t = style.thin(track.north, track.east, track.time, most=MOST_3D)
-            d = np.interp(t, time, depth)
-            axes.plot(e / metres, n / metres, d, lw=0.9, label=track.title, **line_look(index))
-        for name, (index, marker) in MARKS.items():
-            axes.plot(
-                east[index] / metres, north[index] / metres, depth[index], marker, ms=5,
-                mfc="white", mec=style.COMMAND, mew=1.2, ls="none", label=name, zorder=10,
-            )  # fmt: skip
-        figure.legend(**LEGEND, ncols=columns)
-    return figure
+FIGURE = FigureKind(
+    name="track",
+    summary="the track from above, beside dead-reckoned tracks (`--tracks`, `--only`)",
+    draw=track_figure,
+    takes_tracks=True,
+)

@@ -70,7 +70,10 @@ def quantity(name: str) -> Quantity:
       KeyError: no such variable, with the nearest name.
       LookupError: its unit has no limits yet.
     """
-    units = variable(name).units
+    found = variable(name)
+    if found.limits is not None:  # a signal that a sensor brought, with limits of its own
+        return Quantity(found.units, name, found.limits)
+    units = found.units
     for row in TABLE:
         if row.units == units and name.endswith(row.ending):
             return row

@@ -8,8 +8,10 @@ CF's where one exists. Angles are degrees in stores, radians in code.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
+from typing import Any
 
-from twin.errors import unknown_name
+from twin.errors import InputError, UnknownName
 
 SCHEMA_VERSION = 1
 MISSION, TIME = "mission", "time"
@@ -24,6 +26,8 @@ class Variable:
     """As CF (UDUNITS) writes it; "1" is dimensionless."""
     long_name: str
     standard_name: str | None = None
+    limits: tuple[float, float] | None = None
+    """Lowest and highest possible value; None: those of the table of limits, by unit and name."""
 
     @property
     def decimals(self) -> int | None:
@@ -35,13 +39,19 @@ class Variable:
         """truth, measured or commanded."""
         return _GROUPS[self.name.split("_", 1)[0]]
 
-    def attributes(self) -> dict[str, str]:
+    def attributes(self) -> dict[str, Any]:
         """CF attributes."""
-        attributes = {"units": self.units, "long_name": self.long_name, "signal_group": self.group}
+        attributes: dict[str, Any] = {
+            "units": self.units,
+            "long_name": self.long_name,
+            "signal_group": self.group,
+        }
         if self.standard_name:
             attributes["standard_name"] = self.standard_name
         if self.standard_name == "depth":
             attributes["positive"] = "down"
+        if self.limits:
+            attributes["valid_min"], attributes["valid_max"] = self.limits
         return attributes
 
     def stored_attributes(self) -> dict[str, str | int]:
@@ -198,10 +208,49 @@ SIMULATED: tuple[str, ...] = tuple(name for name in VARIABLES if name not in LOG
 
 
 def variable(name: str) -> Variable:
-    """The variable of that name; raises KeyError with the nearest name."""
-    if name not in VARIABLES:
-        raise KeyError(unknown_name("variable", name, VARIABLES))
-    return VARIABLES[name]
+    """The variable of that name; raises UnknownName (an InputError and a KeyError) otherwise."""
+    try:
+        return VARIABLES[name]
+    except KeyError:
+        raise UnknownName("variable", name, VARIABLES) from None
+
+
+def variables(*names: str) -> tuple[Variable, ...]:
+    """The variables of these names; raises as `variable`."""
+    return tuple(variable(name) for name in names)
+
+
+def declare(entry: Variable) -> None:
+    """Add a variable to `VARIABLES`, as the sensors and parts of one's own do.
+
+    Raises:
+      InputError: the name has no group, or is declared with another meaning already.
+    """
+    if entry.name.split("_", 1)[0] not in _GROUPS:
+        raise InputError(
+            f"variable {entry.name!r} must begin with {', '.join(f'{g}_' for g in _GROUPS)}"
+        )
+    known = VARIABLES.setdefault(entry.name, entry)
+    if known != entry:
+        raise InputError(f"variable {entry.name!r} exists already as {known}, not {entry}")
+
+
+def declare_stored(name: str, attributes: Mapping[str, Any]) -> None:
+    """Declare a signal that a store holds and this process does not know, as the store says."""
+    if name in VARIABLES or "units" not in attributes or name.split("_", 1)[0] not in _GROUPS:
+        return
+    limits = None
+    if "valid_min" in attributes and "valid_max" in attributes:
+        limits = (float(attributes["valid_min"]), float(attributes["valid_max"]))
+    declare(
+        Variable(
+            name,
+            str(attributes["units"]),
+            str(attributes.get("long_name", name)),
+            attributes.get("standard_name"),
+            limits,
+        )
+    )
 
 
 def by_group(group: str) -> list[str]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from twin.errors import StoreError
 from twin.records.attributes import N_SAMPLES, SIMULATED_ATTRIBUTES, VERSION
-from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES
+from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES, declare_stored
 from twin.records.sharded import METADATA
 from twin.records.trajectory import Trajectory
 
@@ -192,9 +192,13 @@ def open_store(path: str | Path) -> xr.Dataset:
             f"{SCHEMA_VERSION}; upgrade glider-twin"
         )
     try:
-        return xr.open_zarr(path, consolidated=None)
+        dataset = xr.open_zarr(path, consolidated=None)
     except Exception as error:
         raise StoreError(f"store {path} cannot be read: {' '.join(str(error).split())}") from error
+    for name, array in dataset.data_vars.items():
+        if array.dims == (MISSION, TIME):
+            declare_stored(str(name), array.attrs)
+    return dataset
 
 
 def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:

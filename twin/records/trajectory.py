@@ -8,18 +8,27 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import UnknownName
+from twin.lazy import resolve
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
 Array = NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Trajectory:
-    """One mission, sampled at a fixed period.
+@dataclasses.dataclass(frozen=True, kw_only=True, repr=False, eq=False)
+class Trajectory(Mapping[str, Array]):
+    """One mission, sampled at a fixed period: a mapping from signal names to arrays.
 
     `signals` maps schema names to float64 arrays of shape (time,); `states` holds the MuJoCo rows
     (time, 23): qpos 9, qvel 8, act 3, ctrl 3, from which any sample can be rendered or resumed.
@@ -32,9 +41,69 @@ class Trajectory:
     complete: bool = True
     """False when the simulation stopped early (unstable)."""
     provenance: dict[str, Any] = dataclasses.field(default_factory=dict)
+    """How the run ended, and where it came from: names, scenario and sensors as JSON"""
 
     def __getitem__(self, name: str) -> Array:
-        return self.signals[name]
+        try:
+            return self.signals[name]
+        except KeyError:
+            raise UnknownName("signal of this trajectory", name, self.signals) from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.signals)
+
+    __eq__ = object.__eq__
+    __hash__ = object.__hash__
+
+    def __len__(self) -> int:
+        """Number of signals; `len(trajectory.time)` is that of samples."""
+        return len(self.signals)
+
+    def __repr__(self) -> str:
+        vehicle, mission = (self.provenance.get(name) for name in ("vehicle", "mission"))
+        flown = f"{vehicle or 'vehicle'} on {mission!r}" if mission else vehicle
+        parts = [flown, f"{len(self.time)} samples"]
+        if len(self.time):
+            parts.append(f"{self.time[-1] - self.time[0]:g} s")
+        if len(self.time) and all(f"true_{n}" in self.signals for n in VELOCITY):
+            parts.append(f"{self.distance_through_water()[-1]:.0f} m through the water")
+        parts.append(f"{len(self)} signals")
+        if "ended" in self.provenance:
+            parts.append(f"ended: {self.provenance['ended']}")
+        return f"<Trajectory: {', '.join(filter(None, parts))}>"
+
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        """The vehicle's moving parts: X of each true_X that has a commanded_X."""
+        return actuator_names(self.signals)
+
+    def to_xarray(self) -> xr.Dataset:
+        """The signals as a dataset over `time` [s], with units and CF attributes."""
+        dataset: xr.Dataset = resolve("twin.records.trajectory_file:to_xarray")(self)
+        return dataset
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write a zarr store (.zarr) or netCDF (.nc), which `twin.open_trajectory` reads.
+
+        Raises:
+          InputError: another ending. StoreError: something is in the way, or the disk refuses.
+        """
+        save = resolve("twin.records.trajectory_file:save_trajectory")
+        written: Path = save(self, path, overwrite=overwrite)
+        return written
+
+    def plot(self, figure: str = "overview", **options: Any) -> Figure:
+        """A figure of the mission: save it with `.savefig(path)`, or show it in a notebook.
+
+        Args:
+          figure: one of `twin.figure_names()`.
+          options: what that figure takes, such as tracks=[...] or colour="pitch".
+
+        Raises:
+          UnknownName: no such figure. InputError: the trajectory lacks a signal that it shows.
+        """
+        drawn: Figure = resolve("twin.plot.registry:figure")(self, figure, **options)
+        return drawn
 
     @property
     def position(self) -> Array:
@@ -44,7 +113,7 @@ class Trajectory:
     @property
     def v_rel(self) -> Array:
         """Surge, sway, heave through the water [m/s], body FRD, shape (time, 3)."""
-        return np.stack([self[f"true_{n}"] for n in ("surge", "sway", "heave")], axis=-1)
+        return np.stack([self[f"true_{n}"] for n in VELOCITY], axis=-1)
 
     def distance_through_water(self) -> Array:
         """Path length through the water [m] up to each sample, shape (time,)."""
@@ -76,3 +145,20 @@ def sample_times(count: int, period: float) -> Array:
 
 _FINEST_FRACTION = 10_000
 """Largest denominator of a sample period in seconds: physics steps are 1e-4 s or longer"""
+
+
+VELOCITY = ("surge", "sway", "heave")
+"""Through the water, body FRD"""
+SETPOINTS = ("roll", "pitch", "heading", "depth", "speed")
+"""What guidance asks of the vehicle's motion; every other command is a part's position."""
+
+
+def actuator_names(signals: Iterable[str]) -> tuple[str, ...]:
+    """The vehicle's moving parts: names with both a true position and a command, in order.
+
+    Args:
+      signals: names of signals, as `trajectory.signals` holds them.
+    """
+    there = dict.fromkeys(signals)
+    names = (name.removeprefix("true_") for name in there if name.startswith("true_"))
+    return tuple(n for n in names if n not in SETPOINTS and f"commanded_{n}" in there)

@@ -15,7 +15,13 @@ from twin.physics.quiet import quiet_mujoco
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
 from twin.records.trajectory import Trajectory
-from twin.render.playback import Poses, interpolate_quaternion, poses
+from twin.render.playback import (
+    Poses,
+    interpolate_quaternion,
+    moving_parts,
+    part_positions,
+    poses,
+)
 
 Array = NDArray[np.float64]
 
@@ -46,10 +52,11 @@ class Replay:
 
         return Poses(
             time=times,
+            joints=every.joints,
             quaternion=interpolate_quaternion(times, every.time[two], every.quaternion[two]),
             **{
                 name: between(getattr(every, name))
-                for name in ("position", "battery", "roll", "pitch", "heading", "speed")
+                for name in ("position", "parts", "roll", "pitch", "heading", "speed")
             },
             net_mass=between(every.net_mass),
             current=between(every.current),
@@ -90,12 +97,14 @@ class Live:
         last = max(int(data.userdata[b.U_LOGGED]) - 1, 0)
         logged = from_log(simulation.rows[last : last + 1], simulation.scenario.vehicle)
         roll, pitch, heading = quaternion_to_euler(flip(data.qpos[3:7]))
+        joints = moving_parts(logged)
         current = [logged[f"true_current_{name}"][0] for name in ("north", "east")]
         return Poses(
             time=np.array([data.time]),
             position=flip_vector(data.qpos[:3])[None],
             quaternion=data.qpos[None, 3:7].copy(),
-            battery=data.qpos[None, 7:9].copy(),
+            joints=joints,
+            parts=part_positions(logged, joints, logged.time),
             roll=np.rad2deg([roll]),
             pitch=np.rad2deg([pitch]),
             heading=np.mod(np.rad2deg([heading]), 360.0),

@@ -34,7 +34,10 @@ class Motion:
         model = stage.model
         self._alpha = model.geom_rgba[:, 3].copy()
         self._hull = model.joint(f"{VEHICLE}hull").qposadr[0]
-        self._battery = [model.joint(f"{VEHICLE}{n}").qposadr[0] for n in ("shift", "rotation")]
+        self._addresses: dict[str, int] = {
+            model.joint(joint).name.removeprefix(VEHICLE): int(model.jnt_qposadr[joint])
+            for joint in range(model.njnt)
+        }
         self._mocap = {name: int(model.body(name).mocapid[0]) for name in (WATER, LEVEL, DRIFT)}
 
     def place(self, poses: Poses, index: int, drift: Array) -> Array:
@@ -48,7 +51,9 @@ class Motion:
         shift = here if stage.chase else np.zeros(3)
         data.qpos[self._hull : self._hull + 3] = here - shift
         data.qpos[self._hull + 3 : self._hull + 7] = poses.quaternion[index]
-        data.qpos[self._battery] = poses.battery[index]
+        for joint, position in zip(poses.joints, poses.parts[index], strict=True):
+            if joint in self._addresses:  # a part may move without being drawn so
+                data.qpos[self._addresses[joint]] = position
         data.mocap_pos[self._mocap[WATER]] = -shift
         data.mocap_pos[self._mocap[LEVEL]] = [0.0, 0.0, -shift[2]]
         data.mocap_pos[self._mocap[DRIFT]] = drift

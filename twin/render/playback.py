@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector
-from twin.records.trajectory import Trajectory
+from twin.records.schema import VARIABLES, variable
+from twin.records.trajectory import Trajectory, actuator_names
 
 Array = NDArray[np.float64]
 
+SLIDES, TURNS = "m", "degree"
+"""Units of what moves on a rail and about an axis"""
 NEEDED = ("north", "east", "depth", "roll", "pitch", "heading")
 """Signals without which nothing can be drawn; true ones, or measured ones in real logs."""
 
@@ -27,8 +31,10 @@ class Poses:
     """North, east, depth [m], shape (n, 3)"""
     quaternion: Array
     """Hull to MuJoCo's world (w, x, y, z), shape (n, 4)"""
-    battery: Array
-    """Shift [m] and rotation [rad], shape (n, 2)"""
+    joints: tuple[str, ...]
+    """The parts that slide or turn, as the vehicle's joints are called"""
+    parts: Array
+    """Their positions [m] or [rad], shape (n, number of joints)"""
     roll: Array
     pitch: Array
     heading: Array
@@ -56,16 +62,12 @@ def poses(trajectory: Trajectory, times: Array) -> Poses:
     if len(trajectory.states) == len(recorded):
         quaternions = trajectory.states[:, 3:7]
         position = flip_vector(trajectory.states[:, :3])
-        battery = trajectory.states[:, 7:9]
     else:
         signals = {name: signal(trajectory, name) for name in NEEDED}
         angles = (np.deg2rad(signals[name]) for name in ("roll", "pitch", "heading"))
         quaternions = flip_quaternion(euler_to_quaternion(*angles))
         position = np.stack([signals[name] for name in ("north", "east", "depth")], axis=-1)
-        battery = np.stack(
-            [optional(trajectory, "shift", 0.0), np.deg2rad(optional(trajectory, "rotation", 0.0))],
-            axis=-1,
-        )
+    joints = moving_parts(trajectory)
     velocity = [optional(trajectory, name, np.nan) for name in ("surge", "sway", "heave")]
     speed = np.sqrt(np.sum(np.square(velocity), axis=0))
     current = np.stack(
@@ -76,7 +78,8 @@ def poses(trajectory: Trajectory, times: Array) -> Poses:
         time=times,
         position=_interpolate(times, recorded, position),
         quaternion=interpolate_quaternion(times, recorded, quaternions),
-        battery=_interpolate(times, recorded, battery),
+        joints=joints,
+        parts=part_positions(trajectory, joints, times),
         roll=np.interp(times, recorded, signal(trajectory, "roll")),
         pitch=np.interp(times, recorded, signal(trajectory, "pitch")),
         heading=np.interp(times, recorded, heading),
@@ -84,6 +87,31 @@ def poses(trajectory: Trajectory, times: Array) -> Poses:
         net_mass=np.interp(times, recorded, optional(trajectory, "net_mass", np.nan)),
         current=_interpolate(times, recorded, current),
     )
+
+
+def moving_parts(signals: Collection[str]) -> tuple[str, ...]:
+    """The parts that slide or turn, of which a vehicle's log may hold no truth and no command.
+
+    Args:
+      signals: names of signals.
+    """
+    logged = (part for part in actuator_names(VARIABLES) if f"measured_{part}" in signals)
+    parts = actuator_names(signals) or tuple(logged)
+    return tuple(part for part in parts if variable(f"true_{part}").units in (SLIDES, TURNS))
+
+
+def part_positions(trajectory: Trajectory, joints: Sequence[str], times: Array) -> Array:
+    """Positions of parts at `times` [s], in m or rad, shape (times, joints)."""
+    columns = []
+    for joint in joints:
+        values = np.interp(times, trajectory.time, optional(trajectory, joint, 0.0))
+        columns.append(np.deg2rad(values) if turns(joint) else values)
+    return np.stack(columns, axis=-1) if columns else np.zeros((len(times), 0))
+
+
+def turns(part: str) -> bool:
+    """Whether the part turns; otherwise it slides."""
+    return variable(f"true_{part}").units == TURNS
 
 
 def signal(trajectory: Trajectory, name: str) -> Array:

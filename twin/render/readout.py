@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from twin.render.playback import Poses
+from twin.render.playback import Poses, turns
 
 UNKNOWN = "–"
 MINUS = "−"
@@ -23,8 +23,7 @@ class Readout:
 
 
 def readouts(poses: Poses, index: int) -> list[Readout]:
-    """Time, depth, pitch, heading, speed, net buoyancy and battery at one frame."""
-    shift, rotation = poses.battery[index]
+    """Time, depth, pitch, heading, speed, net buoyancy and the moving parts at one frame."""
     heading = round(float(poses.heading[index])) % 360
     speed = float(poses.speed[index])
     return [
@@ -40,12 +39,21 @@ def readouts(poses: Poses, index: int) -> list[Readout]:
         Readout(
             name="NET BUOYANCY", value=buoyancy(float(poses.net_mass[index])), widest="▼ 0.00 kg"
         ),
-        Readout(
-            name="BATTERY",
-            value=f"{signed(1000 * shift, 0)} mm  {signed(np.rad2deg(rotation), 0)}°",
-            widest="+00 mm  +00°",
-        ),
+        *([_parts(poses, index)] if poses.joints else []),
     ]
+
+
+def _parts(poses: Poses, index: int) -> Readout:
+    """What slides and turns; what is pumped shows as net buoyancy."""
+    values = [
+        f"{signed(np.rad2deg(value), 0)}°" if turns(joint) else f"{signed(1000 * value, 0)} mm"
+        for joint, value in zip(poses.joints, poses.parts[index], strict=True)
+    ]
+    return Readout(
+        name="  ".join(joint.replace("_", " ").upper() for joint in poses.joints),
+        value="  ".join(values),
+        widest="  ".join("+00°" if turns(joint) else "+00 mm" for joint in poses.joints),
+    )
 
 
 def clock(seconds: float) -> str:

@@ -1,6 +1,10 @@
-"""Sensors: seeded models that turn a mission's truth into what its devices would have logged."""
+"""Sensors: seeded models that turn a mission's truth into what its devices would have logged.
+
+A sensor of one's own is one file: see docs/sensors.md and `register`.
+"""
 
 from twin.sensors.attitude import Attitude
+from twin.sensors.base import Sensor, Surroundings
 from twin.sensors.compass import COMPASS_PRESETS, Compass
 from twin.sensors.dvl import Dvl
 from twin.sensors.encoders import Encoders
@@ -8,21 +12,14 @@ from twin.sensors.gps import Gps
 from twin.sensors.imu import IMU_PRESETS, Imu
 from twin.sensors.onboard import Onboard, OnboardTrack
 from twin.sensors.pressure import Pressure
-from twin.sensors.suite import (
-    DRAWN_UNITS,
-    MEASURED_SIGNALS,
-    SUITE_PRESETS,
-    TRUTH_SIGNALS,
-    SensorSuite,
-)
+from twin.sensors.registry import SENSORS, register
+from twin.sensors.suite import SUITE_PRESETS, SensorSuite
 
 __all__ = [
     "COMPASS_PRESETS",
-    "DRAWN_UNITS",
     "IMU_PRESETS",
-    "MEASURED_SIGNALS",
+    "SENSORS",
     "SUITE_PRESETS",
-    "TRUTH_SIGNALS",
     "Attitude",
     "Compass",
     "Dvl",
@@ -32,5 +29,8 @@ __all__ = [
     "Onboard",
     "OnboardTrack",
     "Pressure",
+    "Sensor",
     "SensorSuite",
+    "Surroundings",
+    "register",
 ]

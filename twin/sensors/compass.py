@@ -15,11 +15,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
+from twin.records.schema import variables
+from twin.sensors.base import NOWHERE, Sensor, Surroundings
 from twin.sensors.checks import (
     Drawn,
     Signals,
@@ -32,17 +36,25 @@ from twin.sensors.checks import (
 from twin.sensors.noise import gauss_markov
 
 DEG = math.pi / 180.0
+IRON = ("a0", "b", "c", "vertical", "d", "e", "battery_x", "battery_y", "battery_z")
+"""The constants that a mission draws"""
 MAX_SHIFT = 0.2
 """[m] no glider's battery travels further; the compass must be further away than this"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Compass:
+class Compass(Sensor):
     """Standard deviations of what a mission draws; the defaults are a calibrated compass.
 
     OceanGliders' depth-averaged current procedure: about 1 deg or less after calibration,
     usually up to 5 deg without.
     """
+
+    name = "compass"
+    reads = ("true_roll", "true_pitch", "true_heading")
+    writes = variables("measured_heading")
+    draws = dict.fromkeys((f"compass_{key}_deg" for key in IRON), "degree")
+    ideal_is_truth = True
 
     offset_deg: float = 0.3
     """[deg] A0: mounting and residual declination"""
@@ -52,6 +64,10 @@ class Compass:
     """[deg] D and E"""
     battery_deg: float = 0.5
     """[deg] each component of the battery's field at its neutral position; ours"""
+    battery_shift_part: str = "shift"
+    """name of the part that slides the battery; without it the battery stays at neutral"""
+    battery_rotation_part: str = "rotation"
+    """name of the part that turns the battery; without it the battery does not turn"""
     battery_distance: float = 0.3
     """[m] from the compass forward to the neutral battery, as the Sea-Wing model places its IMU"""
     dip_deg: float = 60.0
@@ -91,33 +107,40 @@ class Compass:
             raise InputError(unknown_name("compass", name, COMPASS_PRESETS))
         return COMPASS_PRESETS[name]
 
+    def inputs(self, signals: Iterable[str]) -> tuple[str, ...]:
+        """Attitude, and the battery's position where a part moves it."""
+        there = set(signals)
+        parts = (f"true_{self.battery_shift_part}", f"true_{self.battery_rotation_part}")
+        return (*self.reads, *(name for name in parts if name in there))
+
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
         """The mission's deviation coefficients and iron [deg]."""
-        spread = {
-            "compass_a0_deg": self.offset_deg,
-            "compass_b_deg": self.hard_iron_deg,
-            "compass_c_deg": self.hard_iron_deg,
-            "compass_vertical_deg": self.hard_iron_deg,
-            "compass_d_deg": self.soft_iron_deg,
-            "compass_e_deg": self.soft_iron_deg,
-            "compass_battery_x_deg": self.battery_deg,
-            "compass_battery_y_deg": self.battery_deg,
-            "compass_battery_z_deg": self.battery_deg,
-        }
+        hard, soft, battery = self.hard_iron_deg, self.soft_iron_deg, self.battery_deg
+        spread = (self.offset_deg, hard, hard, hard, soft, soft, battery, battery, battery)
         unit = rng.standard_normal(len(spread))
-        return {name: float(std * unit[i]) for i, (name, std) in enumerate(spread.items())}
+        return {
+            name: float(std * unit[i])
+            for i, (name, std) in enumerate(zip(self.draws, spread, strict=True))
+        }
 
     def measure(
-        self, truth: Signals, *, dt: float, drawn: Drawn, rng: np.random.Generator
-    ) -> dict[str, NDArray[np.float64]]:
+        self,
+        signals: Signals,
+        *,
+        dt: float,
+        drawn: Drawn,
+        rng: np.random.Generator,
+        surroundings: Surroundings = NOWHERE,
+    ) -> dict[str, NDArray[Any]]:
         """measured_heading [degree] in [0, 360)."""
         from twin.sensors.kernels import compass_kernel
 
-        heading = signal(truth, "true_heading")
-        iron = {
-            key: drawn_value(drawn, f"compass_{key}_deg") * DEG
-            for key in ("a0", "b", "c", "d", "e", "vertical", "battery_x", "battery_y", "battery_z")
-        }
+        heading = signal(signals, "true_heading")
+        shift, rotation = (
+            signal(signals, f"true_{part}") if f"true_{part}" in signals else np.zeros_like(heading)
+            for part in (self.battery_shift_part, self.battery_rotation_part)
+        )
+        iron = {key: drawn_value(drawn, f"compass_{key}_deg") * DEG for key in IRON}
         soft = np.zeros((3, 3))
         soft[:2, :2] = [[-iron["d"], -iron["e"]], [-iron["e"], iron["d"]]]
         error = gauss_markov(
@@ -126,8 +149,7 @@ class Compass:
         )  # fmt: skip
         out = np.empty_like(heading)
         compass_kernel(
-            signal(truth, "true_roll"), signal(truth, "true_pitch"), heading,
-            signal(truth, "true_shift"), signal(truth, "true_rotation"),
+            signal(signals, "true_roll"), signal(signals, "true_pitch"), heading, shift, rotation,
             np.array([-iron["b"], -iron["c"], iron["vertical"]]), soft,
             np.array([iron["battery_x"], iron["battery_y"], iron["battery_z"]]),
             self.battery_distance, math.tan(self.dip_deg * DEG), iron["a0"], error, out,

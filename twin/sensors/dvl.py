@@ -17,11 +17,15 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.records.schema import variables
+from twin.sensors.base import NOWHERE, Sensor, Surroundings
 from twin.sensors.checks import (
     Drawn,
     Signals,
@@ -75,8 +79,18 @@ def beam_solutions(tilt: float) -> Array:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Dvl:
+class Dvl(Sensor):
     """One instrument; the scale error and the sound-speed error are drawn once per mission."""
+
+    name = "dvl"
+    reads = (
+        "true_north", "true_east", "true_depth", "true_roll", "true_pitch", "true_heading",
+        "true_surge", "true_sway", "true_heave",
+        "true_velocity_north", "true_velocity_east", "true_velocity_down",
+        *(f"true_{name}" for name in BODY_RATES), *(f"measured_{name}" for name in BODY_RATES),
+    )  # fmt: skip
+    writes = variables(*OUTPUTS, "measured_dvl_mode")
+    draws: ClassVar[Mapping[str, str]] = {"dvl_scale": "1", "dvl_sound_speed": "1"}
 
     fitted: bool = True
     """False: the vehicle carries none, velocities are NaN and the mode is 0"""
@@ -161,37 +175,34 @@ class Dvl:
 
     def measure(
         self,
-        truth: Signals,
+        signals: Signals,
         *,
         dt: float,
         drawn: Drawn,
         rng: np.random.Generator,
-        gyro: Signals,
-        bottom_depth: ArrayLike | None,
-        current: Array | None,
-    ) -> dict[str, NDArray[np.float64]]:
+        surroundings: Surroundings = NOWHERE,
+    ) -> dict[str, NDArray[Any]]:
         """measured_dvl_surge/_sway/_heave [m/s] at the CB and measured_dvl_mode.
 
-        gyro: the measured_* body rates [rad/s], which remove the lever arm. bottom_depth [m]:
-        a number, one per sample, or None for a bottom out of reach. current: the compiled
-        current field, evaluated at the cell layer; None: the vehicle's own current, as in a
-        current that does not change with depth.
+        The measured body rates remove the lever arm. The current of the surroundings is evaluated
+        at the cell layer.
         """
-        n = np.shape(truth["true_depth"])[0]
+        n = np.shape(signals["true_depth"])[0]
         velocity = np.empty((3, n))
         mode = np.zeros(n)
         if not self.fitted:
             velocity[:] = np.nan
         else:
-            self._measure(truth, dt, drawn, rng, gyro, bottom_depth, current, velocity, mode)
+            self._measure(signals, dt, drawn, rng, surroundings, velocity, mode)
         return dict(zip(OUTPUTS, velocity, strict=True)) | {"measured_dvl_mode": mode}
 
     def _measure(
-        self, truth: Signals, dt: float, drawn: Drawn, rng: np.random.Generator, gyro: Signals,
-        bottom_depth: ArrayLike | None, current: Array | None, velocity: Array, mode: Array,
+        self, truth: Signals, dt: float, drawn: Drawn, rng: np.random.Generator,
+        surroundings: Surroundings, velocity: Array, mode: Array,
     ) -> None:  # fmt: skip
         from twin.sensors.kernels import body_kernel, dvl_kernel
 
+        current, bottom_depth = surroundings.current, surroundings.bottom_depth
         n = mode.shape[0]
         angles = [signal(truth, f"true_{name}") for name in ("roll", "pitch", "heading")]
         over_ground = [signal(truth, f"true_velocity_{name}") for name in ("north", "east", "down")]
@@ -227,10 +238,27 @@ class Dvl:
             math.cos(self.max_beam_angle_deg * DEG), self.cell_max / math.cos(tilt), velocity, mode,
         )  # fmt: skip
         x, y, z = self.lever_arm
-        p, q, r = (signal(gyro, f"measured_{name}") for name in BODY_RATES)
+        p, q, r = (signal(truth, f"measured_{name}") for name in BODY_RATES)
         velocity[0] -= q * z - r * y
         velocity[1] -= r * x - p * z
         velocity[2] -= p * y - q * x
+
+    @classmethod
+    def observed(cls, name: str, signals: Signals) -> NDArray[Any] | None:
+        """The velocity over ground in bottom lock, through the water in water lock."""
+        from twin.frames import euler_to_matrix
+
+        axis = name.removeprefix("dvl_")
+        through_water, mode = signals.get(f"true_{axis}"), signals.get("measured_dvl_mode")
+        if through_water is None or mode is None:
+            return through_water
+        angles = (np.deg2rad(signals[f"true_{n}"]) for n in ("roll", "pitch", "heading"))
+        velocity = np.stack(
+            [signals[f"true_velocity_{n}"] for n in ("north", "east", "down")], axis=-1
+        )
+        body = np.einsum("tji,tj->ti", euler_to_matrix(*angles), velocity)
+        ground = body[:, ("surge", "sway", "heave").index(axis)]
+        return np.where(mode == MODES["water"], through_water, ground)
 
     def _cell_current(
         self, truth: Signals, dt: float, plumb_z: Array, current: Array

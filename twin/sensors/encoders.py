@@ -1,52 +1,106 @@
-"""Encoders: where the three actuators say they are."""
+"""Encoders: where the vehicle's moving parts say they are."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError, UnknownName
+from twin.records.schema import Variable, declare, variable
+from twin.records.trajectory import actuator_names
+from twin.sensors.base import NOWHERE, Sensor, Surroundings
 from twin.sensors.checks import Drawn, Signals, require_non_negative, signal
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Encoders:
+class Encoders(Sensor):
     """Resolution of the position readings; a reading is the nearest multiple. 0 is continuous.
 
-    Not published for the Sea-Wing: 12-bit potentiometers over each range give figures like these.
+    One channel for each part of the vehicle that the truth holds with its command. Not published
+    for the Sea-Wing: 12-bit potentiometers over each range give figures like these.
     """
 
+    name = "encoders"
+    ideal_is_truth = True
+
     shift_resolution: float = 2.5e-5
-    """[m] battery shift, 0.1 m / 4096"""
+    """[m] of every part that slides: 0.1 m / 4096 for a battery"""
     rotation_resolution_deg: float = 0.05
-    """[deg] battery rotation, 180 deg / 4096"""
+    """[deg] of every part that turns: 180 deg / 4096"""
     pump_resolution: float = 0.25
-    """[cm3] pumped volume, 976 cm3 / 4096"""
+    """[cm3] of every pumped volume: 976 cm3 / 4096"""
+    resolutions: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    """of single parts by name, in the unit of the part; parts of another unit are continuous"""
 
     def __post_init__(self) -> None:
         require_non_negative(self, "shift_resolution", "rotation_resolution_deg", "pump_resolution")
+        object.__setattr__(self, "resolutions", dict(self.resolutions))
+        for part, step in self.resolutions.items():
+            if not (math.isfinite(step) and step >= 0.0):
+                raise InputError(
+                    f"Encoders.resolutions[{part!r}] is {step:g}: it must be finite and at least 0"
+                )
 
     @classmethod
     def ideal(cls) -> Encoders:
         """Continuous readings."""
         return cls(shift_resolution=0.0, rotation_resolution_deg=0.0, pump_resolution=0.0)
 
+    def inputs(self, signals: Iterable[str]) -> tuple[str, ...]:
+        """The positions of the parts."""
+        return tuple(f"true_{part}" for part in actuator_names(signals))
+
+    def channels(self, signals: Iterable[str]) -> tuple[Variable, ...]:
+        """A reading of each part, in the unit of its position."""
+        return tuple(_reading(part) for part in actuator_names(signals))
+
     def measure(
-        self, truth: Signals, *, dt: float, drawn: Drawn, rng: np.random.Generator
-    ) -> dict[str, NDArray[np.float64]]:
-        """measured_shift [m], measured_rotation [degree], measured_pump [cm3]."""
+        self,
+        signals: Signals,
+        *,
+        dt: float,
+        drawn: Drawn,
+        rng: np.random.Generator,
+        surroundings: Surroundings = NOWHERE,
+    ) -> dict[str, NDArray[Any]]:
+        """measured_PART in the unit of true_PART, for each part.
+
+        Raises:
+          UnknownName: `resolutions` names a part that the vehicle has not.
+        """
+        parts = actuator_names(signals)
+        for name in self.resolutions:
+            if name not in parts:
+                raise UnknownName("part with an encoder", name, parts)
+        by_unit = {
+            "m": self.shift_resolution,
+            "degree": self.rotation_resolution_deg,
+            "cm3": self.pump_resolution,
+        }
         out = {}
-        for name, step in (
-            ("shift", self.shift_resolution),
-            ("rotation", self.rotation_resolution_deg),
-            ("pump", self.pump_resolution),
-        ):
-            true = signal(truth, f"true_{name}")
+        for part in parts:
+            true = signal(signals, f"true_{part}")
+            step = self.resolutions.get(part, by_unit.get(variable(f"true_{part}").units, 0.0))
             if step > 0.0:
                 reading = np.rint(true * (1.0 / step))
                 reading *= step
-                out[f"measured_{name}"] = reading
+                out[f"measured_{part}"] = reading
             else:
-                out[f"measured_{name}"] = true
+                out[f"measured_{part}"] = true
         return out
+
+
+def _reading(part: str) -> Variable:
+    """The variable of a part's encoder; that of a part of one's own follows its position's."""
+    true = variable(f"true_{part}")
+    name = f"measured_{part}"
+    try:
+        return variable(name)
+    except UnknownName:
+        declare(Variable(name, true.units, f"{true.long_name}, by its encoder", limits=true.limits))
+        return variable(name)

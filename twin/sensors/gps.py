@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.records.schema import variables
+from twin.sensors.base import NOWHERE, Sensor, Surroundings
 from twin.sensors.checks import (
     Drawn,
     Signals,
@@ -22,11 +26,18 @@ from twin.sensors.noise import gauss_markov
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Gps:
+class Gps(Sensor):
     """A receiver that sleeps under water.
 
     Time to first fix: 30-120 s (Slocum, OceanGliders' depth-averaged current procedure).
     """
+
+    name = "gps"
+    reads = (
+        "true_north", "true_east", "true_depth", "true_roll", "true_pitch", "true_immersion",
+    )  # fmt: skip
+    writes = variables("measured_gps_north", "measured_gps_east")
+    draws: ClassVar[Mapping[str, str]] = {"gps_sigma": "m"}
 
     antenna_position: tuple[float, float, float] | None = None
     """[m] body FRD about the CB: fixes need this point above the mean surface. None: they need
@@ -87,15 +98,21 @@ class Gps:
         return signal(truth, "true_depth") + below < 0.0
 
     def measure(
-        self, truth: Signals, *, dt: float, drawn: Drawn, rng: np.random.Generator
-    ) -> dict[str, NDArray[np.float64]]:
+        self,
+        signals: Signals,
+        *,
+        dt: float,
+        drawn: Drawn,
+        rng: np.random.Generator,
+        surroundings: Surroundings = NOWHERE,
+    ) -> dict[str, NDArray[Any]]:
         """measured_gps_north and measured_gps_east [m] about the mission's origin; NaN: no fix."""
-        north, east = signal(truth, "true_north"), signal(truth, "true_east")
+        north, east = signal(signals, "true_north"), signal(signals, "true_east")
         n = north.shape[0]
         fixes_north, fixes_east = np.full(n, np.nan), np.full(n, np.nan)
         sigma = drawn_value(drawn, "gps_sigma")
         stride = max(1, round(self.fix_interval / dt))
-        dry = self.at_surface(truth)
+        dry = self.at_surface(signals)
         for start, stop in self._surfacings(dry, dt):
             wait = rng.uniform(self.first_fix_min, self.first_fix_max)
             if start == 0 and self.tracking_at_start:
@@ -110,6 +127,11 @@ class Gps:
                 )  # fmt: skip
         fixes_north[~dry] = fixes_east[~dry] = np.nan
         return {"measured_gps_north": fixes_north, "measured_gps_east": fixes_east}
+
+    @classmethod
+    def observed(cls, name: str, signals: Signals) -> NDArray[Any] | None:
+        """The true position."""
+        return signals.get(f"true_{name.removeprefix('gps_')}")
 
     def _surfacings(self, dry: NDArray[np.bool_], dt: float) -> list[tuple[int, int]]:
         """Start and end (exclusive) of each stay at the surface, short dips bridged."""

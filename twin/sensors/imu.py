@@ -12,11 +12,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
+from twin.records.schema import variables
+from twin.sensors.base import NOWHERE, Sensor, Surroundings
 from twin.sensors.checks import (
     Drawn,
     Signals,
@@ -42,6 +45,12 @@ sheets give no rate random walk; real MEMS curves rise again within about an hou
 AXES = ("x", "y", "z")
 GYRO_SIGNALS = ("roll_rate", "pitch_rate", "yaw_rate")
 FORCE_SIGNALS = ("specific_force_x", "specific_force_y", "specific_force_z")
+CONSTANTS = {
+    "gyro_bias": "rad s-1", "gyro_scale": "1", "gyro_misalignment": "rad",
+    "accel_bias": "m s-2", "accel_scale": "1", "accel_misalignment": "rad",
+}  # fmt: skip
+"""Units of what a mission draws for each axis"""
+DRAWS = {f"{name}_{axis}": unit for name, unit in CONSTANTS.items() for axis in AXES}
 
 
 def _walk(bias_instability: float) -> float:
@@ -50,12 +59,18 @@ def _walk(bias_instability: float) -> float:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Imu:
+class Imu(Sensor):
     """Errors of one IMU; the defaults are the Microstrain 3DM-GX5-25 (LORD data sheet 8400-0093).
 
     Turn-on bias, scale factor and misalignment are drawn once per mission from normal
     distributions with the standard deviations below.
     """
+
+    name = "imu"
+    reads = tuple(f"true_{name}" for name in GYRO_SIGNALS + FORCE_SIGNALS)
+    writes = variables(*(f"measured_{name}" for name in GYRO_SIGNALS + FORCE_SIGNALS))
+    draws = DRAWS
+    ideal_is_truth = True
 
     gyro_noise_density: float = 0.005 * DEG
     """[rad/s/sqrt(Hz)] angular random walk N"""
@@ -119,15 +134,21 @@ class Imu:
         }
 
     def measure(
-        self, truth: Signals, *, dt: float, drawn: Drawn, rng: np.random.Generator
-    ) -> dict[str, NDArray[np.float64]]:
+        self,
+        signals: Signals,
+        *,
+        dt: float,
+        drawn: Drawn,
+        rng: np.random.Generator,
+        surroundings: Surroundings = NOWHERE,
+    ) -> dict[str, NDArray[Any]]:
         """measured rates [rad/s] and specific force [m/s2] at the IMU site, body FRD."""
         rates = self._triad(
-            truth, GYRO_SIGNALS, "gyro", dt, drawn, rng,
+            signals, GYRO_SIGNALS, "gyro", dt, drawn, rng,
             self.gyro_noise_density, self.gyro_bias_instability, self.gyro_rate_random_walk,
         )  # fmt: skip
         force = self._triad(
-            truth, FORCE_SIGNALS, "accel", dt, drawn, rng,
+            signals, FORCE_SIGNALS, "accel", dt, drawn, rng,
             self.accel_noise_density, self.accel_bias_instability, self.accel_rate_random_walk,
         )  # fmt: skip
         return rates | force

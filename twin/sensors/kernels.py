@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from twin.compiled import jit
 
 DEG = math.pi / 180.0
 BEAMS = 4
@@ -18,7 +19,7 @@ MIN_BEAMS = 3
 """a three-dimensional velocity needs three beams"""
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def gauss_markov_kernel(white, std, decay, stride, out):  # type: ignore[no-untyped-def]
     """out = a stationary first-order Gauss-Markov process with a knot every `stride` samples.
 
@@ -36,7 +37,7 @@ def gauss_markov_kernel(white, std, decay, stride, out):  # type: ignore[no-unty
         state = following
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def triad_kernel(  # type: ignore[no-untyped-def]
     x, y, z, matrix, bias, white, white_std, knots, bias_std, decay, walk_step, stride, out
 ):
@@ -66,7 +67,7 @@ def triad_kernel(  # type: ignore[no-untyped-def]
             walk = walk_next
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def compass_kernel(  # type: ignore[no-untyped-def]
     roll, pitch, heading, shift, rotation, hard_iron, soft_iron, battery, distance, dip_tangent,
     offset, error, out,
@@ -106,7 +107,7 @@ def compass_kernel(  # type: ignore[no-untyped-def]
         out[k] = reading if reading < 360.0 else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def body_kernel(  # type: ignore[no-untyped-def]
     roll, pitch, heading, north, east, down, velocity, plumb
 ):
@@ -129,7 +130,7 @@ def body_kernel(  # type: ignore[no-untyped-def]
         plumb[2, k] = cos_r * cos_p
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def dvl_kernel(  # type: ignore[no-untyped-def]
     ground, water, rates, plumb, depth, bottom_depth, lever, beams, solve, ping_step, locked,
     factor, bottom_std, water_std, white, outlier, outlier_beam, min_range, max_range, min_cosine,
@@ -234,7 +235,7 @@ def dvl_kernel(  # type: ignore[no-untyped-def]
             velocity[:, k] = np.nan
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def onboard_kernel(  # type: ignore[no-untyped-def]
     depth, pitch, heading, gps_north, gps_east, dt, window, angle_of_attack, min_pitch,
     surface_depth, max_speed, min_dive_time, use_current, out,

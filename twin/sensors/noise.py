@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError, unknown_name
-
 Array = NDArray[np.float64]
 Normals = NDArray[np.float32]
 
-DEVICES = ("imu", "attitude", "compass", "pressure", "gps", "dvl", "encoders", "onboard")
-"""Position in this tuple is the device's place in the seed tree: append, never reorder."""
+PLACES = ("imu", "attitude", "compass", "pressure", "gps", "dvl", "encoders", "onboard")
+"""Places of the shipped sensors in the seed tree: append, never reorder. Any other sensor has the
+place that its name hashes to."""
 
 DRAWN_STREAM, NOISE_STREAM = 0, 1
 
@@ -21,17 +21,19 @@ KNOTS = 20
 """per correlation time at least: slow processes are drawn there and are linear in between"""
 
 
-def device_generator(
-    seed: np.random.SeedSequence, device: str, stream: int = NOISE_STREAM
+def sensor_generator(
+    seed: np.random.SeedSequence, sensor: str, stream: int = NOISE_STREAM
 ) -> np.random.Generator:
-    """The device's own generator below `seed`, which is left as it was.
+    """The own generator of the sensor of that name below `seed`, which is left as it was.
 
-    Two streams per device, `DRAWN_STREAM` for the constants of a mission and `NOISE_STREAM`,
-    so that neither another device nor a constant given by hand changes the noise.
+    Two streams per sensor, `DRAWN_STREAM` for the constants of a mission and `NOISE_STREAM`,
+    so that neither another sensor nor a constant given by hand changes the noise.
     """
-    if device not in DEVICES:
-        raise InputError(unknown_name("device", device, DEVICES))
-    key = (*seed.spawn_key, DEVICES.index(device), stream)
+    if sensor in PLACES:
+        place = PLACES.index(sensor)
+    else:
+        place = int.from_bytes(hashlib.sha256(sensor.encode()).digest()[:8])
+    key = (*seed.spawn_key, place, stream)
     child = np.random.SeedSequence(seed.entropy, spawn_key=key, pool_size=seed.pool_size)
     return np.random.Generator(np.random.SFC64(child))
 

@@ -21,12 +21,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.records.schema import variables
+from twin.sensors.base import NOWHERE, Sensor, Surroundings
 from twin.sensors.checks import Drawn, Signals, require_non_negative, require_positive, signal
 
 Array = NDArray[np.float64]
@@ -46,9 +48,16 @@ class OnboardTrack(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Onboard:
+class Onboard(Sensor):
     """Settings of the vehicle's own dead reckoning. It has no error of its own to switch off:
     with ideal devices it still shows what its assumptions cost."""
+
+    name = "onboard"
+    reads = (
+        "measured_depth", "measured_pitch", "measured_heading",
+        "measured_gps_north", "measured_gps_east",
+    )  # fmt: skip
+    writes = variables("measured_onboard_north", "measured_onboard_east")
 
     angle_of_attack_deg: float = 3.0
     """[deg] one constant for every glide, as Spray assumes; the Sea-Wing's is 1.3 to 3 deg"""
@@ -74,6 +83,16 @@ class Onboard:
                     f"Onboard.{name} is {getattr(self, name):g} deg: it must be below 90"
                 )
 
+    @classmethod
+    def ideal(cls) -> Onboard:
+        """The same algorithm: it has no error of its own."""
+        return cls()
+
+    @classmethod
+    def observed(cls, name: str, signals: Signals) -> NDArray[Any] | None:
+        """The true position."""
+        return signals.get(f"true_{name.removeprefix('onboard_')}")
+
     def track(self, measured: Signals, *, dt: float) -> OnboardTrack:
         """The track from measured depth, pitch, heading and GPS on one time grid of step dt [s]."""
         from twin.sensors.kernels import onboard_kernel
@@ -90,8 +109,14 @@ class Onboard:
         return OnboardTrack(*out)
 
     def measure(
-        self, measured: Signals, *, dt: float, drawn: Drawn, rng: np.random.Generator
-    ) -> dict[str, Array]:
+        self,
+        signals: Signals,
+        *,
+        dt: float,
+        drawn: Drawn,
+        rng: np.random.Generator,
+        surroundings: Surroundings = NOWHERE,
+    ) -> dict[str, NDArray[Any]]:
         """measured_onboard_north and measured_onboard_east [m]."""
-        track = self.track(measured, dt=dt)
+        track = self.track(signals, dt=dt)
         return {"measured_onboard_north": track.north, "measured_onboard_east": track.east}

@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.records.schema import variables
+from twin.sensors.base import NOWHERE, Sensor, Surroundings
 from twin.sensors.checks import Drawn, Signals, drawn_value, require_non_negative, signal
 from twin.sensors.noise import normals
 
-if TYPE_CHECKING:
-    from twin.water.density import DensityProfile
-
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Pressure:
+class Pressure(Sensor):
     """Errors of an OEM transducer (Druck and Keller sheets: 0.1 % of full scale, unverified).
 
     The true pressure is the integral of the true density profile. The vehicle divides by one
     density and the gravity of the mission's latitude, as gliders do.
     """
+
+    name = "pressure"
+    reads = ("true_depth",)
+    writes = variables("measured_pressure", "measured_depth")
+    draws: ClassVar[Mapping[str, str]] = {"pressure_offset_dbar": "dbar", "pressure_gain": "1"}
 
     full_scale: float = 1000.0
     """[dbar]; the Sea-Wing is rated to 1000 m"""
@@ -57,18 +62,20 @@ class Pressure:
 
     def measure(
         self,
-        truth: Signals,
+        signals: Signals,
         *,
         dt: float,
         drawn: Drawn,
         rng: np.random.Generator,
-        density: DensityProfile,
-        latitude: float,
-    ) -> dict[str, NDArray[np.float64]]:
+        surroundings: Surroundings = NOWHERE,
+    ) -> dict[str, NDArray[Any]]:
         """measured_pressure [dbar] (gauge) and measured_depth [m]."""
-        from twin.water.density import PASCAL_PER_DBAR, gravity
+        from twin.water.density import PASCAL_PER_DBAR, DensityProfile, gravity
 
-        depth = signal(truth, "true_depth")
+        density, latitude = surroundings.density, surroundings.latitude
+        if density is None:
+            density = DensityProfile.constant()
+        depth = signal(signals, "true_depth")
         pressure = density.pressure(depth, latitude=latitude)
         offset, gain = (
             drawn_value(drawn, "pressure_offset_dbar"),

@@ -1,110 +1,161 @@
-"""Suite: the devices of one vehicle, and what they make of one mission's truth.
+"""Suite: the sensors of one vehicle, and what they make of one mission's truth.
 
-Every device has its own branch of the mission's seed, one stream for the constants it draws and
-one for its noise, so that changing one device leaves the others' errors as they were. Two
-devices read others as a vehicle does: the DVL removes its lever arm with the measured gyro, the
-on-board track uses measured depth, attitude, heading and GPS.
+Every sensor has its own branch of the mission's seed, one stream for the constants it draws and
+one for its noise, so that changing one sensor leaves the others' errors as they were. A sensor may
+read others as a vehicle does: the DVL removes its lever arm with the measured gyro, the on-board
+track uses measured depth, attitude, heading and GPS. They are measured in that order.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Iterator, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twin.errors import InputError, unknown_name
-from twin.sensors.attitude import Attitude
+from twin.errors import InputError, UnknownName, unknown_name
+from twin.records.schema import Variable
+from twin.sensors.base import Sensor, Surroundings
 from twin.sensors.checks import Signals
 from twin.sensors.compass import Compass
 from twin.sensors.dvl import Dvl
-from twin.sensors.encoders import Encoders
-from twin.sensors.gps import Gps
-from twin.sensors.imu import FORCE_SIGNALS, GYRO_SIGNALS, Imu
-from twin.sensors.noise import DRAWN_STREAM, device_generator
-from twin.sensors.onboard import Onboard
-from twin.sensors.pressure import Pressure
+from twin.sensors.noise import DRAWN_STREAM, sensor_generator
+from twin.sensors.registry import SENSORS
 
 if TYPE_CHECKING:
     from twin.water.density import DensityProfile
 
-TRUTH_SIGNALS = (
-    "true_north", "true_east", "true_depth",
-    "true_roll", "true_pitch", "true_heading",
-    "true_surge", "true_sway", "true_heave",
-    "true_velocity_north", "true_velocity_east", "true_velocity_down",
-    *(f"true_{name}" for name in GYRO_SIGNALS),
-    *(f"true_{name}" for name in FORCE_SIGNALS),
-    "true_shift", "true_rotation", "true_pump", "true_immersion",
-)  # fmt: skip
-"""What `SensorSuite.measure` reads; units as in the trajectory schema (angles in degree)."""
-
-MEASURED_SIGNALS = (
-    *(f"measured_{name}" for name in GYRO_SIGNALS),
-    *(f"measured_{name}" for name in FORCE_SIGNALS),
-    "measured_roll", "measured_pitch", "measured_heading",
-    "measured_pressure", "measured_depth",
-    "measured_gps_north", "measured_gps_east",
-    "measured_dvl_surge", "measured_dvl_sway", "measured_dvl_heave", "measured_dvl_mode",
-    "measured_shift", "measured_rotation", "measured_pump",
-    "measured_onboard_north", "measured_onboard_east",
-)  # fmt: skip
-"""What it returns, in this order."""
-
-DRAWING_DEVICES = ("imu", "compass", "pressure", "gps", "dvl")
-"""The devices with constants that a mission draws."""
-
-_UNITS = {
-    "gyro_bias": "rad s-1", "gyro_scale": "1", "gyro_misalignment": "rad",
-    "accel_bias": "m s-2", "accel_scale": "1", "accel_misalignment": "rad",
-}  # fmt: skip
-DRAWN_UNITS: Mapping[str, str] = {
-    **{f"{name}_{axis}": unit for name, unit in _UNITS.items() for axis in "xyz"},
-    **{
-        f"compass_{name}_deg": "degree"
-        for name in ("a0", "b", "c", "vertical", "d", "e", "battery_x", "battery_y", "battery_z")
-    },
-    "pressure_offset_dbar": "dbar",
-    "pressure_gain": "1",
-    "gps_sigma": "m",
-    "dvl_scale": "1",
-    "dvl_sound_speed": "1",
-}
-"""Every constant that a mission draws, with its unit, in the order of `SensorSuite.draw`."""
+PLUS = "+"
+"""Adds a registered sensor to a preset by name: field+turbidity"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class SensorSuite:
-    """One configuration per device; the defaults are the `field` preset."""
+class SensorSuite(Mapping[str, Sensor]):
+    """The sensors of a vehicle by name; immutable.
 
-    imu: Imu = dataclasses.field(default_factory=Imu)
-    """gyroscope and accelerometer"""
-    attitude: Attitude = dataclasses.field(default_factory=Attitude)
-    """roll and pitch"""
-    compass: Compass = dataclasses.field(default_factory=Compass)
-    """heading"""
-    pressure: Pressure = dataclasses.field(default_factory=Pressure)
-    """pressure and depth"""
-    gps: Gps = dataclasses.field(default_factory=Gps)
-    """fixes at the surface"""
-    dvl: Dvl = dataclasses.field(default_factory=Dvl)
-    """velocity over ground or through the water"""
-    encoders: Encoders = dataclasses.field(default_factory=Encoders)
-    """actuator positions"""
-    onboard: Onboard = dataclasses.field(default_factory=Onboard)
-    """the vehicle's own dead-reckoned track"""
+    `SensorSuite(dvl=Dvl(fitted=False), turbidity=Turbidity())` holds every shipped sensor, with
+    its defaults (the `field` preset) where none is given, and the registered ones that are given.
+    Sensors are attributes too: `suite.dvl`.
+    """
+
+    _sensors: Mapping[str, Sensor]
+
+    def __init__(self, **sensors: Sensor):
+        """Take sensors by name.
+
+        Raises:
+          InputError: a name that is not registered, or something else than that sensor.
+        """
+        for name, sensor in sensors.items():
+            if name not in SENSORS:
+                raise UnknownName(
+                    "sensor", name, SENSORS,
+                    hint="; a sensor of your own must be registered first: twin.sensors.register",
+                )  # fmt: skip
+            if type(sensor) is not SENSORS[name]:
+                raise InputError(
+                    f"sensor {name!r} is {sensor!r}: give a {SENSORS[name].__name__} object"
+                )
+        names = (*SENSORS.shipped(), *(n for n in sensors if n not in SENSORS.shipped()))
+        given = {n: sensors[n] if n in sensors else SENSORS[n]() for n in names}
+        self._sensors = MappingProxyType(_in_order(given))
 
     @classmethod
     def preset(cls, name: str) -> SensorSuite:
-        """A suite of `SUITE_PRESETS` by name; raises InputError for an unknown one."""
-        if name not in SUITE_PRESETS:
-            raise InputError(unknown_name("sensor preset", name, SUITE_PRESETS))
-        return SUITE_PRESETS[name]
+        """A suite of `SUITE_PRESETS` by name, with registered sensors added: `field+turbidity`.
+
+        Raises:
+          UnknownName: no such preset or sensor; the nearest one is named.
+        """
+        preset, *added = (word.strip() for word in name.split(PLUS))
+        if preset not in SUITE_PRESETS:
+            raise UnknownName("sensor preset", preset, SUITE_PRESETS)
+        return SUITE_PRESETS[preset].replace(**{word: SENSORS[word]() for word in added})
+
+    @classmethod
+    def from_settings(cls, settings: Mapping[str, Mapping[str, Any]]) -> SensorSuite:
+        """The suite whose `settings()` these are, as stores hold them.
+
+        Raises:
+          InputError: a sensor that is not registered here, or a setting that it has not.
+        """
+        sensors = {}
+        for name, values in settings.items():
+            if name not in SENSORS:
+                raise InputError(
+                    f"{unknown_name('sensor', name, SENSORS)}; import the module that registers "
+                    "it, or install the distribution that brings it"
+                )
+            known = [field.name for field in dataclasses.fields(cast(Any, SENSORS[name]))]
+            for key in values:
+                if key not in known:
+                    raise UnknownName(f"setting of sensor {name!r}", key, known)
+            plain = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
+            sensors[name] = SENSORS[name](**plain)
+        return cls(**sensors)
+
+    def replace(self, **sensors: Sensor) -> SensorSuite:
+        """The suite with other or further sensors; raises as the class itself."""
+        return SensorSuite(**{**self._sensors, **sensors})
+
+    def settings(self) -> dict[str, dict[str, Any]]:
+        """Every field of every sensor, as JSON can hold it."""
+        return {name: dataclasses.asdict(cast(Any, s)) for name, s in self._sensors.items()}
+
+    def __getitem__(self, name: str) -> Sensor:
+        if name not in self._sensors:
+            raise UnknownName("sensor of this suite", name, self._sensors)
+        return self._sensors[name]
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # asked for while a copy is made, before there are sensors
+            raise AttributeError(name)
+        if name not in self._sensors:
+            raise AttributeError(unknown_name("sensor of this suite", name, self._sensors))
+        return self._sensors[name]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name != "_sensors" or name in self.__dict__:
+            raise AttributeError(f"a suite does not change: use suite.replace({name}=...)")
+        super().__setattr__(name, value)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._sensors)
+
+    def __len__(self) -> int:
+        return len(self._sensors)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SensorSuite) and dict(self._sensors) == dict(other._sensors)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        changed = [f"{n}={s!r}" for n, s in self._sensors.items() if s != type(s)()]
+        return f"SensorSuite({', '.join(changed)})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _suite_of, (dict(self._sensors),)
+
+    def reads(self, signals: Iterable[str]) -> tuple[str, ...]:
+        """The signals of the truth that `measure` needs, of a vehicle that has `signals`."""
+        names = list(signals)
+        needed = (read for sensor in self.values() for read in sensor.inputs(names))
+        return tuple(dict.fromkeys(name for name in needed if not name.startswith("measured_")))
+
+    def writes(self, signals: Iterable[str]) -> tuple[Variable, ...]:
+        """What `measure` returns for a vehicle that has `signals`, in order."""
+        names = list(signals)
+        return tuple(entry for sensor in self.values() for entry in sensor.channels(names))
+
+    def drawn_units(self) -> dict[str, str]:
+        """Every constant that a mission draws, with its unit, in the order of `draw`."""
+        return {name: unit for sensor in self.values() for name, unit in sensor.draws.items()}
 
     def draw(self, seed: np.random.SeedSequence | np.random.Generator) -> dict[str, float]:
-        """The constants of one mission: biases, scales, deviation coefficients (`DRAWN_UNITS`).
+        """The constants of one mission: biases, scales, deviation coefficients (`drawn_units`).
 
         With the mission's SeedSequence the draw is the one that `measure` makes by itself; a
         Generator gives another draw and moves on.
@@ -112,8 +163,9 @@ class SensorSuite:
         if isinstance(seed, np.random.Generator):
             seed = np.random.SeedSequence(int(seed.integers(2**63)))
         drawn: dict[str, float] = {}
-        for name in DRAWING_DEVICES:
-            drawn |= getattr(self, name).draw(device_generator(seed, name, DRAWN_STREAM))
+        for name, sensor in self.items():
+            if sensor.draws:
+                drawn |= sensor.draw(sensor_generator(seed, name, DRAWN_STREAM))
         return drawn
 
     def measure(
@@ -128,49 +180,49 @@ class SensorSuite:
         density: DensityProfile | None = None,
         current: NDArray[np.float64] | None = None,
     ) -> dict[str, NDArray[Any]]:
-        """Every `MEASURED_SIGNALS` array, shape (n,), from the truth of one mission.
+        """Every array of `writes`, shape (n,), from the truth of one mission.
 
-        truth: `TRUTH_SIGNALS` arrays of shape (n,) every `dt` [s]; they are not changed, and a
-        device without errors returns them themselves. rng_seed: the mission's seed, left as it
-        was. drawn: the mission's constants, by default `draw(rng_seed)`. bottom_depth [m]: a
-        number or shape (n,); None puts the bottom out of the DVL's reach. latitude [deg].
+        truth: the arrays of `reads`, shape (n,), every `dt` [s], beside others; they are not
+        changed, and a sensor without errors returns them themselves. rng_seed: the mission's seed,
+        left as it was. drawn: the mission's constants, by default `draw(rng_seed)`. bottom_depth
+        [m]: a number or shape (n,); None puts the bottom out of the DVL's reach. latitude [deg].
         density: default constant. current: compiled current field for the DVL's water cells.
-        Raises InputError for a missing or misshapen signal and for a wrong dt, latitude or bottom.
+        Raises InputError for a missing or misshapen signal, for a wrong dt, latitude or bottom,
+        and for a sensor that does not return what it says.
         """
-        from twin.water.density import DensityProfile
-
-        self._check(truth, dt, latitude, bottom_depth)
+        n = self._check(truth, dt, latitude, bottom_depth)
         drawn = self.draw(rng_seed) if drawn is None else drawn
-        if density is None:
-            density = DensityProfile.constant()
+        surroundings = Surroundings(
+            latitude=latitude, density=density, bottom_depth=bottom_depth, current=current
+        )
+        signals: dict[str, NDArray[Any]] = dict(truth)
         out: dict[str, NDArray[Any]] = {}
-
-        def run(name: str, signals: Signals, **extra: Any) -> None:
-            rng = device_generator(rng_seed, name)
-            device = getattr(self, name)
-            out.update(device.measure(signals, dt=dt, drawn=drawn, rng=rng, **extra))
-
-        for name, ideal in _PASS_THROUGH.items():
-            if getattr(self, name) == ideal[0] and not any(drawn.get(key, 0.0) for key in ideal[2]):
-                out.update({f"measured_{s}": np.asarray(truth[f"true_{s}"]) for s in ideal[1]})
+        for name, sensor in self.items():
+            channels = [entry.name for entry in sensor.channels(truth)]
+            if _exact(sensor, drawn):
+                made = {c: np.asarray(truth[f"true_{c[len('measured_') :]}"]) for c in channels}
             else:
-                run(name, truth)
-        run("pressure", truth, density=density, latitude=latitude)
-        run("gps", truth)
-        run("dvl", truth, gyro=out, bottom_depth=bottom_depth, current=current)
-        run("onboard", out)
-        return {name: out[name] for name in MEASURED_SIGNALS}
+                made = sensor.measure(
+                    signals, dt=dt, drawn=drawn, rng=sensor_generator(rng_seed, name),
+                    surroundings=surroundings,
+                )  # fmt: skip
+                _check_made(name, made, channels, n)
+            for channel in channels:
+                out[channel] = signals[channel] = made[channel]
+        return out
 
     def _check(
         self, truth: Signals, dt: float, latitude: float, bottom_depth: ArrayLike | None
-    ) -> None:
-        missing = [name for name in TRUTH_SIGNALS if name not in truth]
+    ) -> int:
+        needed = self.reads(truth)
+        missing = [name for name in needed if name not in truth]
         if missing:
             raise InputError(
-                f"truth lacks {', '.join(missing)}: the sensors need every signal of TRUTH_SIGNALS"
+                f"truth lacks {', '.join(missing)}: the sensors need every signal of "
+                "SensorSuite.reads"
             )
         n = np.shape(truth["true_depth"])
-        for name in TRUTH_SIGNALS:
+        for name in needed:
             if np.shape(truth[name]) != n or len(n) != 1 or n[0] == 0:
                 raise InputError(
                     f"{name} has shape {np.shape(truth[name])} and true_depth {n}: give vectors "
@@ -191,37 +243,62 @@ class SensorSuite:
                     f"bottom_depth is {bottom[~(bottom > 0.0)].flat[0]:g} m: it must be above 0, "
                     "positive down; None puts the bottom out of reach"
                 )
+        return int(n[0])
 
 
-_PASS_THROUGH: dict[str, tuple[Any, tuple[str, ...], tuple[str, ...]]] = {
-    "imu": (
-        Imu.ideal(),
-        GYRO_SIGNALS + FORCE_SIGNALS,
-        tuple(f"{name}_{axis}" for name in _UNITS for axis in "xyz"),
-    ),
-    "attitude": (Attitude.ideal(), ("roll", "pitch"), ()),
-    "compass": (
-        Compass.ideal(),
-        ("heading",),
-        tuple(name for name in DRAWN_UNITS if name.startswith("compass")),
-    ),
-    "encoders": (Encoders.ideal(), ("shift", "rotation", "pump"), ()),
-}
-"""device: (its ideal, the signals it then passes on as they are, the constants that must be 0)"""
+def _exact(sensor: Sensor, drawn: Mapping[str, float]) -> bool:
+    """Whether the sensor passes the truth on: no errors, and no constant given by hand."""
+    if not sensor.ideal_is_truth or sensor != type(sensor).ideal():
+        return False
+    return not any(drawn.get(constant, 0.0) for constant in sensor.draws)
+
+
+def _check_made(name: str, made: Any, channels: list[str], n: int) -> None:
+    """Refuse what a sensor of one's own returns beside what it says."""
+    if not isinstance(made, Mapping) or set(made) != set(channels):
+        got = ", ".join(map(str, made)) if isinstance(made, Mapping) else repr(made)
+        raise InputError(
+            f"sensor {name!r} measured {got or 'nothing'}: it must return a dict of "
+            f"{', '.join(channels)}"
+        )
+    for channel, values in made.items():
+        if np.shape(values) != (n,):
+            raise InputError(
+                f"sensor {name!r} gave {channel} of shape {np.shape(values)}: one value for each "
+                f"of the {n} samples"
+            )
+
+
+def _in_order(sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:
+    """The sensors so that each comes after those that it reads, otherwise in the given order."""
+    waiting, ready, written = dict(sensors), {}, set[str]()
+    while waiting:
+        lacking = {name: _measured_inputs(sensor) - written for name, sensor in waiting.items()}
+        name = next((name for name, names in lacking.items() if not names), None)
+        if name is None:
+            name, names = next(iter(lacking.items()))
+            raise InputError(
+                f"sensor {name!r} reads {', '.join(sorted(names))}, which no other sensor of this "
+                "suite writes before it"
+            )
+        ready[name] = waiting.pop(name)
+        written |= {entry.name for entry in ready[name].channels(())}
+    return ready
+
+
+def _measured_inputs(sensor: Sensor) -> set[str]:
+    return {name for name in sensor.inputs(()) if name.startswith("measured_")}
+
+
+def _suite_of(sensors: dict[str, Sensor]) -> SensorSuite:
+    return SensorSuite(**sensors)
+
 
 SUITE_PRESETS: dict[str, SensorSuite] = {
-    "ideal": SensorSuite(
-        imu=Imu.ideal(),
-        attitude=Attitude.ideal(),
-        compass=Compass.ideal(),
-        pressure=Pressure.ideal(),
-        gps=Gps.ideal(),
-        dvl=Dvl.ideal(),
-        encoders=Encoders.ideal(),
-    ),
+    "ideal": SensorSuite(**{name: SENSORS[name].ideal() for name in SENSORS.shipped()}),
     "field": SensorSuite(),
     "field-uncalibrated": SensorSuite(compass=Compass.preset("uncalibrated")),
     "field-no-dvl": SensorSuite(dvl=Dvl(fitted=False)),
 }
 """`ideal`: measured is true (GPS still only at the surface; the on-board track is the algorithm
-on ideal inputs). `field`: 3DM-GX5-25, "calibrated" compass, and the other devices' defaults."""
+on ideal inputs). `field`: 3DM-GX5-25, "calibrated" compass, and the other sensors' defaults."""

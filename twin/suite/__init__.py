@@ -13,5 +13,6 @@ require_dm_control()
 choose_backend()  # dm_control settles how it draws while it is imported
 
 from twin.suite.loader import ALL_TASKS, load  # noqa: E402
+from twin.suite.registry import TASKS, register  # noqa: E402
 
-__all__ = ["ALL_TASKS", "load"]
+__all__ = ["ALL_TASKS", "TASKS", "load", "register"]

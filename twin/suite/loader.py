@@ -3,24 +3,15 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from twin.errors import InputError, unknown_name
-from twin.suite.depth import depth
-from twin.suite.energy import energy
+from twin.errors import InputError, UnknownName
 from twin.suite.environment import Environment
-from twin.suite.hold import hold
-from twin.suite.waypoints import waypoints
+from twin.suite.registry import TASKS
 
-_MAKERS: dict[str, Callable[..., Environment]] = {
-    "hold": hold,
-    "depth": depth,
-    "waypoints": waypoints,
-    "energy": energy,
-}
-ALL_TASKS = tuple(_MAKERS)
-"""Names of the tasks."""
+ALL_TASKS = TASKS.shipped()
+"""Names of the tasks that come with the package; `twin.suite.TASKS` has registered ones too."""
 _OWN_ARGUMENTS = ("environment_kwargs",)
 
 
@@ -33,7 +24,7 @@ def load(
     """The environment of a task.
 
     Args:
-      task_name: one of ALL_TASKS.
+      task_name: one of TASKS.
       task_kwargs: vehicle (name or path), random (seed or RandomState), time_limit [s],
         normalised (actions from -1 to 1), hydrodynamics; `energy` also takes consumption.
       environment_kwargs: of `twin.suite.environment.Environment`, e.g. flat_observation,
@@ -43,13 +34,15 @@ def load(
     Raises:
       InputError: unknown task or argument; and what vehicle and task raise.
     """
-    if task_name not in _MAKERS:
-        raise InputError(unknown_name("task", task_name, ALL_TASKS))
-    maker = _MAKERS[task_name]
+    maker = TASKS[task_name]
     allowed = [name for name in inspect.signature(maker).parameters if name not in _OWN_ARGUMENTS]
     for name in task_kwargs or {}:
         if name not in allowed:
-            raise InputError(unknown_name(f"argument of task {task_name!r}", name, allowed))
+            raise UnknownName(f"argument of task {task_name!r}", name, allowed)
     environment = maker(**(task_kwargs or {}), environment_kwargs=environment_kwargs)
+    if not isinstance(environment, Environment):
+        raise InputError(
+            f"task {task_name!r} made {environment!r}: return twin.suite.environment.build(...)"
+        )
     environment.task.visualize_reward = visualize_reward
     return environment

@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import tyro
 
 from twin.cli.console import Console
 from twin.errors import InputError, unknown_name
 from twin.render.screen import NoScreen
 from twin.suite.environment import Environment
+from twin.suite.registry import TASKS
 
 Policy = Callable[[Any], Any]
 
@@ -37,7 +39,7 @@ def random_policy(environment: Environment, seed: int) -> Policy:
 
 def still(environment: Environment, seed: int) -> Policy:
     """Every actuator at its neutral position."""
-    action = environment.task.to_action(np.zeros(3))
+    action = environment.task.to_action(np.zeros(environment.action_spec().shape))
     return lambda time_step: action
 
 
@@ -48,10 +50,8 @@ POLICIES = {"autopilot": autopilot, "random": random_policy, "still": still}
 class View:
     """Watch a policy fly a task; needs a screen."""
 
-    task: str = "hold"
-    """hold, depth, waypoints or energy"""
-    policy: str = "autopilot"
-    """autopilot, random or still"""
+    task: Annotated[str, tyro.conf.arg(help=", ".join(TASKS))] = "hold"
+    policy: Annotated[str, tyro.conf.arg(help=", ".join(POLICIES))] = "autopilot"
     vehicle: str = "glider"
     """shipped vehicle name, or the path of an MJCF file"""
     seed: int = 0

@@ -10,9 +10,9 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from twin.compiled import jit
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ def gravity(latitude: float, depth: ArrayLike = 0.0) -> Array:
     return np.asarray(surface * (1.0 + GRAVITY_DEPTH_RATE * np.asarray(depth, float)))
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def density_at(program, depth):  # type: ignore[no-untyped-def]
     """Density [kg/m3] at `depth` [m] in a compiled profile, clamped at both ends; NaN stays NaN.
 
@@ -61,7 +61,7 @@ def density_at(program, depth):  # type: ignore[no-untyped-def]
     return (1.0 - f) * program[PROGRAM_HEADER + i] + f * program[PROGRAM_HEADER + i + 1]
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _pressure_kernel(top, values, above, surface_gravity, depth, out):  # type: ignore[no-untyped-def]
     """out [dbar] at each depth from the rows `top` [m] and the pressure `above` them [Pa]."""
     i = 0

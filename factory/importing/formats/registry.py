@@ -11,12 +11,25 @@ from factory.importing.formats.og1 import OG1
 from factory.importing.formats.seaexplorer import SEAEXPLORER
 from factory.importing.formats.seaglider import SEAGLIDER
 from factory.importing.formats.slocum import SLOCUM
+from twin.errors import InputError
 from twin.registry import Registry
 
-IMPORTERS: Registry[Importer] = Registry("kind of log", Importer, group="glider_twin.importers")
+
+def _check(name: str, kind: object) -> Importer:
+    if not isinstance(kind, Importer):
+        raise InputError(
+            f"{kind!r} cannot be registered as a kind of log: it must be a "
+            f"{Importer.__module__}.{Importer.__name__}"
+        )
+    if kind.name != name:
+        raise InputError(f"kind of log {name!r} leads to {kind!r}, which has another name")
+    return kind
+
+
+IMPORTERS: Registry[Importer] = Registry("kind of log", group="glider_twin.importers", check=_check)
 """Every kind of log that can be imported, by name."""
 
-register = IMPORTERS.register
+register = IMPORTERS.add
 """Add an importer of one's own."""
 
 for _importer in (SLOCUM, SEAGLIDER, SEAEXPLORER, OG1, LRAUV):

@@ -18,10 +18,10 @@ import dataclasses
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from learn.navigation.baselines.base import Baseline, Estimate, afloat
 from learn.navigation.dead_reckoning import Array, Attitude, Signals, finite_channel
+from twin.compiled import jit
 from twin.errors import InputError
 from twin.fossen.forces import Parameters, damping_wrench, parameters_of
 from twin.fossen.matrices import skew
@@ -149,7 +149,7 @@ def _coupling(vehicle: Vehicle) -> Array:
 # at five rows they run as fast.
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _rates(p: Parameters, inverse: Array, inertia: Array, coupling: Array, x: Array, given: Array):  # type: ignore[no-untyped-def]
     """dx/dt (5,) for inputs (down axis 3, rates 3, net mass)."""
     nu = np.empty(6)
@@ -172,7 +172,7 @@ def _rates(p: Parameters, inverse: Array, inertia: Array, coupling: Array, x: Ar
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _between(start: Array, end: Array, part: float) -> Array:
     """start + part (end - start), element by element."""
     out = np.empty(start.size)
@@ -181,7 +181,7 @@ def _between(start: Array, end: Array, part: float) -> Array:
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _moved(x: Array, rate: Array, step: float) -> Array:
     """x + step rate, element by element."""
     out = np.empty(x.size)
@@ -190,7 +190,7 @@ def _moved(x: Array, rate: Array, step: float) -> Array:
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _predict(  # type: ignore[no-untyped-def]
     p: Parameters,
     inverse: Array,
@@ -217,7 +217,7 @@ def _predict(  # type: ignore[no-untyped-def]
     return x
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _congruent(a: Array, matrix: Array) -> Array:
     """A M A^T."""
     n = a.shape[0]
@@ -234,7 +234,7 @@ def _congruent(a: Array, matrix: Array) -> Array:
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def _filter(  # type: ignore[no-untyped-def]
     p: Parameters,
     inverse: Array,

@@ -20,7 +20,7 @@ from twin.records.store import write_store
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = (ROOT / "docs" / "factory.md").read_text()
-EVERY = pytest.mark.parametrize("exporter", EXPORTERS.values(), ids=lambda one: one.name)
+EVERY = pytest.mark.parametrize("exporter", list(EXPORTERS.values()), ids=lambda one: one.name)
 
 
 @pytest.fixture(scope="module")

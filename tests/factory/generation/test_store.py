@@ -25,7 +25,7 @@ from twin.records.attributes import SPLITS
 from twin.records.schema import SCHEMA_VERSION, SIMULATED, VARIABLES
 from twin.records.sharded import stored_values
 from twin.records.store import open_store, read_trajectory
-from twin.sensors import MEASURED_SIGNALS
+from twin.sensors import SensorSuite
 from twin.vehicle.vehicle import load_vehicle
 
 
@@ -34,7 +34,7 @@ def test_xarray_opens_it_without_options_and_shows_units(field_store: Path) -> N
         warnings.simplefilter("error")
         data = xr.open_zarr(field_store)
     signals = [name for name in data if data[name].dims == ("mission", "time")]
-    assert set(MEASURED_SIGNALS) <= set(signals)
+    assert {entry.name for entry in SensorSuite().writes(signals)} <= set(signals)
     groups = {"true": "truth", "measured": "measured", "commanded": "commanded"}
     for name in signals:
         attributes = data[name].attrs

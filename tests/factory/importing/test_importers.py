@@ -126,7 +126,7 @@ def test_a_file_that_looks_like_no_log(tmp_path: Path) -> None:
         import_logs("slocum", [path])
 
 
-@pytest.mark.parametrize("importer", IMPORTERS.values(), ids=lambda one: one.name)
+@pytest.mark.parametrize("importer", list(IMPORTERS.values()), ids=lambda one: one.name)
 def test_the_page_has_a_row_of_each_importer(importer: Importer) -> None:
     row = (
         f"| `{importer.name}` | {importer.vehicle} | {importer.files} | {importer.channels} | "
@@ -136,14 +136,14 @@ def test_the_page_has_a_row_of_each_importer(importer: Importer) -> None:
     assert f"factory import {importer.name} " in PAGE
 
 
-@pytest.mark.parametrize("importer", IMPORTERS.values(), ids=lambda one: one.name)
+@pytest.mark.parametrize("importer", list(IMPORTERS.values()), ids=lambda one: one.name)
 def test_channels_and_extras_exist(importer: Importer) -> None:
     assert importer.held | importer.lacks <= set(VARIABLES)
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert importer.extra is None or importer.extra in extras["optional-dependencies"]
 
 
-@pytest.mark.parametrize("importer", IMPORTERS.values(), ids=lambda one: one.name)
+@pytest.mark.parametrize("importer", list(IMPORTERS.values()), ids=lambda one: one.name)
 def test_marks_belong_to_one_kind(importer: Importer) -> None:
     for other in IMPORTERS.values():
         assert other is importer or not importer.marks & other.marks

@@ -32,21 +32,23 @@ def test_random_manoeuvres_agree():
     assert max(d.speed_m_s for d in differences) < 5e-4
 
 
-def test_what_is_left_for_a_light_vehicle_is_its_battery_in_motion():
-    """docs/physics.md: ROGUE's attitude difference shrinks with the battery's speed, not the step.
+def test_a_light_vehicle_agrees_as_well_as_its_battery_moves_slowly():
+    """docs/physics.md: at most 0.27 deg for ROGUE at any step, 0.068 deg with a slow battery.
 
-    Manoeuvre 2 is the one that differs most.
+    The Fossen model leaves out the battery's reaction. Manoeuvre 2 is the one that differs most.
     """
     vehicle = load_vehicle("rogue")
     slow = vehicle.replace(
         actuator_rate=vehicle.actuator_rate / 16, actuator_lag=vehicle.actuator_lag * 16
     )
-    (coarse,) = check.check_manoeuvres(vehicle, count=1, seed=2)
-    (fine,) = check.check_manoeuvres(vehicle, count=1, seed=2, timestep=0.01)
+    for timestep in (None, 0.01):
+        (quick,) = check.check_manoeuvres(vehicle, count=1, seed=2, timestep=timestep)
+        assert quick.attitude_deg < 0.28
+        assert quick.speed_m_s <= check.SPEED_LIMIT
+        assert quick.position_percent <= check.POSITION_LIMIT
     (gentle,) = check.check_manoeuvres(slow, count=1, seed=2, timestep=0.01)
-    assert coarse.attitude_deg > check.ATTITUDE_LIMIT
-    assert fine.attitude_deg == pytest.approx(coarse.attitude_deg, rel=0.1)
-    assert gentle.attitude_deg < fine.attitude_deg / 3
+    assert gentle.attitude_deg < 0.08
+    assert gentle.ok
 
 
 @pytest.mark.parametrize(

@@ -211,6 +211,11 @@ def test_hydrodynamic_power(model):
         still = np.concatenate((nu[:3], np.zeros(3)))
         rates_only = damping_wrench(p, nu) - damping_wrench(p, still)
         assert rates_only[3:] @ nu[3:] <= 0.0
+        angles = np.abs([math.atan2(nu[2], nu[0]), math.asin(nu[1] / np.linalg.norm(nu[:3]))])
+        if angles.max() > p.blend_angle:
+            # every rate costs power there: (K_p p^2 + K_q q^2 + K_r r^2) V^2
+            expected = -np.dot([19.83, 205.64, 389.30], nu[3:] ** 2) * (nu[:3] @ nu[:3])
+            assert rates_only[3:] @ nu[3:] == pytest.approx(expected, rel=1e-9)
 
 
 def test_rate_damping_survives_at_rest_and_the_wrench_is_mirror_symmetric(model):

@@ -1,10 +1,16 @@
-"""Error against the time step: the order of the scheme, and the shipped step."""
+"""Error against the time step: the order of the scheme, and the shipped step.
+
+The truth is the Fossen model under DOP853 at a tolerance of 1e-11, which shares no equation and no
+integrator with the twin. It takes the battery as held in place, so the commands that change here
+are the pump's, which moves no mass; one test moves the battery, slowly.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from twin.fossen import FossenModel, FossenState
 from twin.mission.schedule import Schedule
 from twin.physics.scenario import Scenario, Start
 from twin.physics.simulation import simulate
@@ -12,20 +18,47 @@ from twin.vehicle.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("glider")
 SHIPPED = 0.1
+SAMPLE = 4.0
+"""[s] a whole number of every step used here"""
+DURATION = 80.0
+TIMES = [0.0, 20.0, 40.0]
 
 
-def fly(timestep: float, *, centred: bool = True, duration: float = 60.0):
-    """A turning dive that starts off its steady state, commands constant."""
-    actuators = (0.02, 0.5, VEHICLE.pump_for_net_mass(0.3))
+def pumped(rotation: float):
+    """A dive at one battery position whose net mass [kg] is 0.3, 0.15, then -0.1."""
+    return [(0.02, rotation, VEHICLE.pump_for_net_mass(m)) for m in (0.3, 0.15, -0.1)]
+
+
+def start(commands) -> Start:
+    """Off the steady state of the first command."""
+    return Start(depth=500.0, pitch=-0.4, v_rel=(0.4, 0.0, 0.01), actuators=commands[0])
+
+
+def truth(commands, *, vehicle=VEHICLE, duration=DURATION):
+    """Velocity through the water (time, 3) of the independent model at a tight tolerance."""
+    begin = start(commands)
+    state = FossenState(
+        position_ned=(0.0, 0.0, begin.depth),
+        attitude=(begin.roll, begin.pitch, begin.heading),
+        v_rel=begin.v_rel,
+        actuators=begin.actuators,
+    )
+    schedule = Schedule(times=TIMES[: len(commands)], commands=commands)
+    return FossenModel(vehicle).simulate(
+        state, schedule, duration, sample_period=SAMPLE, method="dop853"
+    )
+
+
+def fly(commands, timestep: float, *, vehicle=VEHICLE, centred=True, duration=DURATION):
     return simulate(
         Scenario(
-            vehicle=VEHICLE,
-            plan=Schedule(times=[0.0], commands=[actuators]),
+            vehicle=vehicle,
+            plan=Schedule(times=TIMES[: len(commands)], commands=commands),
             duration=duration,
-            start=Start(depth=500.0, pitch=-0.4, v_rel=(0.4, 0.0, 0.01), actuators=actuators),
+            start=start(commands),
             timestep=timestep,
             centred=centred,
-            sample_period=5.0,
+            sample_period=SAMPLE,
         )
     )
 
@@ -37,26 +70,43 @@ def test_shipped_timestep_is_the_one_tested():
 
 
 @pytest.mark.parametrize(("centred", "order"), [(True, 2.0), (False, 1.0)])
-def test_error_falls_at_the_order_of_the_scheme(centred, order):
-    """Semi-implicit Euler is first order; time-centred water makes it second."""
-    reference = fly(0.005)
+@pytest.mark.parametrize("rotation", [0.0, 0.5], ids=["straight", "turning"])
+def test_error_falls_at_the_order_of_the_scheme(centred, order, rotation):
+    """Semi-implicit Euler is first order; time-centred water makes it second.
+
+    Below some 4e-6 m/s the servos that hold the battery end the agreement.
+    """
+    commands = pumped(rotation)
+    reference = truth(commands)
+    steps = (0.4, 0.2, 0.1)
     errors = [
-        np.abs(fly(timestep, centred=centred).v_rel - reference.v_rel).max()
-        for timestep in (0.2, 0.1, 0.05)
+        np.abs(fly(commands, step, centred=centred).v_rel - reference.v_rel).max() for step in steps
     ]
     orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
-    np.testing.assert_allclose(orders, order, atol=0.4)
-    assert errors[1] < (2e-5 if centred else 2e-3)
+    assert orders.min() > order - 0.1
+    # the errors of the longest step fall faster than its order says
+    assert orders.max() < order + (0.8 if centred else 0.1)
+    assert errors[2] < (2e-5 if centred else 5e-4)
 
 
-def test_shipped_step_is_within_a_tenth_of_a_percent_of_the_converged_speed():
-    shipped, fine = fly(SHIPPED, duration=120.0), fly(0.0125, duration=120.0)
-    speeds = [np.linalg.norm(t.v_rel, axis=1) for t in (shipped, fine)]
-    np.testing.assert_allclose(speeds[0], speeds[1], rtol=1e-3)
+def test_shipped_step_is_within_a_tenth_of_a_percent_of_the_true_speed():
+    """Through a dive that is pumped light and turns up, and a battery that moves slowly."""
+    moving = [(0.02, 0.5, pump) for _, _, pump in pumped(0.0)]
+    moving[1] = (0.012, 0.2, moving[1][2])
+    moving[2] = (0.025, -0.4, moving[2][2])
+    slow = VEHICLE.replace(
+        actuator_rate=VEHICLE.actuator_rate / 16, actuator_lag=VEHICLE.actuator_lag * 16
+    )
+    for commands, vehicle in ((pumped(0.0), VEHICLE), (pumped(0.5), VEHICLE), (moving, slow)):
+        reference = truth(commands, vehicle=vehicle)
+        flown = fly(commands, SHIPPED, vehicle=vehicle)
+        np.testing.assert_allclose(np.linalg.norm(flown.v_rel, axis=1), reference.speed, rtol=1e-3)
 
 
 def test_steady_state_does_not_depend_on_the_step():
     """A fixed point of the motion is one at every step size; only the spin of a spiral is left."""
-    ends = [fly(timestep, duration=400.0).v_rel[-1] for timestep in (0.2, 0.1, 0.05)]
-    np.testing.assert_allclose(ends[0], ends[2], atol=2e-6)
-    np.testing.assert_allclose(ends[1], ends[2], atol=1e-6)
+    commands = pumped(0.5)[:1]
+    end = truth(commands, duration=400.0).v_rel[-1]
+    flown = [fly(commands, step, duration=400.0).v_rel[-1] for step in (0.2, 0.1, 0.05)]
+    np.testing.assert_allclose(flown, np.tile(flown[2], (3, 1)), atol=1e-6)
+    np.testing.assert_allclose(flown, np.tile(end, (3, 1)), atol=1e-5)

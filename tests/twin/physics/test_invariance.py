@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from physics import glider, hydrodynamic_wrench, set_motion
@@ -151,19 +150,6 @@ def power(speed, alpha, beta, rates):
     wrench = np.array(coefficient_wrench(BLOCK, *v, *rates))
     linear = float(wrench[:3] @ np.array(v))
     return linear, linear + float(wrench[3:] @ np.array(rates))
-
-
-@pytest.mark.parametrize("angle", [10.0, -10.0, 20.0, -20.0])
-def test_the_law_is_continuous_where_it_changes(angle):
-    from twin.physics.native.water import coefficient_wrench
-
-    for axis in (0, 1):
-        step = 1e-7
-        sides = []
-        for a in (math.radians(angle) - step, math.radians(angle) + step):
-            v = flow(0.5, a, 0.0) if axis == 0 else flow(0.5, 0.0, a)
-            sides.append(np.array(coefficient_wrench(BLOCK, *v, 0.01, 0.02, 0.03)))
-        np.testing.assert_allclose(*sides, atol=1e-4)
 
 
 def test_identified_law_holds_as_printed_up_to_ten_degrees():

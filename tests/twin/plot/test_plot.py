@@ -19,12 +19,13 @@ from twin.__main__ import PROGRAM
 from twin.errors import InputError
 from twin.physics.simulation import simulate
 from twin.plot import FIGURES, section_figure, sensor_figure, track_3d_figure, track_figure
+from twin.plot import figure as draw_figure
 from twin.plot.current_profile import mean_profile
-from twin.plot.sensors import truth_of
+from twin.plot.sensor import truth_of
 from twin.records.store import mission_dataset, read_trajectory, write_store
 from twin.records.tracks import NamedTrack
 
-WITH_TRACKS = ("overview", "track", "track_3d")
+WITH_TRACKS = tuple(name for name, kind in FIGURES.items() if kind.takes_tracks)
 
 
 @pytest.fixture(scope="module")
@@ -67,11 +68,11 @@ def check_units(figure):
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_has_units_on_its_axes(trajectory, name):
-    figure = FIGURES[name](trajectory)
+    figure = draw_figure(trajectory, name)
     assert isinstance(figure, Figure)
     check_units(figure)
-    if name in WITH_TRACKS:
-        check_units(FIGURES[name](trajectory, dead_reckoned(trajectory)))
+    if FIGURES[name].takes_tracks:
+        check_units(draw_figure(trajectory, name, tracks=dead_reckoned(trajectory)))
 
 
 @pytest.mark.parametrize("name", WITH_TRACKS)
@@ -87,7 +88,7 @@ def test_the_names_of_tracks_stay_inside_the_page(trajectory, name, count):
         )
         for k in range(count)
     ]
-    figure = FIGURES[name](trajectory, tracks)
+    figure = draw_figure(trajectory, name, tracks=tracks)
     figure.canvas.draw()
     legends = [*figure.legends, *(legend for sub in figure.subfigs for legend in sub.legends)]
     (legend,) = legends
@@ -140,7 +141,7 @@ def test_sensors_against_truth(trajectory):
     np.testing.assert_allclose(true, trajectory["true_depth"])
     np.testing.assert_allclose(right.lines[-1].get_ydata(), noisy - true)
     assert figure.axes[7].get_title(loc="left").startswith("measured − true: mean")
-    with pytest.raises(InputError, match="no measured signal 'smell'"):
+    with pytest.raises(InputError, match="unknown measured signal 'smell'"):
         sensor_figure(trajectory, ("smell",))
     with pytest.raises(InputError, match="no measured signals"):
         sensor_figure(simulate(short_scenario()))
@@ -159,7 +160,7 @@ def test_all_figures_go_into_a_folder(capsys, store, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("twin.commands.plot.PRINT_DPI", 40)
     few = {name: FIGURES[name] for name in ("track", "track_3d", "sensor")}
-    monkeypatch.setattr("twin.plot.FIGURES", few)
+    monkeypatch.setattr("twin.commands.plot.FIGURES", few)
     code, out, err = call(capsys, "plot", store, "--mission", 1, "--figure", "all")
     assert (code, err) == (0, "")
     assert [path.name for path in tmp_path.iterdir()] == ["plots"]
@@ -182,13 +183,13 @@ def test_one_figure_with_tracks(capsys, store, tmp_path, monkeypatch):
 
 def test_a_mission_without_sensors_says_so(capsys, tmp_path, trajectory, monkeypatch):
     few = {name: FIGURES[name] for name in ("section", "sensor", "current")}
-    monkeypatch.setattr("twin.plot.FIGURES", few)
+    monkeypatch.setattr("twin.commands.plot.FIGURES", few)
     names = [n for n in trajectory.signals if not n.startswith(("measured", "true_current"))]
     bare = dataclasses.replace(trajectory, signals={n: trajectory[n] for n in names})
     path = write_store(mission_dataset([bare]), tmp_path / "bare.zarr")
     code, _, err = call(capsys, "plot", path, "--figure", "all", "--out", tmp_path / "all")
     assert code == 0
-    assert "no sensor figure: this trajectory has no measured signals" in err
+    assert "this trajectory has no measured signals" in err
     assert "no current figure: mission 0 of" in err
     code, _, err = call(capsys, "plot", path, "--figure", "current", "--out", tmp_path / "c.png")
     assert code == 2
@@ -215,3 +216,18 @@ def test_refusals_are_one_line_and_leave_nothing(
     assert message in err
     assert len(err.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_tracks_for_a_figure_without_them_are_refused(capsys, store, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    tracks = write_tracks(tmp_path / "tracks.npz", read_trajectory(store))
+    code, _, err = call(capsys, "plot", store, "--figure", "section", "--tracks", tracks)
+    assert code == 2
+    assert "the section figure draws no tracks; these do: overview, track, track_3d" in err
+
+
+def test_the_help_names_every_figure(capsys):
+    code, out, _ = call(capsys, "plot", "--help")
+    assert code == 0
+    for name in FIGURES:
+        assert name in out

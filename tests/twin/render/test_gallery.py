@@ -74,7 +74,7 @@ def test_the_first_failure_ends_it(tmp_path, monkeypatch):
 @needs_gl
 def test_the_examples_of_the_page_run():
     page = (ROOT / "docs" / "render.md").read_text()
-    blocks = re.findall(r"```python[^\n]*\n(.*?)```", page, re.DOTALL)
+    blocks = re.findall(r"```python(?: gl)?\n(.*?)```", page, re.DOTALL)
     assert len(blocks) == 2
     names: dict[str, object] = {}
     for block in blocks:

@@ -70,7 +70,7 @@ def test_refusals(capsys, words, message):
 
 
 def assert_same(row, expected, tolerance):
-    for name in ("position", "quaternion", "battery", "pitch", "heading", "speed", "net_mass"):
+    for name in ("position", "quaternion", "parts", "pitch", "heading", "speed", "net_mass"):
         np.testing.assert_allclose(
             getattr(row, name), getattr(expected, name), atol=tolerance, err_msg=name
         )

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from twin.errors import InputError
-from twin.sensors import Dvl
+from twin.sensors import Dvl, Surroundings
 from twin.sensors.dvl import MODES, OUTPUTS, beam_directions, beam_solutions
 from twin.water.current.profile import Profile
 
@@ -36,8 +36,8 @@ def measure(dvl, truth, *, seed=0, drawn=NO_DRAW, bottom_depth=100.0, current=No
     if gyro is None:
         gyro = {name.replace("true", "measured"): truth[name] for name in truth if "rate" in name}
     out = dvl.measure(
-        truth, dt=DT, drawn=drawn, rng=np.random.default_rng(seed), gyro=gyro,
-        bottom_depth=bottom_depth, current=current,
+        truth | gyro, dt=DT, drawn=drawn, rng=np.random.default_rng(seed),
+        surroundings=Surroundings(bottom_depth=bottom_depth, current=current),
     )  # fmt: skip
     return np.stack([out[name] for name in OUTPUTS], axis=1), out["measured_dvl_mode"]
 

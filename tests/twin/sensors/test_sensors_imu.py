@@ -123,6 +123,7 @@ def test_attitude_error_is_a_correlated_quarter_degree():
 def test_encoders_round_to_their_resolution():
     truth = {f"true_{name}": np.linspace(-0.04, 0.05, 997) for name in ("shift",)}
     truth |= {"true_rotation": np.linspace(-90, 90, 997), "true_pump": np.linspace(-300, 300, 997)}
+    truth |= {name.replace("true", "commanded"): values for name, values in truth.items()}
     encoders = Encoders(shift_resolution=1e-4, rotation_resolution_deg=0.5, pump_resolution=0.0)
     out = encoders.measure(truth, dt=DT, drawn={}, rng=np.random.default_rng(0))
     steps = out["measured_shift"] / 1e-4

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from twin.errors import InputError
-from twin.sensors import Onboard, Pressure
+from twin.sensors import Onboard, Pressure, Surroundings
 from twin.water.density import DensityProfile, gravity
 
 DT = 0.5
@@ -91,7 +91,7 @@ def test_fix_resets_and_gives_the_current_that_the_next_dive_uses():
 def pressure_of(device, depth, drawn, *, density=None, seed=0):
     return device.measure(
         {"true_depth": depth}, dt=DT, drawn=drawn, rng=np.random.default_rng(seed),
-        density=density or DensityProfile.constant(), latitude=36.8,
+        surroundings=Surroundings(density=density),
     )  # fmt: skip
 
 

@@ -1,6 +1,6 @@
 """The suite's contract: names, ideal equality, seeds, independence, replay, errors, cost."""
 
-import dataclasses
+import pickle
 import subprocess
 import sys
 
@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from twin.errors import InputError
+from twin.records.schema import Variable, declare
 from twin.sensors import (
-    DRAWN_UNITS,
-    MEASURED_SIGNALS,
-    TRUTH_SIGNALS,
     Compass,
     Dvl,
+    Encoders,
     Gps,
     Imu,
     Onboard,
@@ -23,6 +22,12 @@ from twin.sensors import (
 from twin.water.density import DensityProfile
 
 DT = 0.5
+PARTS = ("shift", "rotation", "pump")
+TRUTH_SIGNALS = (
+    *SensorSuite().reads(()),
+    *(f"{group}_{part}" for part in PARTS for group in ("true", "commanded")),
+)
+MEASURED_SIGNALS = tuple(entry.name for entry in SensorSuite().writes(TRUTH_SIGNALS))
 N = 3000
 SEED = np.random.SeedSequence(7, spawn_key=(3,))
 
@@ -88,7 +93,7 @@ def test_the_same_seed_gives_the_same_bits_and_is_left_alone(truth):
 def test_recorded_constants_replay_exactly(truth):
     suite = SensorSuite.preset("field")
     drawn = suite.draw(SEED)
-    assert list(drawn) == list(DRAWN_UNITS)
+    assert list(drawn) == list(suite.drawn_units())
     assert all(isinstance(value, float) for value in drawn.values())
     free, replay = measure(suite, truth), measure(suite, truth, drawn=drawn)
     assert all(same(free[name], replay[name]) for name in MEASURED_SIGNALS)
@@ -112,7 +117,7 @@ def test_recorded_constants_replay_exactly(truth):
 def test_switching_one_device_leaves_the_others_bits(truth, device, config, own):
     """The DVL reads the gyro and the track reads depth, heading and GPS; nothing else mixes."""
     field = SensorSuite.preset("field")
-    other = dataclasses.replace(field, **{device: config})
+    other = field.replace(**{device: config})
     before, after = measure(field, truth), measure(other, truth)
     changed = {name for name in MEASURED_SIGNALS if not same(before[name], after[name])}
     assert changed
@@ -139,8 +144,8 @@ def test_wrong_input_is_explained(truth):
     suite = SensorSuite()
     with pytest.raises(InputError, match="did you mean 'field'"):
         SensorSuite.preset("feild")
-    with pytest.raises(InputError, match="truth lacks true_pump"):
-        measure(suite, {k: v for k, v in truth.items() if k != "true_pump"})
+    with pytest.raises(InputError, match="truth lacks true_sway"):
+        measure(suite, {k: v for k, v in truth.items() if k != "true_sway"})
     with pytest.raises(InputError, match="one mission at a time"):
         measure(suite, truth | {"true_roll": np.zeros((2, N))})
     with pytest.raises(InputError, match="dt is 0 s"):
@@ -159,3 +164,67 @@ def test_configurations_load_without_numba_or_gsw():
         "sys.exit(bool({'numba', 'gsw', 'scipy'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_shipped_suite_measures_what_it_always_has():
+    """Order and names of stores and of replays."""
+    assert TRUTH_SIGNALS[:3] == ("true_roll_rate", "true_pitch_rate", "true_yaw_rate")
+    assert MEASURED_SIGNALS[6:9] == ("measured_roll", "measured_pitch", "measured_heading")
+    assert MEASURED_SIGNALS[-5:-2] == ("measured_shift", "measured_rotation", "measured_pump")
+    assert len(MEASURED_SIGNALS) == 22
+    assert len(SensorSuite().drawn_units()) == 32
+
+
+def test_encoders_follow_the_parts_of_the_vehicle(truth):
+    """Any number of parts; setpoints of the motion are no parts."""
+    two = {k: v for k, v in truth.items() if not k.endswith(("_shift", "_pump"))}
+    two["commanded_pitch"] = two["commanded_heading"] = two["true_roll"]
+    out = measure(SensorSuite(), two)
+    assert [name for name in out if name.endswith(PARTS)] == ["measured_rotation"]
+    fine = measure(SensorSuite(encoders=Encoders(resolutions={"rotation": 1.0})), two)
+    assert np.array_equal(fine["measured_rotation"], np.rint(truth["true_rotation"]))
+    with pytest.raises(InputError, match="unknown part with an encoder 'rotaton': did you mean"):
+        measure(SensorSuite(encoders=Encoders(resolutions={"rotaton": 1.0})), two)
+
+
+def test_a_part_of_a_new_name_gets_its_own_channel(truth, own_variables):
+    for group in ("true", "commanded"):
+        declare(Variable(f"{group}_test_fin", "degree", "fin angle", limits=(-90.0, 90.0)))
+    values = np.linspace(0.0, 1.0, N)
+    more = truth | {"true_test_fin": values, "commanded_test_fin": values}
+    out = measure(SensorSuite(), more)
+    assert np.abs(out["measured_test_fin"] - values).max() <= 0.025 + 1e-12
+    entry = SensorSuite().writes(more)[-3]
+    assert (entry.name, entry.units) == ("measured_test_fin", "degree")
+    assert entry.long_name == "fin angle, by its encoder"
+
+
+def test_a_suite_is_a_mapping_that_survives_settings_and_pickles():
+    suite = SensorSuite.preset("field-no-dvl")
+    assert suite.dvl is suite["dvl"]
+    assert list(suite)[:2] == ["imu", "attitude"]
+    assert SensorSuite.from_settings(suite.settings()) == suite == pickle.loads(pickle.dumps(suite))
+    assert suite != SensorSuite()
+    assert repr(SensorSuite()) == "SensorSuite()"
+    with pytest.raises(KeyError, match="did you mean 'dvl'"):
+        suite["dv"]
+    with pytest.raises(AttributeError, match="did you mean 'compass'"):
+        _ = suite.compas
+    with pytest.raises(AttributeError, match=r"use suite\.replace\(dvl="):
+        suite.dvl = Dvl()
+    with pytest.raises(InputError, match=r"setting of sensor 'dvl' 'fited': did you mean 'fitted'"):
+        SensorSuite.from_settings({"dvl": {"fited": False}})
+
+
+@pytest.mark.parametrize(
+    ("sensors", "message"),
+    [
+        ({"turbidity": Dvl()}, "unknown sensor 'turbidity'.*registered first"),
+        ({"dvl": Gps()}, "sensor 'dvl' is Gps.*give a Dvl object"),
+        ({"dvl": None}, "sensor 'dvl' is None: give a Dvl object"),
+        ({"gsp": Gps()}, "did you mean 'gps'"),
+    ],
+)
+def test_a_device_that_no_suite_knows_is_refused(sensors, message):
+    with pytest.raises(InputError, match=message):
+        SensorSuite(**sensors)

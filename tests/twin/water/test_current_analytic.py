@@ -115,6 +115,25 @@ def test_tidal_ellipse_axes_sense_and_phase():
     np.testing.assert_allclose(u, expected, atol=1e-5)
 
 
+@pytest.mark.parametrize("phase", [0.0, 40.0, 90.0, 200.0])
+@pytest.mark.parametrize("minor", [0.1, -0.1])
+def test_a_positive_minor_axis_turns_counterclockwise_seen_from_above(phase, minor):
+    """At any phase, the default 0 included: compass directions fall when it turns to the left."""
+    ellipse = TidalEllipse(
+        constituent="M2", semi_major=0.3, semi_minor=minor, direction_deg=75.0, phase_deg=phase
+    )
+    period = 2.0 * math.pi / ellipse.angular_rate
+    t = np.linspace(0.0, period, 97)
+    north, east, _ = Tide(ellipses=(ellipse,)).velocity(t, 0, 0, 0).T
+    turned = np.degrees(np.diff(np.unwrap(np.arctan2(east, north))))
+    assert (np.sign(turned) == -np.sign(minor)).all()
+    assert turned.sum() == pytest.approx(-360.0 * np.sign(minor))
+    # The greatest speed is along the major axis, a lag after the start; the least across it.
+    flood = np.interp(period * phase / 360.0, t, np.hypot(north, east))
+    slack = np.interp((period * (phase / 360.0 + 0.25)) % period, t, np.hypot(north, east))
+    assert (flood, slack) == (pytest.approx(0.3, abs=2e-4), pytest.approx(0.1, abs=2e-3))
+
+
 def test_tidal_periods_by_name():
     for name, hours in {"M2": 12.4206, "S2": 12.0, "K1": 23.9345, "O1": 25.8193}.items():
         rate = TidalEllipse(constituent=name, semi_major=0.1).angular_rate

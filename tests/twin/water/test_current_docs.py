@@ -9,23 +9,25 @@ import re
 import textwrap
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from twin.water.current import (
-    CURRENT_HELP,
-    Grid,
     Origin,
     TidalEllipse,
     Uniform,
     axes,
+    current_help,
     parse_current,
+    registry,
 )
 from twin.water.current import velocity_file as files
 from twin.water.current.profile import COLUMNS
-from twin.water.current.spec import GRID_SETTINGS, NUMBER_KINDS, NUMBER_SETTINGS, TIDE_SETTINGS
-from twin.water.current.tide import PERIOD_HOURS
+from twin.water.current.sampler import sample_gradient
+from twin.water.current.tide import ELLIPSE_SETTINGS, PERIOD_HOURS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "currents.md").read_text(encoding="utf-8")
+KINDS = registry.kinds()
 REQUIRED = "required"
 WORDS_FOR_NONE = {
     ("ekman", "lat"): "origin",
@@ -84,13 +86,9 @@ def check_rows(kind: str, cls: type, settings: dict[str, str]) -> None:
             assert float(default) == entry.default, field
 
 
-@pytest.mark.parametrize("kind", NUMBER_KINDS)
-def test_settings_that_are_numbers(kind: str) -> None:
-    check_rows(kind, NUMBER_KINDS[kind], NUMBER_SETTINGS[kind])
-
-
-def test_grid_settings() -> None:
-    check_rows("grid", Grid, GRID_SETTINGS)
+@pytest.mark.parametrize("kind", [name for name in KINDS if KINDS[name].cls.settings])
+def test_settings(kind: str) -> None:
+    check_rows(kind, KINDS[kind].cls, KINDS[kind].cls.settings)
 
 
 def test_tide_settings() -> None:
@@ -99,7 +97,7 @@ def test_tide_settings() -> None:
     del table[constituents]
     assert {name.upper() for name in constituents} <= set(PERIOD_HOURS)
     assert {names: row[:2] for names, row in table.items()} == {
-        (name,): [units(TidalEllipse)[field], "0"] for name, field in TIDE_SETTINGS.items()
+        (name,): [units(TidalEllipse)[field], "0"] for name, field in ELLIPSE_SETTINGS.items()
     }
     section = PAGE.split("## `tide`")[1].split("\n| ")[0]
     named = set(re.findall(r"`(\w\d)`", section))
@@ -120,10 +118,10 @@ def test_profile_columns() -> None:
 
 def test_every_kind_has_a_section_and_a_line_of_help() -> None:
     sections = re.findall(r"^## `([\w-]+)`$", PAGE, re.MULTILINE)
-    helped = {re.split(r"[: ]", line)[0] for line in CURRENT_HELP.splitlines()[:-1]}
+    helped = {re.split(r"[: ]", line)[0] for line in current_help().splitlines()[:-1]}
     assert len(set(sections)) == len(sections)
     assert set(sections) == helped
-    assert set(NUMBER_KINDS) < set(sections)
+    assert set(KINDS) | {"none"} == set(sections)
 
 
 def names_of(title: str, column: int) -> dict[str, set[str]]:
@@ -161,4 +159,16 @@ def test_examples_run() -> None:
     for text in commands:
         parse_current(text)
     for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
-        exec(compile(block, "docs/currents.md", "exec"), {})
+        code = compile(block, "docs/currents.md", "exec", dont_inherit=True)
+        exec(code, {"__name__": "docs_currents"})
+    # The page's own kind is whole: its derivatives are exact.
+    program = parse_current("jet:speed=0.3,width=5000,drift=0.2").compile(1e4)
+    point = np.array([4000.0, 2000.0, 10.0, 50.0])
+    found = np.array(sample_gradient(program, *point))
+    for axis, columns in enumerate([[3, 4, 5], [6, 9, 12], [7, 10, 13], [8, 11, 14]]):
+        step = 0.1 * np.eye(4)[axis]
+        change = np.subtract(
+            sample_gradient(program, *(point + step)), sample_gradient(program, *(point - step))
+        )
+        np.testing.assert_allclose(found[columns], change[:3] / 0.2, rtol=1e-6, atol=1e-15)
+    registry.remove("jet")

@@ -12,7 +12,8 @@ import xarray as xr
 
 from twin.errors import CurrentError
 from twin.water.current import Grid, Origin, current_from_dict, parse_current
-from twin.water.current.sampler import beyond_grid, sample, sample_track
+from twin.water.current.grid import beyond_grid
+from twin.water.current.sampler import sample, sample_track
 
 START = {"latitude_deg": 49.1, "longitude_deg": -16.1, "time": "2000-01-05T06:00"}
 TIMES = np.datetime64("2000-01-04T12:00", "ns") + np.arange(4) * np.timedelta64(1, "D")
@@ -511,6 +512,27 @@ def test_refusals_teach(name, tmp_path):
         Grid(path=path, **START).compile(DURATION)
     assert "current.nc" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("cells", "inside"), [(1.0, True), (1.4, True), (1.6, False), (2.0, False), (5.0, False)]
+)
+def test_a_start_where_the_longitudes_leave_a_gap_is_outside(tmp_path, cells, inside):
+    """A file that goes round the Earth leaves one open cell, where linear interpolation joins its
+    two ends. A cell that lacks a meridian is twice as wide, and no longer one of the grid's."""
+    cell = 30.0
+    end = 180.0 - cells * cell
+    longitude = np.append(np.arange(-180.0, end - 0.1, cell), end)
+    data = copernicus(longitude=longitude)
+    for name in ("uo", "vo"):
+        data[name][:] = 0.1
+    start = {**START, "longitude_deg": 180.0 - 0.5 * cells * cell}
+    grid = Grid(path=write(data, tmp_path), **start)
+    if inside:
+        np.testing.assert_allclose(grid.velocity(0.0, 0.0, 0.0, 5.0)[:2], 0.1)
+    else:
+        with pytest.raises(CurrentError, match=r"start longitude .* is outside"):
+            grid.compile(3600.0)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numba import carray, cfunc
 
-from twin.water.current import parse_current
+from twin.water.current import GaussMarkov, Grid, Profile, parse_current
 from twin.water.current import program as layout
 from twin.water.current.sampler import sample, sample_track
 
@@ -17,13 +17,13 @@ from twin.water.current.sampler import sample, sample_track
 def table_program() -> np.ndarray:
     random = np.random.default_rng(20)
     depth = np.cumsum(random.uniform(5.0, 60.0, 30))
-    return layout.program([layout.profile_record(depth, random.normal(0, 0.1, (30, 3)))])
+    return layout.program([Profile.record(30, depth, random.normal(0, 0.1, (30, 3)))])
 
 
 def series_program() -> np.ndarray:
     random = np.random.default_rng(21)
     time = 100.0 * np.arange(500)
-    return layout.program([layout.series_record(time, random.normal(0, 0.1, (500, 3)))])
+    return layout.program([GaussMarkov.record(500, time, random.normal(0, 0.1, (500, 3)))])
 
 
 def grid_program(components: int = 3, curvature: float = 1.8e-7) -> np.ndarray:
@@ -35,7 +35,7 @@ def grid_program(components: int = 3, curvature: float = 1.8e-7) -> np.ndarray:
         np.sort(random.uniform(-30_000.0, 30_000.0, 8)),
     ]
     shape = (*(a.size for a in axes), components)
-    record = layout.grid_record(*axes, random.normal(0, 0.1, shape), curvature)
+    record = Grid.box_record(*axes, random.normal(0, 0.1, shape), curvature)
     return layout.program([record])
 
 
@@ -107,7 +107,7 @@ def test_grid_reproduces_scipy_and_multilinear_fields():
     axes = [np.array([0.0, 5e3, 4e4]), np.array([0.0, 30.0, 100.0, 1000.0]),
             np.linspace(-2.5e4, 2.5e4, 6), np.linspace(-2.5e4, 2.5e4, 5)]  # fmt: skip
     values = np.random.default_rng(23).normal(0, 0.1, (3, 4, 6, 5, 3))
-    program = layout.program([layout.grid_record(*axes, values)])
+    program = layout.program([Grid.box_record(*axes, values)])
     point, velocity = random_points(500)
     out = sample_track(program, *np.ascontiguousarray(point.T), *np.ascontiguousarray(velocity.T))
     order = point[:, [0, 3, 1, 2]]

@@ -9,7 +9,6 @@ import pytest
 
 from twin.errors import CurrentError
 from twin.water.current import (
-    CURRENT_HELP,
     CurrentSum,
     Ekman,
     GaussMarkov,
@@ -23,6 +22,7 @@ from twin.water.current import (
     Tide,
     Uniform,
     current_from_dict,
+    current_help,
     parse_current,
     still_water,
 )
@@ -87,9 +87,8 @@ def test_a_pinned_description_does_not_need_the_origin(text):
 
 def test_the_help_names_only_what_parses(tmp_path):
     (tmp_path / "FILE.csv").write_text("depth,north,east\n0,0.1,0.2\n")
-    for line in CURRENT_HELP.splitlines()[:-1]:
-        text = line.split("  ")[0].split(" ")[0]
-        text = text.replace("NORTH,EAST[,DOWN]", "0.1,0.2").replace("FILE", str(tmp_path / "FILE"))
+    for line in current_help().splitlines()[:-1]:
+        text = line.split("  ")[0].replace("FILE", str(tmp_path / "FILE"))
         assert parse_current(text).kind
 
 
@@ -131,7 +130,7 @@ def test_a_bad_profile_names_file_and_row(tmp_path, text, message):
     [
         ("uniforn:0.1,0", "unknown current 'uniforn': did you mean 'uniform'"),
         ("", "unknown current ''.*allowed: .*ekman"),
-        ("uniform", "current 'uniform' needs settings, e.g. uniform:NORTH,EAST"),
+        ("uniform", "current 'uniform' needs settings, e.g. uniform:-0.05,-0.002"),
         ("uniform:0.1", "write uniform:NORTH,EAST"),
         ("uniform:0.1,a", "value 2 must be a number, not 'a'"),
         ("uniform:nan,0", "value 1 must be a number, not 'nan'"),

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numba
 from numba import types
 
+from twin.compiled import inline, jit  # noqa: F401  (jit: for the other modules of this folder)
 from twin.physics.native import block as b
 from twin.physics.native import struct_offsets as at
 from twin.physics.native.memory import as_f8_pointer, load_f8, load_i8
-
-jit = numba.njit(error_model="numpy")
-inline = numba.njit(error_model="numpy", inline="always")
 
 layout_table = types.ExternalFunction("glider_twin_layout", types.int64())
 """Address of the table of struct offsets that `layout.publish` made."""

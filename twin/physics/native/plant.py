@@ -18,7 +18,7 @@ import mujoco
 import numba
 from numba import types
 
-from twin.compiled.cache import cached_by_content
+from twin.compiled import cfunc, generation
 from twin.errors import TwinError
 from twin.mission.guidance import GUIDANCE_STATE
 from twin.physics.native import block as b
@@ -218,24 +218,22 @@ def control(model, data):
 
 
 @functools.cache
-def _compile() -> dict[str, numba.core.ccallback.CFunc]:
-    """Compile the three C functions, or load them from the cache."""
+def _compile(_: int) -> dict[str, numba.core.ccallback.CFunc]:
+    """The three C functions of one `generation`; older ones stay, others may be running them."""
     at.publish()
     llvm.load_library_permanently(str(at.library_path()))
-    with cached_by_content():
-        wrap = functools.partial(numba.cfunc, cache=True, error_model="numpy")
 
-        @wrap(_VOID)
-        def glider_twin_water(model, data):
-            water(model, data)
+    @cfunc(_VOID)
+    def glider_twin_water(model, data):
+        water(model, data)
 
-        @wrap(_VOID)
-        def glider_twin_control(model, data):
-            control(model, data)
+    @cfunc(_VOID)
+    def glider_twin_control(model, data):
+        control(model, data)
 
-        @wrap(types.float64(types.int64, types.int64, types.int32))
-        def glider_twin_actuate(model, data, index):
-            return actuate(model, data, index)
+    @cfunc(types.float64(types.int64, types.int64, types.int32))
+    def glider_twin_actuate(model, data, index):
+        return actuate(model, data, index)
 
     return {
         "passive": glider_twin_water,
@@ -250,16 +248,19 @@ _PROTOTYPES = {
     "act_dyn": ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int),
 }
 _installed: dict[str, object] = {}
+_addresses: dict[str, int] = {}
 
 
 def install() -> None:
     """Install the callbacks in this process; calling it again changes nothing.
 
+    After a kind of current was registered they are compiled again with its kernel.
+
     Raises:
       LayoutError: MuJoCo's structs are not where the callbacks would look.
       TwinError: another library's callback is in the way.
     """
-    compiled = _compile()
+    compiled = _compile(generation())
     for name, function in compiled.items():
         present = getattr(mujoco, f"get_mjcb_{name}")()
         ours = _installed.get(name)
@@ -268,9 +269,9 @@ def install() -> None:
                 f"mjcb_{name} is already taken by {present!r}; MuJoCo has one per process: "
                 f"clear it with mujoco.set_mjcb_{name}(None) before loading a glider"
             )
-        if ours is None:
+        if _addresses.get(name) != function.address:
             ours = _PROTOTYPES[name](function.address)
-            _installed[name] = ours
+            _installed[name], _addresses[name] = ours, function.address
         getattr(mujoco, f"set_mjcb_{name}")(ours)
 
 

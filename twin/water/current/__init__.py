@@ -2,7 +2,8 @@
 
 Build a current (`Uniform`, `Profile`, `Ekman`, `Geostrophic`, `Tide`, `Inertial`, `GaussMarkov`,
 `LogLayer`, `Grid`, sums by +, or `parse_current("ekman:tau=0.1,direction=90")`), compile it for a
-mission, and read it with `twin.water.current.sampler.sample`. Importing this package loads neither
+mission, and read it with `twin.water.current.sampler.sample`. A kind of one's own is a subclass of
+`Current` with a compiled kernel, decorated with `register`. Importing this package loads neither
 numba nor xarray.
 """
 
@@ -15,12 +16,12 @@ from twin.water.current.inertial import Inertial
 from twin.water.current.log_layer import LogLayer
 from twin.water.current.origin import Origin
 from twin.water.current.profile import Profile
-from twin.water.current.spec import CURRENT_HELP, parse_current
+from twin.water.current.register import register
+from twin.water.current.spec import current_help, parse_current
 from twin.water.current.tide import TidalEllipse, Tide
 from twin.water.current.uniform import Uniform
 
 __all__ = [
-    "CURRENT_HELP",
     "Current",
     "CurrentSum",
     "Ekman",
@@ -35,6 +36,8 @@ __all__ = [
     "Tide",
     "Uniform",
     "current_from_dict",
+    "current_help",
     "parse_current",
+    "register",
     "still_water",
 ]

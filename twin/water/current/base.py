@@ -11,12 +11,12 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from twin.compiled import Compiled
 from twin.errors import CurrentError, unknown_name
 from twin.water.current import program as layout
+from twin.water.current import registry, text
 from twin.water.current.origin import Origin
 from twin.water.current.program import Floats
-
-_KINDS: dict[str, type[Current]] = {}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,19 +24,62 @@ class Current(abc.ABC):
     """A current field V_c(t, north, east, depth) in NED, positive toward north, east and down.
 
     Directions are compass degrees TOWARD which the water flows (0 north, 90 east).
+
+    A kind is a frozen dataclass of its settings, decorated with `register`, with the names below,
+    `records` and one compiled function:
+
+      kernel(program, start, size, t, north, east, depth)
+          returns velocity (3) [m/s], local rate dV/dt (3) [m/s2] and gradient (9) [1/s], row by
+          row: dVn/dn, dVn/de, dVn/dd, dVe/dn, ...; NED, depth [m] never negative. The payload that
+          `records` wrote is program[start:start + size].
+      directional(..., r_t, r_north, r_east, r_depth)
+          instead of `kernel`, where that takes fewer operations: velocity (3) and its derivative
+          (3) along the direction (r_t, r_north, r_east, r_depth).
     """
 
     kind: ClassVar[str] = ""
     """Name in descriptions and on the command line."""
+    code: ClassVar[int | None] = None
+    """Number in compiled programs; None: made from the kind's name."""
+    payload_size: ClassVar[int | None] = None
+    """Numbers in a record; None: it varies, and the compiled function checks `size` itself."""
+    kernel: ClassVar[Compiled | None] = None
+    """See above."""
+    directional: ClassVar[Compiled | None] = None
+    """See above."""
+    usage: ClassVar[Mapping[str, str]] = {}
+    """Example texts for `--current`, each with a few words; FILE stands for a file's name."""
+    settings: ClassVar[Mapping[str, str] | None] = None
+    """Command-line name and field of each setting; None: every field under its own name."""
 
     def __init_subclass__(cls, **keywords: Any) -> None:
         super().__init_subclass__(**keywords)
-        if cls.kind:
-            _KINDS[cls.kind] = cls
+        if "velocity" in vars(cls):
+            raise CurrentError(
+                f"{cls.__qualname__} overrides velocity(), which nothing flies: what flies is"
+                " compiled. Give records() and a kernel, and decorate the class with"
+                " twin.water.current.register"
+            )
 
     @abc.abstractmethod
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """The components as `layout` records for a mission of `duration_s` from `origin`."""
+        """The records, made by `record`, for a mission of `duration_s` [s] from `origin`."""
+
+    @classmethod
+    def record(cls, *payload: ArrayLike) -> Floats:
+        """One record of this kind: numbers and arrays, flattened in order."""
+        return layout.record(cls._registered().code, *payload)
+
+    @classmethod
+    def _registered(cls) -> registry.Kind:
+        """What is registered of this class; raises CurrentError when it is not."""
+        kind = registry.find(cls.kind) if cls.kind else None
+        if kind is None or kind.cls is not cls:
+            raise CurrentError(
+                f"{cls.__qualname__} is not a registered kind of current: give it a `kind` of its"
+                " own and decorate it with twin.water.current.register"
+            )
+        return kind
 
     def compile(self, duration_s: float, origin: Origin | None = None) -> Floats:
         """The flat float64 program for `sampler.sample`, the same bytes on every call.
@@ -44,12 +87,16 @@ class Current(abc.ABC):
         duration_s [s]: mission length; what is drawn or read covers it (later times hold the last
         value). origin: the mission's start, `Origin()` when None. Raises CurrentError.
         """
+        self._check_registered()
         if not (math.isfinite(duration_s) and duration_s > 0.0):
             raise CurrentError(f"duration_s must be greater than 0 s, not {duration_s}")
         program = layout.program(self.records(float(duration_s), origin or Origin()))
         if not np.isfinite(program).all():
             raise CurrentError(f"{self.kind}: the compiled current holds NaN or infinity")
         return program
+
+    def _check_registered(self) -> None:
+        self._registered()
 
     def pinned(self, duration_s: float, origin: Origin | None = None) -> Current:
         """This current with everything written out that it would take from origin or file.
@@ -102,6 +149,42 @@ class Current(abc.ABC):
         except TypeError as error:
             raise CurrentError(f"{cls.kind}: {error}; settings: {', '.join(allowed)}") from None
 
+    @classmethod
+    def setting_fields(cls) -> Mapping[str, str]:
+        """Command-line name and field of every setting."""
+        return {f.name: f.name for f in fields(cls)} if cls.settings is None else cls.settings
+
+    @classmethod
+    def parse(cls, rest: str) -> Current:
+        """The current from what follows `KIND:` on the command line, NAME=VALUE between commas.
+
+        Fields that are `int` take whole numbers, `str` any text, others numbers. Raises
+        CurrentError naming what is wrong.
+        """
+        names = cls.setting_fields()
+        positional, given = text.split_settings(cls.kind, rest)
+        if positional:
+            raise CurrentError(
+                f"{cls.kind}: write NAME=VALUE, not {positional[0]!r}; {text.allowed(names)}"
+            )
+        known = {f.name: f for f in fields(cls)}
+        settings: dict[str, Any] = {}
+        for name, value in given.items():
+            if name not in names:
+                raise CurrentError(unknown_name(f"{cls.kind} setting", name, names))
+            field = known[names[name]]
+            if field.type in (str, "str"):
+                settings[field.name] = value
+            elif field.type in (int, "int"):
+                settings[field.name] = text.whole_number(cls.kind, name, value)
+            else:
+                settings[field.name] = text.number(cls.kind, name, value)
+        for field in known.values():
+            if field.default is field.default_factory and field.name not in settings:
+                needed = next(name for name, target in names.items() if target == field.name)
+                raise CurrentError(f"{cls.kind}: {needed}= is missing; {text.allowed(names)}")
+        return cls(**settings)
+
     def __add__(self, other: Current) -> CurrentSum:
         if not isinstance(other, Current):
             return NotImplemented
@@ -122,6 +205,10 @@ class CurrentSum(Current):
         for part in self.parts:
             if not isinstance(part, Current):
                 raise CurrentError(f"sum: a part is {type(part).__name__}, it must be a Current")
+
+    def _check_registered(self) -> None:
+        for part in self.parts:
+            part._check_registered()
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
         """The records of all parts."""
@@ -151,17 +238,18 @@ def still_water() -> CurrentSum:
 
 def current_from_dict(description: Mapping[str, Any]) -> Current:
     """The current that `describe()` described. Raises CurrentError when it cannot be one."""
-    import twin.water.current  # noqa: F401  (registers every kind)
-
     if not isinstance(description, Mapping) or "kind" not in description:
-        raise CurrentError(
-            f"a current's description needs 'kind' (one of {', '.join(sorted(_KINDS))})"
-        )
-    kind = description["kind"]
-    if kind not in _KINDS:
-        raise CurrentError(unknown_name("current", str(kind), _KINDS))
+        known = sorted([*registry.names(), CurrentSum.kind])
+        raise CurrentError(f"a current's description needs 'kind' (one of {', '.join(known)})")
     settings = {name: value for name, value in description.items() if name != "kind"}
-    return _KINDS[kind].from_settings(settings)
+    name = str(description["kind"])
+    if name == CurrentSum.kind:
+        return CurrentSum.from_settings(settings)
+    kind = registry.find(name)
+    if kind is None:
+        raise registry.unknown(name, CurrentSum.kind)
+    current: Current = kind.cls.from_settings(settings)
+    return current
 
 
 def _parts(current: Current) -> tuple[Current, ...]:

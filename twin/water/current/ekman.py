@@ -3,20 +3,43 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
+from twin.compiled import jit
 from twin.errors import CurrentError
 from twin.water.current import arguments as checks
-from twin.water.current import program as layout
 from twin.water.current.base import Current
 from twin.water.current.origin import Origin, coriolis
 from twin.water.current.program import Floats
+from twin.water.current.register import register
 
 LOWEST_LATITUDE = 2.0
 """[degree] Nearer to the equator f vanishes and the steady Ekman balance does not hold."""
 
 
+@jit
+def spiral(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
+    """Surface speed, 1/depth scale, surface angle from north, sense (+1 N, -1 S hemisphere)."""
+    inverse = program[start + 1]
+    decay = program[start] * math.exp(-depth * inverse)
+    angle = program[start + 2] + program[start + 3] * depth * inverse
+    v_north = decay * math.cos(angle)
+    v_east = decay * math.sin(angle)
+    rate = r_d * inverse
+    turn = program[start + 3] * rate
+    return (
+        v_north,
+        v_east,
+        0.0,
+        -rate * v_north - turn * v_east,
+        -rate * v_east + turn * v_north,
+        0.0,
+    )
+
+
+@register
 @dataclass(frozen=True, kw_only=True)
 class Ekman(Current):
     """Steady Ekman layer of constant eddy viscosity in deep water.
@@ -28,6 +51,21 @@ class Ekman(Current):
     """
 
     kind: ClassVar[str] = "ekman"
+    code: ClassVar[int] = 3
+    payload_size: ClassVar[int] = 4
+    directional: ClassVar[Any] = spiral
+    usage: ClassVar[Mapping[str, str]] = {
+        "ekman:tau=0.1,direction=90": "wind stress Pa, degrees the wind blows toward"
+    }
+    settings: ClassVar[Mapping[str, str]] = {
+        "tau": "stress",
+        "stress": "stress",
+        "direction": "direction_deg",
+        "viscosity": "viscosity",
+        "az": "viscosity",
+        "density": "density",
+        "lat": "latitude_deg",
+    }
 
     stress: float
     """[Pa] Wind stress; about 0.1 for a wind of 8 m/s."""
@@ -70,7 +108,7 @@ class Ekman(Current):
         sense = math.copysign(1.0, f)
         angle = math.radians(self.direction_deg) + sense * math.pi / 4.0
         checks.speed(self.kind, "surface speed", speed)
-        return [layout.record(layout.EKMAN, [speed, 1.0 / depth, angle, sense])]
+        return [self.record(speed, 1.0 / depth, angle, sense)]
 
     def _latitude(self, origin: Origin) -> float:
         return origin.latitude_deg if self.latitude_deg is None else self.latitude_deg

@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+from twin.compiled import jit
 from twin.errors import CurrentError
 from twin.water.current import arguments as checks
-from twin.water.current import program as layout
 from twin.water.current.base import Current
+from twin.water.current.interpolation import table
 from twin.water.current.origin import Origin
 from twin.water.current.program import Floats
+from twin.water.current.register import register
 
 
+@jit
+def series(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
+    """Table over time: n, times [s since mission start] (n), velocity (n, 3)."""
+    return table(program, start, size, t, r_t)
+
+
+@register
 @dataclass(frozen=True, kw_only=True)
 class GaussMarkov(Current):
     """Speed and direction as independent stationary first-order Gauss-Markov processes.
@@ -27,6 +37,24 @@ class GaussMarkov(Current):
     """
 
     kind: ClassVar[str] = "gauss-markov"
+    code: ClassVar[int] = 8
+    directional: ClassVar[Any] = series
+    usage: ClassVar[Mapping[str, str]] = {
+        "gauss-markov:speed=0.1,std=0.05,direction=90,direction_std=20,time=10800,seed=1": (
+            "a current that wanders"
+        )
+    }
+    settings: ClassVar[Mapping[str, str]] = {
+        "speed": "speed",
+        "direction": "direction_deg",
+        "std": "speed_std",
+        "direction_std": "direction_std_deg",
+        "time": "correlation_time",
+        "min": "min_speed",
+        "max": "max_speed",
+        "interval": "interval",
+        "seed": "seed",
+    }
 
     speed: float
     """[m/s] Mean speed."""
@@ -94,4 +122,4 @@ class GaussMarkov(Current):
         velocity = np.column_stack(
             [speed * np.cos(direction), speed * np.sin(direction), np.zeros_like(speed)]
         )
-        return [layout.series_record(time, velocity)]
+        return [self.record(time.size, time, velocity)]

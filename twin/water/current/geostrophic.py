@@ -3,16 +3,37 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
+from twin.compiled import jit
 from twin.water.current import arguments as checks
-from twin.water.current import program as layout
 from twin.water.current.base import Current
 from twin.water.current.origin import Origin
 from twin.water.current.program import Floats
+from twin.water.current.register import register
 
 
+@jit
+def shear(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
+    """Barotropic north, east; baroclinic surface north, east; 1/scale depth."""
+    inverse = program[start + 4]
+    decay = math.exp(-depth * inverse)
+    v_north = program[start + 2] * decay
+    v_east = program[start + 3] * decay
+    rate = -r_d * inverse
+    return (
+        program[start] + v_north,
+        program[start + 1] + v_east,
+        0.0,
+        rate * v_north,
+        rate * v_east,
+        0.0,
+    )
+
+
+@register
 @dataclass(frozen=True, kw_only=True)
 class Geostrophic(Current):
     """U(depth) = barotropic + baroclinic exp(-depth/scale).
@@ -21,6 +42,20 @@ class Geostrophic(Current):
     """
 
     kind: ClassVar[str] = "geostrophic"
+    code: ClassVar[int] = 4
+    payload_size: ClassVar[int] = 5
+    directional: ClassVar[Any] = shear
+    usage: ClassVar[Mapping[str, str]] = {
+        "geostrophic:surface=0.2,direction=45,scale=800,barotropic=0.05": "m/s, degrees toward, m"
+    }
+    settings: ClassVar[Mapping[str, str]] = {
+        "surface": "baroclinic",
+        "speed": "baroclinic",
+        "direction": "direction_deg",
+        "scale": "scale_depth",
+        "barotropic": "barotropic",
+        "barotropic_direction": "barotropic_direction_deg",
+    }
 
     baroclinic: float
     """[m/s] Surface speed of the sheared part."""
@@ -59,4 +94,4 @@ class Geostrophic(Current):
             self.baroclinic * math.sin(sheared),
             1.0 / self.scale_depth,
         ]
-        return [layout.record(layout.GEOSTROPHIC, payload)]
+        return [self.record(payload)]

@@ -3,16 +3,43 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
+from twin.compiled import jit
 from twin.water.current import arguments as checks
-from twin.water.current import program as layout
 from twin.water.current.base import Current
 from twin.water.current.origin import Origin, coriolis
 from twin.water.current.program import Floats
+from twin.water.current.register import register
 
 
+@jit
+def slab(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
+    """Speed, signed angular rate (clockwise from above is +), angle at t 0, layer depth,
+    1/decay depth below the layer."""
+    angle = program[start + 2] + program[start + 1] * t
+    below = depth - program[start + 3]
+    speed = program[start]
+    rate = 0.0
+    if below >= 0.0:
+        speed *= math.exp(-below * program[start + 4])
+        rate = -r_d * program[start + 4]
+    v_north = speed * math.cos(angle)
+    v_east = speed * math.sin(angle)
+    omega = r_t * program[start + 1]
+    return (
+        v_north,
+        v_east,
+        0.0,
+        rate * v_north - omega * v_east,
+        rate * v_east + omega * v_north,
+        0.0,
+    )
+
+
+@register
 @dataclass(frozen=True, kw_only=True)
 class Inertial(Current):
     """A slab that turns at the Coriolis frequency: clockwise in the north, period 12 h/sin(lat).
@@ -22,6 +49,19 @@ class Inertial(Current):
     """
 
     kind: ClassVar[str] = "inertial"
+    code: ClassVar[int] = 6
+    payload_size: ClassVar[int] = 5
+    directional: ClassVar[Any] = slab
+    usage: ClassVar[Mapping[str, str]] = {
+        "inertial:speed=0.08,layer=40": "near-inertial oscillation of the mixed layer"
+    }
+    settings: ClassVar[Mapping[str, str]] = {
+        "speed": "speed",
+        "layer": "layer_depth",
+        "decay": "decay_depth",
+        "direction": "direction_deg",
+        "lat": "latitude_deg",
+    }
 
     speed: float
     """[m/s] Speed in the mixed layer."""
@@ -59,7 +99,7 @@ class Inertial(Current):
             self.layer_depth,
             1.0 / self.decay_depth,
         ]
-        return [layout.record(layout.INERTIAL, payload)]
+        return [self.record(payload)]
 
     def _latitude(self, origin: Origin) -> float:
         return origin.latitude_deg if self.latitude_deg is None else self.latitude_deg

@@ -3,20 +3,40 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
+from twin.compiled import jit
 from twin.errors import CurrentError
 from twin.water.current import arguments as checks
-from twin.water.current import program as layout
 from twin.water.current.base import Current
 from twin.water.current.origin import Origin
 from twin.water.current.program import Floats
+from twin.water.current.register import register
 
 VON_KARMAN = 0.41
 """Von Karman's constant."""
 
 
+@jit
+def wall_layer(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
+    """(u*/kappa) north, east; water depth; roughness length; layer thickness."""
+    height = program[start + 2] - depth
+    rate = 0.0
+    if height <= program[start + 3]:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if height < program[start + 4]:
+        rate = -r_d / height
+    else:
+        height = program[start + 4]
+    log = math.log(height / program[start + 3])
+    v_north = program[start]
+    v_east = program[start + 1]
+    return v_north * log, v_east * log, 0.0, v_north * rate, v_east * rate, 0.0
+
+
+@register
 @dataclass(frozen=True, kw_only=True)
 class LogLayer(Current):
     """U = (u*/0.41) ln(h/z0) with h the height above the bottom, at most `thickness`.
@@ -25,6 +45,19 @@ class LogLayer(Current):
     """
 
     kind: ClassVar[str] = "log-layer"
+    code: ClassVar[int] = 7
+    payload_size: ClassVar[int] = 5
+    directional: ClassVar[Any] = wall_layer
+    usage: ClassVar[Mapping[str, str]] = {
+        "log-layer:friction=0.01,direction=0,bottom=100": "turbulent layer above the sea floor, m"
+    }
+    settings: ClassVar[Mapping[str, str]] = {
+        "friction": "friction_velocity",
+        "direction": "direction_deg",
+        "bottom": "water_depth",
+        "roughness": "roughness",
+        "thickness": "thickness",
+    }
 
     friction_velocity: float
     """[m/s] u*; about 1/25 of the speed above the layer."""
@@ -66,4 +99,4 @@ class LogLayer(Current):
             self.roughness,
             self.thickness,
         ]
-        return [layout.record(layout.LOG_LAYER, payload)]
+        return [self.record(payload)]

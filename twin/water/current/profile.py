@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+from twin.compiled import jit
 from twin.errors import CurrentError, unknown_name
 from twin.water.current import arguments as checks
-from twin.water.current import program as layout
+from twin.water.current import text
 from twin.water.current.base import Current
+from twin.water.current.interpolation import table
 from twin.water.current.origin import Origin
 from twin.water.current.program import Floats
+from twin.water.current.register import register
 from twin.water.table_file import column_numbers, read_table_file
 
 COLUMNS = {
@@ -34,11 +37,23 @@ COLUMNS = {
 """CSV column names: our field and its sign (oceanographers' u, v, w are east, north, UP)."""
 
 
+@jit
+def column(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
+    """Table over depth: n, depths [m] (n), velocity (n, 3)."""
+    return table(program, start, size, depth, r_d)
+
+
+@register
 @dataclass(frozen=True, kw_only=True)
 class Profile(Current):
     """Velocity linear between tabulated depths, held above the first and below the last."""
 
     kind: ClassVar[str] = "profile"
+    code: ClassVar[int] = 2
+    directional: ClassVar[Any] = column
+    usage: ClassVar[Mapping[str, str]] = {
+        "profile:FILE.csv": "columns depth,north,east[,down] in m and m/s"
+    }
 
     depth: tuple[float, ...]
     """[m] Depths, positive down, strictly increasing, shape (n,)."""
@@ -58,6 +73,14 @@ class Profile(Current):
         if not self.down:
             object.__setattr__(self, "down", (0.0,) * len(self.depth))
         check_rows(self.kind, self.depth, self.north, self.east, self.down)
+
+    @classmethod
+    def parse(cls, rest: str) -> Profile:
+        """From the name of a CSV file."""
+        positional, given = text.split_settings(cls.kind, rest)
+        if len(positional) != 1 or given:
+            raise CurrentError(f"profile: give one CSV file, as profile:FILE.csv, not {rest!r}")
+        return cls.from_csv(positional[0])
 
     @classmethod
     def from_csv(cls, path: str | Path) -> Profile:
@@ -97,9 +120,8 @@ class Profile(Current):
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
         """One layout record."""
-        return [
-            layout.profile_record(self.depth, np.column_stack([self.north, self.east, self.down]))
-        ]
+        velocity = np.column_stack([self.north, self.east, self.down])
+        return [self.record(len(self.depth), self.depth, velocity)]
 
 
 def _is_number(text: str) -> bool:

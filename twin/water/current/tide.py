@@ -7,12 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self
 
+from twin.compiled import jit
 from twin.errors import CurrentError, unknown_name
 from twin.water.current import arguments as checks
-from twin.water.current import program as layout
+from twin.water.current import text
 from twin.water.current.base import Current
 from twin.water.current.origin import Origin
 from twin.water.current.program import Floats
+from twin.water.current.register import register
 
 PERIOD_HOURS = {
     "M2": 12.4206012,
@@ -51,8 +53,9 @@ class TidalEllipse:
     def __post_init__(self) -> None:
         name = str(self.constituent).upper()
         if name not in PERIOD_HOURS:
-            text = unknown_name("tidal constituent", str(self.constituent), PERIOD_HOURS)
-            raise CurrentError(text)
+            raise CurrentError(
+                unknown_name("tidal constituent", str(self.constituent), PERIOD_HOURS)
+            )
         object.__setattr__(self, "constituent", name)
         major = checks.speed("tide", f"{name} semi_major", self.semi_major)
         minor = checks.speed("tide", f"{name} semi_minor", self.semi_minor)
@@ -74,6 +77,34 @@ class TidalEllipse:
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
 
+ELLIPSE_SETTINGS = {"direction": "direction_deg", "phase": "phase_deg", "minor": "semi_minor"}
+"""Command-line name and field of what every constituent has beside its amplitude."""
+
+
+@jit
+def ellipses_kernel(program, start, size, t, north, east, depth):  # type: ignore[no-untyped-def]
+    """n, then per constituent: angular rate, cos and sin coefficients (north, east each)."""
+    v_north = 0.0
+    v_east = 0.0
+    north_rate = 0.0
+    east_rate = 0.0
+    if size < 1 or not (program[start] >= 1.0 and 1.0 + 5.0 * program[start] == size):
+        v_north = v_east = math.nan
+    else:
+        for i in range(int(program[start])):
+            at = start + 1 + 5 * i
+            omega = program[at]
+            c = math.cos(omega * t)
+            s = math.sin(omega * t)
+            v_north += program[at + 1] * c + program[at + 3] * s
+            v_east += program[at + 2] * c + program[at + 4] * s
+            north_rate += omega * (program[at + 3] * c - program[at + 1] * s)
+            east_rate += omega * (program[at + 4] * c - program[at + 2] * s)
+    rest = (0.0, 0.0, 0.0)
+    return (v_north, v_east, 0.0, north_rate, east_rate, 0.0, *rest, *rest, *rest)
+
+
+@register
 @dataclass(frozen=True, kw_only=True)
 class Tide(Current):
     """Sum of tidal ellipses, the same at every place and depth.
@@ -82,6 +113,13 @@ class Tide(Current):
     """
 
     kind: ClassVar[str] = "tide"
+    code: ClassVar[int] = 5
+    kernel: ClassVar[Any] = ellipses_kernel
+    usage: ClassVar[Mapping[str, str]] = {
+        "tide:m2=0.1,s2=0.03,direction=30": (
+            "ellipses; also minor=, phase=, m2_phase=, k1=, o1= ..."
+        )
+    }
 
     ellipses: tuple[TidalEllipse, ...]
     """The constituents."""
@@ -94,6 +132,30 @@ class Tide(Current):
         for name in names:
             if names.count(name) > 1:
                 raise CurrentError(f"tide: constituent {name} is given twice")
+
+    @classmethod
+    def parse(cls, rest: str) -> Tide:
+        """From CONSTITUENT=SPEED and settings for all constituents, or for one as m2_phase=."""
+        positional, given = text.split_settings(cls.kind, rest)
+        if positional:
+            raise CurrentError(f"tide: write NAME=VALUE, e.g. m2=0.1, not {positional[0]!r}")
+        constituents = [name for name in given if name.upper() in PERIOD_HOURS]
+        allowed = [name.lower() for name in PERIOD_HOURS] + list(ELLIPSE_SETTINGS)
+        allowed += [f"{c}_{field}" for c in constituents for field in ELLIPSE_SETTINGS]
+        for name in given:
+            if name not in allowed:
+                raise CurrentError(unknown_name("tide setting", name, allowed))
+        ellipses = []
+        for name in constituents:
+            settings = {
+                field: text.number("tide", key, given[key])
+                for short, field in ELLIPSE_SETTINGS.items()
+                for key in (short, f"{name}_{short}")
+                if key in given
+            }
+            major = text.number("tide", name, given[name])
+            ellipses.append(TidalEllipse(constituent=name, semi_major=major, **settings))
+        return cls(ellipses=tuple(ellipses))
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
@@ -125,4 +187,4 @@ class Tide(Current):
                 for a, b in zip(major, minor, strict=True)
             ]
             rows.append([e.angular_rate, *cos_part, *sin_part])
-        return [layout.record(layout.TIDE, len(rows), rows)]
+        return [self.record(len(rows), rows)]

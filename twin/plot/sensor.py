@@ -6,27 +6,18 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from twin.errors import InputError
+from twin.errors import InputError, UnknownName
 from twin.plot import style
-from twin.plot.signals import thinned_time
-from twin.records.schema import VARIABLES
+from twin.plot.registry import FigureKind
+from twin.plot.signals import thinned_time, unit_text
+from twin.records.schema import variable
 from twin.records.trajectory import Trajectory
+from twin.sensors import SENSORS, Sensor
 
 Array = NDArray[np.float64]
 
-CIRCULAR = ("heading", "roll")
-"""Signals [degree] whose differences are taken the short way round."""
-UNIT_TEXT = {"degree": "°", "m s-1": "m/s", "m s-2": "m/s²", "rad s-1": "rad/s", "cm3": "cm³"}
-"""How figures write the schema's units."""
-TITLES = {
-    "dvl_surge": "DVL surge",
-    "dvl_sway": "DVL sway",
-    "dvl_heave": "DVL heave",
-    "gps_north": "GPS north",
-    "gps_east": "GPS east",
-    "onboard_north": "on-board north",
-    "onboard_east": "on-board east",
-}
+WORDS = {"dvl": "DVL", "gps": "GPS", "onboard": "on-board"}
+"""Words of signals as titles write them"""
 DEFAULT = (
     "pitch",
     "roll",
@@ -39,30 +30,29 @@ DEFAULT = (
     "onboard_east",
 )
 """Signals shown when none are named, those that the trajectory has."""
+MOST_SHOWN = 6
+"""Of the others, where it has none of them"""
 
 
 def truth_of(name: str, trajectory: Trajectory) -> Array | None:
-    """The true signal that `measured_<name>` observes, or None when truth has no such signal."""
-    axis = name.removeprefix("dvl_")
-    if axis != name and f"true_{axis}" in trajectory.signals:
-        through_water = trajectory[f"true_{axis}"]
-        mode = trajectory.signals.get("measured_dvl_mode")
-        if mode is None:
-            return through_water
-        return np.where(mode == 2, through_water, _over_ground(trajectory, axis))
-    plain = name.removeprefix("gps_").removeprefix("onboard_")
-    return trajectory.signals.get(f"true_{plain}")
+    """The true signal that `measured_<name>` observes, or None when truth has no such signal.
+
+    The sensor that measures it says which; of what only real vehicles measure it has that name.
+    """
+    return _sensor_of(name).observed(name, trajectory)
 
 
-def _over_ground(trajectory: Trajectory, axis: str) -> Array:
-    from twin.frames import euler_to_matrix
+def _sensor_of(name: str) -> type[Sensor]:
+    written = f"measured_{name}"
+    for sensor in SENSORS.values():
+        if any(entry.name == written for entry in sensor.writes):
+            return sensor
+    return Sensor
 
-    angles = (np.deg2rad(trajectory[f"true_{n}"]) for n in ("roll", "pitch", "heading"))
-    velocity = np.stack(
-        [trajectory[f"true_velocity_{n}"] for n in ("north", "east", "down")], axis=-1
-    )
-    body = np.einsum("tji,tj->ti", euler_to_matrix(*angles), velocity)
-    return body[:, ("surge", "sway", "heave").index(axis)]
+
+def _of_ones_own(name: str) -> bool:
+    """Whether a sensor measures it that the package does not bring: always shown."""
+    return getattr(_sensor_of(name), "name", "") not in ("", *SENSORS.shipped())
 
 
 def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure:
@@ -72,7 +62,7 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
       names: signals without their prefix, e.g. ("pitch", "depth"); empty shows DEFAULT.
 
     Raises:
-      InputError: the trajectory has no measured signals, or not the named one.
+      InputError: the trajectory has no measured signals. UnknownName: not the named one.
     """
     have = [n.removeprefix("measured_") for n in trajectory.signals if n.startswith("measured_")]
     have = [n for n in have if truth_of(n, trajectory) is not None]
@@ -80,8 +70,9 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
         raise InputError("this trajectory has no measured signals: simulate it with sensors")
     for name in names:
         if name not in have:
-            raise InputError(f"no measured signal {name!r} (present: {', '.join(sorted(have))})")
-    shown = list(names) or [n for n in DEFAULT if n in have] or have[:6]
+            raise UnknownName("measured signal", name, have)
+    usual = [n for n in have if _of_ones_own(n)]
+    shown = list(names) or [n for n in DEFAULT if n in have] + usual or have[:MOST_SHOWN]
     with style.styled():
         figure = style.new_figure(style.PAGE_WIDTH, 0.5 + 0.95 * len(shown))
         axes = figure.subplots(len(shown), 2, sharex=True, squeeze=False)
@@ -92,7 +83,8 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
                 trajectory[f"measured_{name}"], np.asarray(truth_of(name, trajectory))
             )
             error = measured - true
-            if name in CIRCULAR:
+            units = variable(f"measured_{name}").units
+            if units == "degree":  # the short way round
                 error = (error + 180.0) % 360.0 - 180.0
             sparse = bool(np.isnan(measured).mean() > 0.5)
             mark = {"marker": ".", "ms": 2.5, "ls": "none"} if sparse else {"lw": 0.8}
@@ -100,10 +92,9 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
             left.plot(time, measured, color=style.ESTIMATE, label="measured", **mark)
             right.axhline(0.0, color=style.GUIDE, lw=0.7)
             right.plot(time, error, color=style.ESTIMATE, **mark)
-            units = VARIABLES[f"measured_{name}"].units
             for panel in (left, right):
-                panel.set_ylabel(f"[{UNIT_TEXT.get(units, units)}]")
-            left.set_title(TITLES.get(name, name.replace("_", " ")))
+                panel.set_ylabel(unit_text(units))
+            left.set_title(" ".join(WORDS.get(w, w) for w in name.split("_")))
             finite = error[np.isfinite(error)]
             spread = f"mean {finite.mean():.2g}, std {finite.std():.2g}" if len(finite) else "none"
             right.set_title(f"measured − true: {spread}", fontweight="normal")
@@ -113,3 +104,10 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
             style.label_time(panel, unit)
         figure.align_ylabels()
     return figure
+
+
+FIGURE = FigureKind(
+    name="sensor",
+    summary="each measured signal over the true one, and the difference",
+    draw=sensor_figure,
+)

@@ -1,0 +1,52 @@
+"""Examples of the documents: run as a reader would, with their files in a folder of their own."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+BLOCK = re.compile(r"^```python(?: file=([\w.]+))?\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+needs_docs = pytest.mark.skipif(
+    not (ROOT / "docs").is_dir(), reason="a source distribution has no docs"
+)
+
+
+def blocks(page: str) -> list[tuple[str, str]]:
+    """The Python examples of a page: the name of the file that each is, or "", and its text."""
+    return BLOCK.findall((ROOT / page).read_text())
+
+
+@contextlib.contextmanager
+def files_of(page: str, folder: Path) -> Iterator[list[str]]:
+    """Write a page's files into `folder` and make them importable; gives their modules' names."""
+    names = []
+    for name, text in blocks(page):
+        if name:
+            (folder / name).write_text(text)
+            names.append(Path(name).stem)
+    sys.path.insert(0, str(folder))
+    importlib.invalidate_caches()
+    try:
+        yield names
+    finally:
+        sys.path.remove(str(folder))
+        for name in names:
+            sys.modules.pop(name, None)
+
+
+def run(page: str) -> dict[str, Any]:
+    """Run the examples of a page one after the other in one namespace, which is returned."""
+    names: dict[str, Any] = {}
+    for name, text in blocks(page):
+        if not name:
+            exec(compile(text, page, "exec"), names)
+    return names

@@ -1,0 +1,111 @@
+"""What a resumed run says that it flew, and what the workers of a killed run leave behind."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from factory.generation.bulk import generate
+from factory.generation.checkpoint import Journal
+from factory.recipe.recipe import Recipe
+from twin.records.store import UNFINISHED
+
+Recipes = Callable[..., Recipe]
+FLOWN_AGAIN = (1, 3)
+"""missions whose parts are lost before the resume"""
+
+
+def test_a_resumed_run_counts_only_what_it_flew_itself(
+    tmp_path: Path, recipe: Recipes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, store = recipe(), tmp_path / "missions.zarr"
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("factory.generation.bulk.write_shard", stop)
+        with pytest.raises(KeyboardInterrupt):
+            generate(made, store, workers=1)
+    parts = sorted((store / UNFINISHED).glob("mission-*.part"))
+    assert len(parts) == len(made.plan) > len(FLOWN_AGAIN)
+    for mission in FLOWN_AGAIN:
+        parts[mission].unlink()
+    hours = [duration / 3600.0 for duration in made.plan.durations_s]
+    heard: list[float] = []
+    summary = generate(
+        made, store, workers=1, resume=True, watch=lambda done, _: heard.append(done)
+    )
+    assert summary.flown == len(FLOWN_AGAIN)
+    assert summary.flown_hours == pytest.approx(sum(hours[m] for m in FLOWN_AGAIN))
+    assert summary.hours == pytest.approx(sum(hours))
+    assert summary.times_real_time == pytest.approx(
+        summary.flown_hours * 3600.0 / summary.wall_s, rel=1e-12
+    )
+    # the progress bar hears of every mission once: of those that were there first
+    kept = [hour for mission, hour in enumerate(hours) if mission not in FLOWN_AGAIN]
+    assert heard[: len(kept)] == pytest.approx(kept)
+    assert sorted(heard) == pytest.approx(sorted(hours))
+    again = generate(made, store, workers=1, resume=True)
+    assert (again.flown, again.flown_hours) == (0, 0.0)
+    assert again.missions == len(made.plan)
+
+
+def workers_of(process: int) -> list[int]:
+    """Process numbers of its children."""
+    return [int(n) for n in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+
+
+def lives(process: int) -> bool:
+    """Whether it runs; one that has ended and waits to be collected does not."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    return False
+
+
+def wait_until(condition: Callable[[], bool], seconds: float = 60.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.02)
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="reads /proc, which Linux has")
+def test_workers_whose_run_is_killed_end_and_never_hold_the_store(tmp_path: Path) -> None:
+    """A stopped worker outlives its parent; the store is free all the same, and then it ends."""
+    store = tmp_path / "missions.zarr"
+    command = [sys.executable, "-m", "factory", "generate", "--hours", "100", "--workers", "2"]
+    process = subprocess.Popen(
+        [*command, "--out", str(store)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    left: list[int] = []
+    try:
+        wait_until(lambda: process.poll() is not None or Journal(store).count_missions() >= 1)
+        assert process.poll() is None
+        left = workers_of(process.pid)
+        assert len(left) == 2
+        for worker in left:
+            os.kill(worker, signal.SIGSTOP)
+        process.kill()
+        process.wait()
+        assert all(lives(worker) for worker in left)
+        with Journal(store).locked():  # refused while another run holds it
+            kept = Journal(store).count_missions()
+        for worker in left:
+            os.kill(worker, signal.SIGCONT)
+        wait_until(lambda: not any(lives(worker) for worker in left))
+        # each finishes at most the mission that it was flying
+        assert Journal(store).count_missions() <= kept + 2
+    finally:
+        process.kill()
+        process.wait()
+        for worker in filter(lives, left):
+            os.kill(worker, signal.SIGKILL)

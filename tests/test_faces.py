@@ -1,0 +1,186 @@
+"""The public faces of `twin` and `factory`: light, complete, typed, documented."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from examples import ROOT, blocks, needs_docs
+
+import factory
+import twin
+from twin.errors import InputError, TwinError
+
+HEAVY = ("numpy", "mujoco", "numba", "xarray", "torch", "matplotlib", "scipy", "zarr")
+FACES = (twin, factory)
+every_face = pytest.mark.parametrize("face", FACES, ids=lambda face: face.__name__)
+STARTS = 5
+
+
+def python(code: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=ROOT
+    )
+
+
+@every_face
+def test_importing_it_loads_nothing_heavy(face):
+    done = python(f"import sys, {face.__name__}; print({HEAVY!r} & sys.modules.keys())".replace(
+        repr(HEAVY), f"set({HEAVY!r})"))  # fmt: skip
+    assert (done.stdout.strip(), done.stderr) == ("set()", "")
+
+
+def test_importing_it_takes_less_than_a_tenth_of_a_second():
+    code = (
+        "import time; start = time.perf_counter(); import twin, factory; "
+        "print(time.perf_counter() - start)"
+    )
+    assert min(float(python(code).stdout) for _ in range(STARTS)) < 0.1
+
+
+@every_face
+def test_every_name_is_there_documented_and_where_the_types_say(face):
+    names = [name for name in dir(face) if not name.startswith("_")]
+    assert set(names) == set(face.__all__) - {"__version__"}
+    for name in names:
+        value = getattr(face, name)
+        assert inspect.getdoc(value), name
+        if inspect.isclass(value) or inspect.isfunction(value):
+            assert not value.__module__.startswith("numba")
+    assert _typed(face) == face._PLACES
+
+
+def _typed(face) -> dict[str, str]:
+    """The places that type checkers see, from the text of the package."""
+    block = next(
+        node
+        for node in ast.parse(Path(face.__file__).read_text()).body
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+    )
+    places = {}
+    for node in block.body:
+        assert isinstance(node, ast.ImportFrom)
+        for name in node.names:
+            module = (ROOT / str(node.module).replace(".", "/") / f"{name.name}.py").is_file()
+            places[name.asname] = f"{node.module}{'.' if module else ':'}{name.name}"
+    return places
+
+
+@every_face
+def test_no_module_bears_a_public_name(face):
+    """Else importing the module would put it in the place of the function."""
+    folder = Path(face.__file__).parent
+    modules = {path.stem for path in folder.glob("*.py")} | {
+        path.name for path in folder.iterdir() if path.is_dir()
+    }
+    assert modules & set(face.__all__) <= {"errors"}
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        "import twin; twin.simulate; import twin.facade, twin.physics.simulation, twin.suite",
+        "import twin.facade, twin.physics.simulation; import twin",
+        "import twin.commands.simulate; import twin; twin.simulate; import twin.commands.trim",
+        "from twin import *",
+    ],
+)
+def test_names_stay_functions_whatever_was_imported_first(order):
+    done = python(f"{order}\nimport twin\nprint(callable(twin.simulate), callable(twin.trim))")
+    assert (done.stdout.strip(), done.stderr) == ("True True", "")
+
+
+@every_face
+def test_a_wrong_name_is_an_attribute_error_with_the_nearest(face):
+    right = next(name for name in face.__all__ if len(name) > 5)
+    with pytest.raises(AttributeError, match=f"did you mean '{right}'"):
+        getattr(face, right[:-1])
+    assert not hasattr(face, "_private")
+    with pytest.raises(ImportError):
+        importlib.import_module(f"{face.__name__}.nothing")
+
+
+def test_simulate_takes_plain_values():
+    run = twin.simulate(
+        mission="spiral-level-spiral", vehicle="glider", current="uniform:0.1,0",
+        density="thermocline", duration=30.0, sensors="field", seed=3, bottom_depth=100.0,
+    )  # fmt: skip
+    assert run["true_current_north"][5] == pytest.approx(0.1)
+    assert run.provenance["mission"] == "spiral-level-spiral"
+    again = twin.simulate(
+        mission="spiral-level-spiral", current=twin.Uniform(north=0.1), density="thermocline",
+        duration=30.0, sensors=twin.SensorSuite(), seed=3, bottom_depth=100.0,
+    )  # fmt: skip
+    assert all((run[n] == again[n])[run[n] == run[n]].all() for n in run)
+    other = twin.simulate(current="uniform:0.1,0", duration=30.0, sensors="field", seed=4)
+    assert (other["measured_pitch"] != run["measured_pitch"]).any()
+
+
+def test_simulate_flies_a_controller_and_a_schedule():
+    def sink(seen):
+        return twin.Command(shift=0.01, rotation=0.0, pump=-100.0)
+
+    run = twin.simulate(controller=sink, duration=30.0)
+    assert run["commanded_pump"][-1] == -100.0
+    assert run.provenance["mission"] == "controller"
+    scenario = twin.Scenario(plan=twin.load_mission(), duration=10.0)
+    assert len(twin.simulate(scenario).time) == 21
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"vehicle": "glidr"}, "did you mean 'glider'"),
+        ({"mission": "defalt"}, "did you mean 'default'"),
+        ({"current": "unifrm:0.1"}, "did you mean 'uniform'"),
+        ({"density": "thermoclin"}, "did you mean 'thermocline'"),
+        ({"sensors": "feild"}, "did you mean 'field'"),
+        ({"sensors": 3}, "sensors is 3"),
+        ({"seed": 3}, "give sensors too"),
+        ({"hydrodynamics": "coeficients"}, "coefficients"),
+        ({"mission": "default", "controller": print}, "not both"),
+        ({"scenario": "default"}, "give a Scenario"),
+    ],
+)
+def test_what_simulate_cannot_use_is_explained(arguments, message):
+    with pytest.raises(InputError, match=message):
+        twin.simulate(**{"duration": 10.0, **arguments} if "scenario" not in arguments else
+                      arguments)  # fmt: skip
+
+
+def test_nothing_is_given_beside_a_scenario_and_ignored():
+    scenario = twin.Scenario(plan=twin.load_mission(), duration=10.0)
+    with pytest.raises(InputError, match=r"current is part of the scenario: use dataclasses\.repl"):
+        twin.simulate(scenario, current="uniform:0.1,0")
+
+
+def test_factory_generates_and_opens(tmp_path):
+    out = tmp_path / "m.zarr"
+    summary = factory.generate(out, hours=0.2, seed=4, workers=1)
+    assert summary.missions == len(factory.open(out))
+    with pytest.raises(TwinError, match="already exists"):
+        factory.generate(out, hours=0.2, workers=1)
+    with pytest.raises(InputError, match="did you mean 'field'"):
+        factory.generate(out, preset="feld")
+    with pytest.raises(InputError, match="did you mean 'slocum'"):
+        factory.import_logs("slocm", [], tmp_path / "r.zarr")
+
+
+@needs_docs
+def test_the_examples_of_the_first_page_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    first, *others = [text for _, text in blocks("README.md")]
+    assert len([line for line in first.splitlines() if line]) == 6
+    begun = time.perf_counter()
+    for text in (first, *others):
+        exec(compile(text, "README.md", "exec"), {})
+    assert time.perf_counter() - begun < 120.0
+    assert capsys.readouterr().out.startswith("<Trajectory: seawing on 'default'")
+    assert (tmp_path / "run.png").stat().st_size > 20_000
+    assert "measured_pitch" in twin.open_trajectory("run.zarr")

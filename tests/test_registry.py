@@ -1,0 +1,365 @@
+"""Registries: lazy, checked, open to a user's own kinds; every shipped kind is complete."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.metadata
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from examples import ROOT, blocks, files_of, needs_docs, run
+
+import factory
+import twin
+from twin import suite
+from twin.errors import InputError
+from twin.plot.registry import FIGURES, FigureKind
+from twin.plot.registry import table as figure_table
+from twin.records.schema import LOGGED_ONLY, VARIABLES, Variable
+from twin.records.trajectory import actuator_names
+from twin.registry import Registry
+from twin.sensors import SENSORS, Attitude, Sensor, SensorSuite
+from twin.sensors.registry import check_sensor
+from twin.sensors.registry import table as sensor_table
+from twin.suite.registry import TASKS, check_task
+
+REGISTRIES = (SENSORS, FIGURES, TASKS)
+every_registry = pytest.mark.parametrize("registry", REGISTRIES, ids=lambda r: r.noun)
+
+
+# --- every seam -------------------------------------------------------------------------------
+
+
+@every_registry
+def test_every_shipped_kind_is_complete(registry):
+    assert len(registry.shipped()) >= 4
+    for name in registry.shipped():
+        assert registry[name] is registry._check(name, registry[name])
+    assert set(registry.shipped()) <= set(registry)
+    assert len(registry) == len(list(registry))
+
+
+@every_registry
+def test_a_wrong_name_offers_the_nearest(registry):
+    name = registry.shipped()[0]
+    with pytest.raises(KeyError, match=f"unknown {registry.noun} '{name}x': did you mean '{name}'"):
+        registry[name + "x"]
+    assert name + "x" not in registry
+
+
+@every_registry
+def test_what_is_no_kind_is_refused(registry):
+    with pytest.raises(InputError, match=f"{registry.noun} 'mine' is only half there"):
+        registry.register("mine", object())
+    assert "mine" not in registry
+    with pytest.raises(InputError, match="exists already: choose another name"):
+        registry.register(registry.shipped()[0], object())
+
+
+def test_kinds_are_imported_when_they_are_asked_for():
+    code = (
+        "import sys; from twin.plot.registry import FIGURES; from twin.suite.registry import TASKS;"
+        "list(FIGURES), list(TASKS); "
+        "sys.exit('matplotlib' in sys.modules or 'twin.suite.hold' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False, cwd=ROOT).returncode == 0
+
+
+def made(**entry_points: str) -> Registry[object]:
+    registry: Registry[object] = Registry(
+        "toy", group="toys", shipped={"a": "math:pi"}, check=lambda name, kind: kind
+    )
+    points = {
+        name: importlib.metadata.EntryPoint(name, value, "toys")
+        for name, value in entry_points.items()
+    }
+    vars(registry)["_offered"] = points
+    return registry
+
+
+def test_installed_distributions_add_kinds():
+    registry = made(b="math:tau", broken="nowhere:x")
+    assert list(registry) == ["a", "b", "broken"]
+    assert registry["b"] == 2 * registry["a"]
+    with pytest.raises(InputError, match=r"offers toy 'broken' as nowhere:x.*ModuleNotFoundError"):
+        registry["broken"]
+    registry.register("c", 3)
+    registry.unregister("c")
+    with pytest.raises(KeyError, match="registered toy 'a'"):
+        registry.unregister("a")
+
+
+def test_a_distribution_cannot_replace_a_shipped_kind(monkeypatch):
+    point = importlib.metadata.EntryPoint("a", "math:tau", "toys")
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: (point,))
+    registry = Registry("toy", group="toys", shipped={"a": "math:pi"}, check=lambda n, k: k)
+    with pytest.raises(InputError, match="which the package has already"):
+        list(registry)
+
+
+# --- sensors ----------------------------------------------------------------------------------
+
+
+def test_every_measured_variable_has_one_sensor_or_is_only_logged():
+    parts = actuator_names(VARIABLES)
+    written = [entry.name for s in SENSORS.shipped() for entry in SENSORS[s].writes]
+    written += [f"measured_{part}" for part in parts]
+    assert len(written) == len(set(written))
+    shipped = {n for n in VARIABLES if n.startswith("measured_") and not VARIABLES[n].limits}
+    assert set(written) == shipped - LOGGED_ONLY
+
+
+@pytest.mark.parametrize("name", SENSORS.shipped())
+def test_a_sensor_reads_what_there_is_and_measures_what_it_says(name):
+    sensor = SENSORS[name]
+    assert set(sensor.reads) <= set(VARIABLES)
+    parts = [f"{g}_{p}" for p in ("shift", "pump") for g in ("true", "commanded")]
+    signals = {n: np.full(40, 1.0) for n in (*sensor.reads, *parts)}
+    drawn = sensor().draw(np.random.default_rng(0))
+    out = sensor().measure(signals, dt=0.5, drawn=drawn, rng=np.random.default_rng(1))
+    assert set(out) == {entry.name for entry in sensor().channels(signals)}
+    assert all(values.shape == (40,) for values in out.values())
+    for field in dataclasses.fields(sensor):
+        assert f"{field.name}:" in (ROOT / f"twin/sensors/{name}.py").read_text()
+
+
+def turbid(**changes):
+    """A complete sensor with attributes replaced; None removes one."""
+    attributes = {
+        "__module__": __name__,
+        "__doc__": "A sensor.",
+        "name": "smell",
+        "reads": ("true_depth",),
+        "writes": (Variable("measured_smell", "1", "smell", limits=(0.0, 1.0)),),
+        "draws": {"smell_bias": "1"},
+        "ideal": classmethod(lambda cls: cls()),
+        "draw": lambda self, rng: {"smell_bias": 0.5},
+        "measure": lambda self, signals, **_: {"measured_smell": 0.0 * signals["true_depth"]},
+    }
+    attributes = {k: v for k, v in (attributes | changes).items() if v is not None}
+    kind = type("Smell", (Sensor,), attributes)
+    return dataclasses.dataclass(frozen=True, kw_only=True)(kind)
+
+
+class Unfinished(Sensor):
+    name = "smell"
+
+
+@dataclasses.dataclass(frozen=True)
+class NoDefault(Sensor):
+    name = "smell"
+    reads = ("true_depth",)
+    size: float
+
+    def measure(self, signals, **_):
+        return {}
+
+
+@pytest.mark.parametrize(
+    ("sensor", "message"),
+    [
+        (Attitude(), "must be a subclass of"),
+        (turbid(name="smel"), "class attribute `name`"),
+        (Unfinished, "frozen dataclass"),
+        (NoDefault, "field 'size' needs a default"),
+        (turbid(measure=None), "needs a method `measure`"),
+        (turbid(reads=None), "`reads` must name the signals"),
+        (turbid(reads=("depth",)), "reads 'depth', which must begin with true_"),
+        (turbid(writes=None), "`writes` must hold"),
+        (turbid(writes=("measured_smell",)), "give twin.records.schema.Variable objects"),
+        (turbid(writes=(Variable("smell", "1", "s"),)), "must begin with measured_"),
+        (turbid(writes=(Variable("measured_smell", "", "s"),)), "needs units"),
+        (turbid(writes=(Variable("measured_smell", "1", "s"),)), "needs limits="),
+        (turbid(ideal=None), "needs a classmethod `ideal`"),
+        (turbid(ideal=classmethod(lambda cls: 3)), "`ideal` must return a Smell, not 3"),
+        (turbid(draws=None), "`draw` gives smell_bias and `draws` names nothing"),
+    ],
+)
+def test_a_sensor_that_is_only_half_there_is_refused(sensor, message):
+    with pytest.raises(InputError, match=f"sensor 'smell' is only half there.*{message}"):
+        check_sensor("smell", sensor)
+    assert "smell" not in SENSORS
+    assert "measured_smell" not in VARIABLES
+
+
+def test_two_sensors_do_not_share_a_name():
+    taken = turbid(draws={"dvl_scale": "1"}, draw=lambda self, rng: {"dvl_scale": 0.0})
+    with pytest.raises(InputError, match="'dvl_scale', which sensor 'dvl' has too"):
+        check_sensor("smell", taken)
+    taken = turbid(writes=(VARIABLES["measured_roll"],))
+    with pytest.raises(InputError, match="'measured_roll', which sensor 'attitude' has too"):
+        check_sensor("smell", taken)
+
+
+@pytest.mark.parametrize(
+    ("result", "message"),
+    [
+        ({"measured_odour": 0}, "measured measured_odour: it must return a dict of measured_smell"),
+        (None, "measured None: it must"),
+        ({"measured_smell": 0.0}, r"gave measured_smell of shape \(\): one value for each of the"),
+    ],
+)
+def test_what_a_sensor_returns_is_checked(result, message, monkeypatch):
+    smell = turbid(measure=lambda self, signals, **_: result)
+    monkeypatch.setitem(VARIABLES, "measured_smell", smell.writes[0])
+    SENSORS.register("smell", smell)
+    try:
+        with pytest.raises(InputError, match=message):
+            twin.simulate(duration=10.0, sensors=SensorSuite(smell=smell()))
+    finally:
+        SENSORS.unregister("smell")
+
+
+def test_a_sensor_that_reads_what_nobody_measures_is_refused(monkeypatch):
+    smell = turbid(reads=("measured_taste",))
+    monkeypatch.setitem(VARIABLES, "measured_smell", smell.writes[0])
+    SENSORS.register("smell", smell)
+    try:
+        with pytest.raises(InputError, match="'smell' reads measured_taste, which no other sensor"):
+            SensorSuite(smell=smell())
+    finally:
+        SENSORS.unregister("smell")
+
+
+@needs_docs
+def test_the_table_of_sensors_is_the_registry_s():
+    assert sensor_table() in (ROOT / "docs/sensors.md").read_text()
+
+
+@needs_docs
+def test_a_sensor_of_one_s_own_flies_in_one_file(tmp_path, monkeypatch, own_variables):
+    monkeypatch.chdir(tmp_path)
+    with files_of("docs/sensors.md", tmp_path) as modules:
+        assert modules == ["turbidity"]
+        try:
+            names = run("docs/sensors.md")
+            stored = names["store"]
+            _check_turbidity(stored)
+            flown = twin.simulate(duration=60.0, sensors="field+turbidity", seed=1)
+            plain = twin.simulate(duration=60.0, sensors="field", seed=1)
+            for name in plain:  # another sensor changes no bit of the others
+                assert np.array_equal(plain[name], flown[name], equal_nan=True), name
+            assert flown.plot("sensor")
+        finally:
+            SENSORS.unregister("turbidity")
+    VARIABLES.pop("measured_turbidity")
+    again = factory.open("own.zarr")  # without the sensor: the signal is read as the store says
+    assert "measured_turbidity" in again.signals()
+    assert VARIABLES["measured_turbidity"].limits == (-5.0, 1000.0)
+    assert "measured_turbidity" in twin.open_trajectory("own.zarr")
+    with pytest.raises(InputError, match=r"unknown sensor 'turbidity'.*import the module"):
+        _ = again.suite
+
+
+@needs_docs
+def test_an_installed_sensor_needs_no_import(tmp_path, own_variables):
+    """As a distribution brings it: the command line takes it, verifies and replays its store."""
+    installed = tmp_path / "turbidity-1.0.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: turbidity\nVersion: 1.0\n")
+    (installed / "entry_points.txt").write_text(
+        "[glider_twin.sensors]\nturbidity = turbidity:Turbidity\n"
+    )
+    with files_of("docs/sensors.md", tmp_path):
+        for words in (
+            "generate --hours 0.2 --sensors field+turbidity --workers 1 --out m.zarr",
+            "verify m.zarr",
+            "replay m.zarr --mission 0",
+        ):
+            done = subprocess.run(
+                [sys.executable, "-m", "factory", *words.split()], cwd=tmp_path,
+                env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"},
+                capture_output=True, text=True, check=False,
+            )  # fmt: skip
+            assert done.returncode == 0, done.stderr
+    data = twin.open_store(tmp_path / "m.zarr")
+    assert data["measured_turbidity"].attrs["valid_max"] == 1000.0
+    assert data.attrs["sensors"] == "field+turbidity"
+
+
+def _check_turbidity(stored):
+    data = stored.dataset
+    assert data["measured_turbidity"].attrs["units"] == "NTU"
+    assert data["measured_turbidity"].attrs["long_name"] == "turbidity"
+    assert data["sensor_turbidity_offset"].attrs["units"] == "NTU"
+    assert len(set(data["sensor_turbidity_offset"].values)) == data.sizes["mission"]
+    clear = 4.0 * np.exp(-data["true_depth"][0] / 20.0) + data["sensor_turbidity_offset"][0]
+    error = data["measured_turbidity"][0] - clear
+    assert float(error.std()) == pytest.approx(0.1, rel=0.1)
+    assert stored.suite.turbidity.noise == 0.1
+
+
+# --- figures ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"name": "b"}, "its `name` must be that name"),
+        ({"summary": ""}, "`summary` must say"),
+        ({"draw": 3}, "must be a function"),
+        ({"draw": lambda t, n: None}, "options of `draw` beside 't' need defaults"),
+        ({"takes_tracks": True}, "`takes_tracks` must say"),
+    ],
+)
+def test_a_figure_that_is_only_half_there_is_refused(changes, message):
+    whole = FigureKind(name="a", summary="all", draw=lambda trajectory: None)
+    with pytest.raises(InputError, match=f"figure 'a' is only half there.*{message}"):
+        FIGURES.register("a", dataclasses.replace(whole, **changes))
+
+
+@needs_docs
+def test_the_table_of_figures_is_the_registry_s():
+    assert figure_table() in (ROOT / "docs/render.md").read_text()
+
+
+@needs_docs
+def test_a_figure_of_one_s_own_is_drawn_by_name(tmp_path):
+    flown = twin.simulate(duration=60.0)
+    with files_of("docs/render.md", tmp_path) as (module,):
+        try:
+            __import__(module)
+            figure = flown.plot("speed_histogram", bins=7)
+            assert len(figure.axes[0].patches) == 7
+            assert "speed_histogram" in twin.figure_names()
+        finally:
+            FIGURES.unregister("speed_histogram")
+
+
+# --- tasks ------------------------------------------------------------------------------------
+
+
+def idle(vehicle="glider", *, random=None, environment_kwargs=None):
+    """Nothing to do."""
+    return 3
+
+
+def test_a_task_of_one_s_own_must_make_an_environment():
+    suite.register(idle)
+    try:
+        with pytest.raises(InputError, match="task 'idle' made 3: return"):
+            suite.load("idle")
+    finally:
+        TASKS.unregister("idle")
+
+
+def test_a_task_that_is_only_half_there_is_refused():
+    def bare(vehicle="glider"):
+        pass
+
+    with pytest.raises(InputError, match="docstring must say"):
+        check_task("bare", bare)
+    bare.__doc__ = "Nothing."
+    with pytest.raises(InputError, match="needs the arguments random, environment_kwargs"):
+        check_task("bare", bare)
+
+
+@needs_docs
+def test_every_task_is_on_its_page():
+    page = (ROOT / "docs/dm_control.md").read_text()
+    for name in TASKS.shipped():
+        assert f"| `{name}` |" in page
+    assert blocks("docs/dm_control.md")

@@ -1,0 +1,197 @@
+"""Compiled code follows the content of everything it was compiled from."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import pickle
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from twin.compiled import content, folder, jit
+
+ROOT = Path(__file__).parents[3]
+
+FLY = """
+import json
+import numpy as np
+from learn.navigation.baselines.ekf import Ekf
+from twin.identify.translation import fly
+from twin.vehicle.vehicle import load_vehicle
+
+vehicle = load_vehicle("glider")
+n = 200
+level = np.zeros(n)
+pitch = np.full(n, -0.4)
+depth = 5.0 + 0.05 * np.arange(n)
+pump = np.full(n, -200.0)
+names = ("roll", "heading", "roll_rate", "pitch_rate", "yaw_rate", "shift", "rotation")
+signals = {f"measured_{name}": level for name in names}
+signals |= {"measured_pitch": pitch, "measured_depth": depth, "measured_pump": pump}
+ekf = Ekf(vehicle=vehicle).estimate(signals, 0.5).surge[-1]
+motion = fly(vehicle, period=0.5, net_mass=np.full(n, 0.2), immersion=np.ones(n), roll=level,
+             pitch=pitch, rates=np.zeros((3, n)))
+print(json.dumps({"ekf": ekf, "identify": motion.surge[-1]}))
+"""
+
+
+def test_an_edited_force_law_reaches_the_ekf_and_the_identification(tmp_path):
+    """Both are in other packages than the law, and keep their compiled code between processes."""
+    for package in ("twin", "learn", "assets"):
+        shutil.copytree(ROOT / package, tmp_path / package,
+                        ignore=shutil.ignore_patterns("__pycache__"))  # fmt: skip
+    law = tmp_path / "twin" / "fossen" / "forces.py"
+    before = law.read_text()
+
+    def run(text: str) -> dict[str, float]:
+        law.write_text(text)
+        os.utime(law, (1e9, 1e9))  # the time stamp tells nothing
+        out = subprocess.run(
+            [sys.executable, "-c", FLY],
+            cwd=tmp_path,
+            check=True,
+            text=True,
+            capture_output=True,
+            env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        )
+        return json.loads(out.stdout)
+
+    first = run(before)
+    versions = {path.name for path in (tmp_path / "twin" / "__pycache__" / "compiled").iterdir()}
+    drag = before.replace("flow[0] = -(p", "flow[0] = -3.0 * (p")
+    drag = drag.replace("    return odd, square, one, s", "    return odd, 3.0 * square, one, s")
+    assert drag.count("3.0 * ") >= before.count("3.0 * ") + 2
+    tripled = run(drag)
+    assert tripled["ekf"] < 0.9 * first["ekf"]
+    assert tripled["identify"] < 0.999 * first["identify"]
+    # Both versions are kept side by side, and the first is found again as it was.
+    kept = {path.name for path in (tmp_path / "twin" / "__pycache__" / "compiled").iterdir()}
+    assert versions < kept
+    assert {name.partition("-")[0] for name in kept - versions} >= {
+        "learn.navigation.baselines.ekf",
+        "twin.identify.translation",
+    }
+    assert run(before) == first
+    assert {p.name for p in (tmp_path / "twin" / "__pycache__" / "compiled").iterdir()} == kept
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A package of files that nothing imports; it returns the stamp of its module `law`."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(content, "_STARTED", math.inf)
+    root = tmp_path / "stamped"
+    root.mkdir()
+    files = {
+        "__init__.py": "",
+        "law.py": "from typing import TYPE_CHECKING\n"
+        "import math, numpy as np\n"
+        "from . import near  # (a note)\n"
+        "from stamped.many import (  # one) two\n    first,\n    second as other,\n)\n"
+        "from stamped \\\n    import far\n"
+        "if TYPE_CHECKING:\n    from stamped.typed import T\n",
+        "near.py": "from .deep import x as y\n",
+        "deep.py": "x = 1\n",
+        "many/__init__.py": "",
+        "many/first.py": "a = 1\n",
+        "many/second.py": "a = 1\n",
+        "far.py": "a = 1\n",
+        "typed.py": "T = int\n",
+        "alone.py": "a = 1\n",
+    }
+    for name, text in files.items():
+        (root / name).parent.mkdir(exist_ok=True)
+        (root / name).write_text(text)
+
+    def stamp(changed: str | None = None) -> str | None:
+        if changed is not None:
+            (root / changed).write_text(files[changed] + "# changed\n")
+        content._stamp.cache_clear()
+        content._search.cache_clear()
+        return content.stamp("stamped.law")
+
+    return stamp
+
+
+@pytest.mark.parametrize(
+    "name", ["law.py", "near.py", "deep.py", "many/first.py", "many/second.py", "far.py"]
+)
+def test_every_module_that_is_imported_counts(package, name):
+    assert package() == package()
+    assert package() != package(name)
+
+
+@pytest.mark.parametrize("name", ["typed.py", "alone.py"])
+def test_other_files_do_not(package, name):
+    assert package() == package(name)
+
+
+def test_source_that_changed_after_the_start_is_not_kept(package, monkeypatch):
+    assert package() is not None
+    monkeypatch.setattr(content, "_STARTED", time.time() - 3600.0)
+    assert package() is None
+
+
+def test_code_without_a_file_is_compiled_and_not_kept():
+    space = {"__name__": "a_notebook", "jit": jit}
+    exec("@jit\ndef twice(x):\n    return 2.0 * x\n", space)
+    assert content.stamp("a_notebook") is None
+    assert space["twice"](4.0) == 8.0
+
+
+def test_a_stamp_takes_less_than_20_ms():
+    import learn.navigation.baselines.ekf  # noqa: F401
+
+    content.stamp("twin.compiled.content")  # versions of the compiler
+
+    def seconds() -> float:
+        content._stamp.cache_clear()
+        content._source.cache_clear()
+        content._search.cache_clear()
+        start = time.perf_counter()
+        assert content.stamp("learn.navigation.baselines.ekf")
+        return time.perf_counter() - start
+
+    assert min(seconds() for _ in range(5)) < 0.02
+
+
+def test_numba_is_loaded_by_the_first_call_only():
+    code = (
+        "import sys, twin.compiled, twin.fossen.forces as f; before = 'numba' in sys.modules;"
+        "assert f.smoothstep(0.5) == 0.5; print(before, 'numba' in sys.modules)"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.split() == ["False", "True"]
+
+
+@jit
+def half(x):
+    """Half of x."""
+    return 0.5 * x
+
+
+def test_a_compiled_function_keeps_its_name_and_can_be_pickled():
+    from twin.fossen.forces import smoothstep
+
+    assert (half.__name__, half.__doc__, half.__module__) == ("half", "Half of x.", __name__)
+    assert pickle.loads(pickle.dumps(smoothstep)) is smoothstep
+
+
+def test_without_a_folder_it_compiles_and_says_so(monkeypatch, tmp_path):
+    monkeypatch.setattr(folder, "candidates", lambda: iter([tmp_path / "file" / "x"]))
+    (tmp_path / "file").write_text("")
+    with pytest.warns(RuntimeWarning, match=r"not kept .*file.*; set XDG_CACHE_HOME"):
+        assert folder.cache_root.__wrapped__() is None
+    monkeypatch.setattr("twin.compiled.locator.cache_root", lambda: None)
+
+    @jit
+    def third(x):
+        return x / 3.0
+
+    assert third(6.0) == 2.0

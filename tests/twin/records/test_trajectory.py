@@ -1,0 +1,123 @@
+"""Trajectory: a mapping of signals that saves, opens, plots and describes itself."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from pictures import short_scenario
+
+import twin
+from twin.errors import InputError, StoreError
+from twin.records.schema import variable
+from twin.records.trajectory import actuator_names
+
+
+@pytest.fixture(scope="module")
+def flown():
+    scenario = dataclasses.replace(short_scenario(), duration=60.0)
+    return twin.simulate(scenario, sensors="ideal")
+
+
+def test_it_is_a_mapping(flown):
+    assert "true_depth" in flown
+    assert "true_deth" not in flown
+    assert list(flown) == list(flown.keys()) == list(flown.signals)
+    assert len(flown) == len(flown.items()) == len(flown.signals)
+    assert dict(flown)["true_depth"] is flown["true_depth"]
+    assert flown.get("nothing") is None
+    assert flown == flown
+    assert len({flown, dataclasses.replace(flown)}) == 2
+
+
+@pytest.mark.parametrize("kind", [KeyError, InputError])
+def test_a_wrong_name_offers_the_nearest(flown, kind):
+    with pytest.raises(kind, match="did you mean 'true_depth'") as caught:
+        flown["true_deth"]
+    assert str(caught.value).startswith("unknown signal")  # no quotes around it, as KeyError has
+    assert "others" in str(caught.value)  # not a wall of sixty names
+
+
+def test_it_says_in_a_line_what_it_is(flown):
+    text = repr(flown)
+    assert text.startswith("<Trajectory: seawing on 'short', 121 samples, 60 s, ")
+    assert text.endswith("ended: duration>")
+    assert len(text) < 140
+    bare = dataclasses.replace(flown, signals={}, provenance={})
+    assert repr(bare) == "<Trajectory: 121 samples, 60 s, 0 signals>"
+
+
+def test_its_parts_are_positions_with_commands():
+    names = ["true_fin", "true_pitch", "true_depth", "true_a_b", "true_shift"]
+    commands = ["commanded_a_b", "commanded_pitch", "commanded_depth", "commanded_fin"]
+    assert actuator_names([*names, *commands, "commanded_segment"]) == ("fin", "a_b")
+
+
+def test_xarray_keeps_precision_and_meaning(flown):
+    data = flown.to_xarray()
+    assert data["true_pitch"].dims == ("time",)
+    assert np.array_equal(data["true_pitch"].values, flown["true_pitch"])
+    assert data["true_pitch"].attrs == variable("true_pitch").attributes()
+    assert data["time"].attrs["units"] == "s"
+    assert data.attrs["Conventions"].startswith("CF")
+    assert data.attrs["ended"] == "duration"
+    assert float(data["true_depth"].sel(time=30.0)) == flown["true_depth"][60]
+
+
+@pytest.mark.parametrize("ending", [".zarr", ".nc"])
+def test_what_is_saved_opens_again(flown, tmp_path, ending):
+    path = flown.save(tmp_path / "new" / f"run{ending}")
+    again = twin.open_trajectory(path)
+    assert repr(again) == repr(flown)
+    assert set(again) == set(flown)
+    assert np.array_equal(again.time, flown.time)
+    assert np.array_equal(again.states, flown.states)
+    for name in flown:
+        assert np.array_equal(again[name], flown[name].astype(np.float32), equal_nan=True), name
+    with pytest.raises(StoreError, match="already exists"):
+        flown.save(path)
+    flown.save(path, overwrite=True)
+    with pytest.raises(StoreError, match="missions 0 to 0, not 1"):
+        twin.open_trajectory(path, 1)
+
+
+def test_what_cannot_be_saved_or_opened_is_explained(flown, tmp_path):
+    with pytest.raises(InputError, match=r"must end in \.zarr or \.nc"):
+        flown.save(tmp_path / "run.csv")
+    with pytest.raises(StoreError, match="no file at"):
+        twin.open_trajectory(tmp_path / "none.nc")
+    (tmp_path / "bad.nc").write_text("no netCDF")
+    with pytest.raises(StoreError, match="cannot be read"):
+        twin.open_trajectory(tmp_path / "bad.nc")
+    other = tmp_path / "other.nc"
+    flown.to_xarray().drop_attrs().to_netcdf(other)
+    with pytest.raises(StoreError, match="holds no mission"):
+        twin.open_trajectory(other)
+
+
+def test_it_plots_itself(flown):
+    assert flown.plot("track").axes[0].get_xlabel().startswith("east")
+    titles = [axes.get_title(loc="left") for axes in flown.plot().axes]
+    assert {"battery rotation", "pumped volume"} <= set(titles)
+    with pytest.raises(KeyError, match="did you mean 'track'"):
+        flown.plot("trak")
+    with pytest.raises(InputError, match="option of figure 'section' 'color': did you mean"):
+        flown.plot("section", color="pitch")
+
+
+@pytest.mark.parametrize("parts", [(), ("pump",), ("shift", "rotation", "pump", "test_rudder")])
+def test_figures_have_a_panel_for_each_part(flown, parts, own_variables):
+    from twin.records.schema import Variable, declare
+
+    keep = {n: v for n, v in flown.items() if not n.startswith("commanded_") or "pitch" in n}
+    for part in parts:
+        if part not in ("shift", "rotation", "pump"):
+            for group in ("true", "commanded"):
+                declare(Variable(f"{group}_{part}", "degree", f"{part} angle", limits=(-90, 90)))
+        keep[f"true_{part}"] = keep[f"commanded_{part}"] = np.linspace(0.0, 1.0, len(flown.time))
+    changed = dataclasses.replace(flown, signals=keep | {"true_heading": flown["true_heading"]})
+    assert set(changed.actuators) == set(parts)
+    figure = changed.plot("actuator")
+    assert len(figure.axes) == 2 + len(parts)
+    if "test_rudder" in parts:
+        assert "test_rudder angle" in [axes.get_title(loc="left") for axes in figure.axes]
+    assert changed.plot("overview")

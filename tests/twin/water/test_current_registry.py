@@ -1,0 +1,351 @@
+"""Every registered kind is whole: kernel, text, description, documents, exact derivatives."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import textwrap
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, EntryPoints
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from twin.compiled import generation, jit
+from twin.errors import CurrentError
+from twin.water.current import (
+    Current,
+    Ekman,
+    Grid,
+    Uniform,
+    current_from_dict,
+    parse_current,
+    register,
+    registry,
+)
+from twin.water.current import program as layout
+from twin.water.current.sampler import sample, sample_gradient, sample_track
+
+PAGE = (Path(__file__).parents[3] / "docs" / "currents.md").read_text(encoding="utf-8")
+SHIPPED = [name for name, kind in registry.kinds().items() if kind.code < 65_536]
+DURATION = 40_000.0
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    """FILE.csv and FILE.nc, which the kinds' example texts name."""
+    monkeypatch.chdir(tmp_path)
+    random = np.random.default_rng(4)
+    depth = np.arange(0.0, 1000.0, 37.0)
+    rows = [f"{d},{n},{e},{w}" for d, (n, e, w) in zip(depth, random.normal(0, 0.1, (28, 3)),
+                                                     strict=True)]  # fmt: skip
+    Path("FILE.csv").write_text("depth,north,east,down\n" + "\n".join(rows))
+    axes = {
+        "time": np.datetime64("2000-01-04T12:00", "ns") + np.arange(4) * np.timedelta64(12, "h"),
+        "depth": np.array([0.5, 20.0, 90.0, 400.0, 1100.0]),
+        "latitude": 48.0 + 0.25 * np.arange(9),
+        "longitude": -17.0 + 0.25 * np.arange(9),
+    }
+    shape = tuple(axis.size for axis in axes.values())
+    names = {"uo": "eastward", "vo": "northward", "wo": "upward"}
+    data = {
+        name: (tuple(axes), random.normal(0, 0.1, shape),
+               {"standard_name": f"{way}_sea_water_velocity", "units": "m/s"})
+        for name, way in names.items()
+    }  # fmt: skip
+    xr.Dataset(data, coords=axes).to_netcdf("FILE.nc")
+
+
+def examples(name: str) -> list[Current]:
+    """The kind's own examples."""
+    return [parse_current(text) for text in registry.kinds()[name].cls.usage]
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_examples_are_rebuilt_from_their_description(name, files):
+    for current in examples(name):
+        assert current.kind == name
+        pinned = current.pinned(DURATION)
+        rebuilt = current_from_dict(json.loads(json.dumps(pinned.describe())))
+        assert rebuilt == pinned
+        assert rebuilt.compile(DURATION).tobytes() == current.compile(DURATION).tobytes()
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_local_rate_and_gradient_are_the_derivatives(name, files):
+    """Central differences in t, north, east and depth; steps too short to meet a kink."""
+    random = np.random.default_rng(8)
+    low, high = [100.0, -1e4, -1e4, 1.0], [3.9e4, 1e4, 1e4, 99.0]
+    points = random.uniform(low, high, (200, 4))
+    rest = np.zeros(len(points))
+    changes = 0.0
+    for current in examples(name):
+        program = current.compile(DURATION)
+        found = np.array([sample_gradient(program, *point) for point in points])
+
+        def velocity(offset, program=program):
+            columns = np.ascontiguousarray((points + offset).T)
+            return sample_track(program, *columns, rest, rest, rest)[:, :3]
+
+        np.testing.assert_array_equal(found[:, :3], velocity(np.zeros(4)))
+        for axis, columns in enumerate([[3, 4, 5], [6, 9, 12], [7, 10, 13], [8, 11, 14]]):
+            step = np.zeros(4)
+            step[axis] = 1e-3
+            change = (velocity(step) - velocity(-step)) / 2e-3
+            np.testing.assert_allclose(found[:, columns], change, rtol=1e-6, atol=3e-12)
+        changes = max(changes, np.abs(found[:, 3:]).max())
+    assert (changes > 0.0) == (name != "uniform")
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_rate_along_a_path_is_local_rate_plus_gradient_times_velocity(name, files):
+    random = np.random.default_rng(9)
+    for current in examples(name):
+        program = current.compile(DURATION)
+        for _ in range(50):
+            point = random.uniform([0.0, -1e4, -1e4, 0.1], [4e4, 1e4, 1e4, 110.0])
+            v = random.uniform(-0.6, 0.6, 3)
+            k = np.array(sample_gradient(program, *point))
+            expected = k[3:6] + k[6:].reshape(3, 3) @ v
+            np.testing.assert_allclose(sample(program, *point, *v)[3:], expected, atol=1e-15)
+
+
+def test_above_the_surface_nothing_changes_with_depth():
+    program = parse_current("geostrophic:surface=0.2,direction=0,scale=100").compile(10.0)
+    assert sample_gradient(program, 0.0, 0.0, 0.0, -0.5) == (0.2, *(0.0,) * 14)
+    assert sample_gradient(program, 0.0, 0.0, 0.0, 1e-9)[8] == pytest.approx(-0.002)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_damaged_program_reads_nothing_outside_itself(name, files):
+    """Behind the program lie numbers that nothing in it can make: none may come out."""
+    random = np.random.default_rng(3)
+    bad = [np.nan, np.inf, -np.inf, -1.0, 0.0, 0.5, 1.5, 3.0, 1e9, 1e300, 2.0**62]
+    for current in examples(name):
+        whole = current.compile(3600.0)
+        room = np.full(3 * whole.size + 64, 1e77)
+        head = min(whole.size, 12)
+        for _ in range(400):
+            at = whole.size
+            inner = room[at : at + whole.size]
+            inner[:] = whole
+            for _ in range(random.integers(1, 4)):
+                inner[random.integers(0, head)] = random.choice(bad)
+            shown = inner[: random.integers(1, whole.size + 1)] if random.random() < 0.3 else inner
+            for values in (
+                sample(shown, 10.0, 20.0, 30.0, 40.0, 0.1, 0.1, 0.1),
+                sample_gradient(shown, 10.0, 20.0, 30.0, 40.0),
+            ):
+                finite = np.abs([v for v in values if np.isfinite(v)])
+                assert not ((finite > 1e70) & (finite < 1e85)).any()
+
+
+@pytest.mark.parametrize("length", range(1, 6))
+def test_a_program_that_was_cut_off_gives_nan(length):
+    program = parse_current("ekman:tau=0.1,direction=90").compile(10.0)[:length]
+    assert np.isnan(sample(program, 0.0, 0.0, 0.0, 5.0, 0.0, 0.0, 0.0)).all()
+    assert np.isnan(sample_gradient(program, 0.0, 0.0, 0.0, 5.0)).all()
+
+
+def test_the_page_has_a_row_for_each_example():
+    table = PAGE.split("| example | what |")[1].split("\n\n")[0].splitlines()[2:]
+    rows = dict(re.fullmatch(r"\| `(.+?)` \| (.+) \|", line).groups() for line in table)
+    assert rows.pop("none") == "still water"
+    expected = {}
+    for name in SHIPPED:
+        expected.update(registry.kinds()[name].cls.usage)
+    assert rows == expected
+
+
+# --- kinds from outside the package ---------------------------------------------------------------
+
+
+@jit
+def jet(program, start, size, t, north, east, depth):
+    """Speed, half-width: an eastward jet along north 0."""
+    speed, width = program[start], program[start + 1]
+    v = speed * np.exp(-((north / width) ** 2))
+    return 0, v, 0, 0, 0, 0, 0, 0, 0, -2.0 * v * north / width**2, 0, 0, 0, 0, 0
+
+
+def jet_class(**changes) -> type[Current]:
+    @dataclass(frozen=True, kw_only=True)
+    class Jet(Current):
+        kind: ClassVar[str] = "jet"
+        payload_size: ClassVar[int] = 2
+        kernel: ClassVar[Any] = jet
+        usage: ClassVar[dict[str, str]] = {"jet:speed=0.3,width=5000": "an eastward jet"}
+
+        speed: float
+        width: float = 1e4
+
+        def records(self, duration_s, origin):
+            return [self.record(self.speed, self.width)]
+
+    for name, value in changes.items():
+        setattr(Jet, name, value)
+    return Jet
+
+
+@pytest.fixture
+def own_kind():
+    yield register(jet_class())
+    registry.remove("jet")
+
+
+def test_a_kind_of_ones_own_is_parsed_described_sampled_and_flown(own_kind):
+    from twin.mission.schedule import Schedule
+    from twin.physics.scenario import Scenario
+    from twin.physics.simulation import simulate
+
+    current = parse_current("jet:speed=0.3,width=5000+uniform:0.01,0")
+    assert current_from_dict(current.describe()) == current
+    v = sample_gradient(current.compile(60.0), 0.0, 2500.0, 0.0, 10.0)
+    speed = 0.3 * np.exp(-0.25)
+    np.testing.assert_allclose(v[:3], [0.01, speed, 0.0], rtol=1e-14)
+    assert v[9] == pytest.approx(-2.0 * speed * 2500.0 / 5000.0**2)
+
+    flown = simulate(
+        Scenario(
+            plan=Schedule(times=[0.0], commands=[(0.0, 0.0, 0.0)]), duration=30.0, current=current
+        )
+    )
+    np.testing.assert_allclose(flown["true_current_east"], 0.3, rtol=1e-6)
+
+
+def test_what_is_registered_or_removed_reaches_what_was_compiled_before():
+    with pytest.raises(CurrentError, match="unknown current 'jet'"):
+        parse_current("jet:speed=0.3")
+    before = generation()
+    program = register(jet_class())(speed=0.3).compile(10.0)
+    assert generation() > before
+    assert sample(program, 0, 0, 0, 0, 0, 0, 0)[1] == 0.3
+    registry.remove("jet")
+    assert np.isnan(sample(program, 0, 0, 0, 0, 0, 0, 0)).all()
+
+
+def test_one_new_file_outside_the_package_flies_from_its_entry_point(tmp_path):
+    """In a process of its own: the plant was compiled and installed before the kind is named."""
+    (tmp_path / "my_jet.py").write_text(
+        textwrap.dedent(
+            """
+            from dataclasses import dataclass
+            from typing import Any, ClassVar
+            from twin.compiled import jit
+            from twin.water.current import Current, register
+
+            @jit
+            def steady(program, start, size, t, north, east, depth):
+                z = 0.0
+                return program[start], z, z, z, z, z, z, z, z, z, z, z, z, z, z
+
+            @register
+            @dataclass(frozen=True, kw_only=True)
+            class Mine(Current):
+                kind: ClassVar[str] = "mine"
+                payload_size: ClassVar[int] = 1
+                kernel: ClassVar[Any] = steady
+                usage: ClassVar[dict] = {"mine:north=0.2": "north and steady"}
+                north: float
+                def records(self, duration_s, origin):
+                    return [self.record(self.north)]
+            """
+        )
+    )
+    meta = tmp_path / "my_jet-1.0.dist-info"
+    meta.mkdir()
+    (meta / "METADATA").write_text("Metadata-Version: 2.1\nName: my-jet\nVersion: 1.0\n")
+    (meta / "entry_points.txt").write_text("[glider_twin.currents]\nmine = my_jet:Mine\n")
+    code = """
+from twin.mission.schedule import Schedule
+from twin.physics.scenario import Scenario
+from twin.physics.simulation import simulate
+from twin.water.current import parse_current
+plan = Schedule(times=[0.0], commands=[(0.0, 0.0, 0.0)])
+for text in ("uniform:0.1,0", "mine:north=0.2"):
+    flown = simulate(Scenario(plan=plan, duration=5.0, current=parse_current(text)))
+    print(flown["true_current_north"][-1])
+"""
+    out = subprocess.run(
+        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n{code}"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert out.stdout.split() == ["0.1", "0.2"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"kernel": None}, "current 'jet' .* needs one of kernel and directional, it has neither"),
+        ({"directional": jet}, "directional takes 7 arguments, it must take 11"),
+        ({"kernel": lambda *a: 0.0}, "decorate it with twin.compiled.jit"),
+        ({"usage": {}}, "needs usage"),
+        ({"usage": {"yet:1": "?"}}, "example texts that begin with jet:"),
+        ({"settings": {"speed": "spede"}}, "unknown field in settings 'spede': did you mean"),
+        ({"kind": "Jet"}, "kind must be lower-case"),
+        ({"kind": "none"}, "kind must be lower-case"),
+        ({"kind": "ekman"}, "registered already by twin.water.current.ekman.Ekman"),
+        ({"code": 3}, "has the code 3 of 'ekman'"),
+    ],
+)
+def test_a_kind_that_is_half_there_is_refused(changes, message):
+    if "usage" not in changes and "kind" in changes:
+        changes = {**changes, "usage": {f"{changes['kind']}:speed=1": "?"}}
+    with pytest.raises(CurrentError, match=message):
+        register(jet_class(**changes))
+    assert "jet" not in registry.kinds()
+
+
+def test_a_class_that_only_overrides_velocity_is_refused():
+    for base in (Current, Uniform):
+        with pytest.raises(CurrentError, match=r"Mine overrides velocity\(\), which nothing flies"):
+            type("Mine", (base,), {"velocity": lambda self, *a: 0.0, "__qualname__": "Mine"})
+
+
+def test_a_kind_without_records_is_refused():
+    cls = dataclass(frozen=True, kw_only=True)(
+        type("Mine", (Current,), {"kind": "mine", "kernel": jet, "usage": {"mine:": ""}})
+    )
+    with pytest.raises(CurrentError, match=r"lacks records\(\)"):
+        register(cls)
+
+
+def test_a_class_that_is_not_registered_is_refused_when_compiled(own_kind):
+    with pytest.raises(CurrentError, match="Other is not a registered kind of current"):
+        type("Other", (Uniform,), {"__qualname__": "Other"})().compile(10.0)
+    with pytest.raises(CurrentError, match="Other is not a registered kind of current"):
+        (Uniform() + type("Other", (own_kind,), {"__qualname__": "Other"})(speed=1)).compile(10.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("no_such_module:X", "cannot be loaded: ModuleNotFoundError"),
+        ("twin.errors:InputError", "registers no kind of that name"),
+    ],
+)
+def test_an_entry_point_that_brings_nothing_is_named(monkeypatch, value, message):
+    point = EntryPoint(name="storm", value=value, group=registry.ENTRY_POINTS)
+    monkeypatch.setattr(registry, "_points", lambda: EntryPoints([point]))
+    with pytest.raises(CurrentError, match=f"current 'storm': its entry point .* {message}"):
+        parse_current("storm:speed=1")
+    assert "storm" in registry.names()
+
+
+def test_records_of_a_grid_must_have_the_shape_of_their_axes():
+    axis = np.arange(2.0)
+    with pytest.raises(ValueError, match=r"velocity has shape \(2, 2, 2, 3, 2\)"):
+        Grid.box_record(axis, axis, axis, axis, np.zeros((2, 2, 2, 3, 2)))
+
+
+def test_codes_of_shipped_kinds_are_frozen():
+    """They stand in compiled programs."""
+    codes = {name: registry.kinds()[name].code for name in SHIPPED}
+    assert codes == {"uniform": 1, "profile": 2, "ekman": 3, "geostrophic": 4, "tide": 5,
+                     "inertial": 6, "log-layer": 7, "gauss-markov": 8, "grid": 9}  # fmt: skip
+    assert layout.program([Ekman.record(1, 2, 3, 4)]).tolist() == [1, 3, 4, 1, 2, 3, 4]

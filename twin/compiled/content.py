@@ -1,0 +1,200 @@
+"""Content: one hash of all source that a module's compiled functions are made from.
+
+Compiled code holds copies of what it calls and of every constant it reads. Its content is
+therefore the module, every module that one imports, and so on; the kernels of dispatch tables built
+in one of these; and the versions of the compiler. The standard library and other packages in
+site-packages are left out. Imports are found in the text, nothing is run for it.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib.machinery
+import re
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+OURS = frozenset({"twin", "factory", "learn"})
+"""Packages that are followed wherever they are installed."""
+
+_STARTED = time.time()
+_TYPING = re.compile(rb"^if TYPE_CHECKING:[^\n]*\n(?:[ \t]+[^\n]*\n|\n)*", re.MULTILINE)
+_IMPORT = re.compile(
+    rb"^[ \t]*(?:"
+    rb"from[ \t]+(?P<base>[.\w]+)[ \t]+import[ \t]*(?P<names>\((?:[^)#]|#[^\n]*)*\)|[^\n#;]+)"
+    rb"|import[ \t]+(?P<modules>[^\n#;]+))",
+    re.MULTILINE,
+)
+_NOTE = re.compile(rb"#[^\n]*")
+_ALIAS = re.compile(rb"[ \t]as[ \t]+\w+")
+
+TableText = Callable[[], tuple[str, tuple[str, ...]]]
+"""Generated text of a dispatch table, and the modules of its kernels."""
+
+_tables: dict[str, dict[str, TableText]] = defaultdict(dict)
+_generation = 0
+
+
+def generation() -> int:
+    """Counts up when a dispatch table gets other kernels: what was compiled before is then old."""
+    return _generation
+
+
+def changed() -> None:
+    """Tell that a dispatch table has other kernels now; whoever registers a kind calls this."""
+    global _generation
+    _generation += 1
+
+
+def add_table(module: str, name: str, text: TableText) -> None:
+    """Make a generated function part of the content of the `module` that built it."""
+    _tables[module][name] = text
+    _stamp.cache_clear()
+
+
+def stamp(module: str) -> str | None:
+    """Hash, 32 hexadecimal digits, of what the module's functions are compiled from.
+
+    None when that cannot be told: source that is in no file (a notebook), or that was changed after
+    this process began and may not be what it runs. Such code is not kept.
+    """
+    return _stamp(module, _generation)
+
+
+@functools.cache
+def _stamp(module: str, _: int) -> str | None:
+    digest = hashlib.sha256(_compiler().encode())
+    own = OURS | {module.partition(".")[0]}
+    seen, waiting, parts = {module}, [module], []
+    while waiting:
+        name = waiting.pop()
+        path = _file(name)
+        if path is None:
+            if name == module or name in _tables:
+                return None
+            continue
+        if not _followed(name, path, own):
+            continue
+        try:
+            state = Path(path).stat()
+            source = _source(path, state.st_mtime_ns, state.st_size)
+        except OSError:
+            return None
+        if state.st_mtime > _STARTED:
+            return None
+        parts.append((name, source.digest))
+        found = list(_names(name, path, source.imports))
+        for table, text in _tables.get(name, {}).items():
+            generated, kernels = text()
+            parts.append((f"{name}:{table}", generated.encode()))
+            # A kernel without a file cannot be stamped, and nor can what calls it.
+            if any(_file(kernel) is None for kernel in kernels):
+                return None
+            own = own | {kernel.partition(".")[0] for kernel in kernels}
+            found.extend(kernels)
+        for other in found:
+            if other not in seen:
+                seen.add(other)
+                waiting.append(other)
+    for name, content in sorted(parts):
+        digest.update(f"\n{name}\n".encode() + content)
+    return digest.hexdigest()[:32]
+
+
+@functools.cache
+def _compiler() -> str:
+    """Versions and machine that compiled code depends on."""
+    import llvmlite
+    import numba
+    import numpy as np
+    from llvmlite.binding import get_host_cpu_name
+
+    versions = (sys.version, numba.__version__, llvmlite.__version__, np.__version__)
+    return "\n".join((*versions, get_host_cpu_name()))
+
+
+class _Source(NamedTuple):
+    digest: bytes
+    imports: tuple[tuple[str, tuple[str, ...]], ...]
+
+
+@functools.cache
+def _source(path: str, _mtime: int, _size: int) -> _Source:
+    """Hash and imports of a file: (module, names taken from it)."""
+    text = Path(path).read_bytes()
+    digest = hashlib.sha256(text).digest()
+    if not path.endswith(".py"):
+        return _Source(digest, ())
+    imports: list[tuple[str, tuple[str, ...]]] = []
+    for match in _IMPORT.finditer(_TYPING.sub(b"", text.replace(b"\\\n", b" "))):
+        taken = match["names"] or match["modules"]
+        plain = _ALIAS.sub(b"", _NOTE.sub(b"", taken)).decode()
+        names = tuple(name.strip() for name in plain.strip(" ()\n\t").split(",") if name.strip())
+        if match["base"] is None:
+            imports.extend((name, ()) for name in names)
+        else:
+            imports.append((match["base"].decode(), names))
+    return _Source(digest, tuple(imports))
+
+
+def _names(
+    module: str, path: str, imports: tuple[tuple[str, tuple[str, ...]], ...]
+) -> Iterator[str]:
+    """Modules that the imports of a module may mean: a name may be a submodule or not."""
+    package = module if Path(path).name == "__init__.py" else module.rpartition(".")[0]
+    for base, names in imports:
+        if base.startswith("."):
+            up = len(base) - len(base.lstrip(".")) - 1
+            parts = package.split(".")
+            base = ".".join([*parts[: len(parts) - up], *filter(None, [base.lstrip(".")])])
+        if base.partition(".")[0] in sys.stdlib_module_names:
+            continue
+        yield base
+        for name in names:
+            yield f"{base}.{name}"
+
+
+def _followed(name: str, path: str, own: frozenset[str]) -> bool:
+    """Ours, or source outside every site-packages folder."""
+    if name.partition(".")[0] in own:
+        return True
+    return not {"site-packages", "dist-packages"} & set(Path(path).parts)
+
+
+@functools.cache
+def _search(name: str) -> tuple[str | None, tuple[str, ...]]:
+    """File and search path of a module that is not loaded, found without importing anything."""
+    parent, _, _ = name.rpartition(".")
+    path: list[str] | None = None
+    if parent:
+        path = list(_folders(parent))
+        if not path:
+            return None, ()
+    try:
+        spec = importlib.machinery.PathFinder.find_spec(name, path)
+    except (ImportError, ValueError):
+        spec = None
+    if spec is None:
+        return None, ()
+    return spec.origin, tuple(spec.submodule_search_locations or ())
+
+
+def _folders(name: str) -> tuple[str, ...]:
+    module = sys.modules.get(name)
+    if module is not None:
+        return tuple(getattr(module, "__path__", ()))
+    return _search(name)[1]
+
+
+def _file(name: str) -> str | None:
+    """The file of a module, None for a namespace, a notebook, or a name that is not a module."""
+    module = sys.modules.get(name)
+    if module is None:
+        return _search(name)[0]
+    path = getattr(module, "__file__", None)
+    return path if path and Path(path).exists() else None

@@ -1,0 +1,135 @@
+"""Compiled functions: numba's, made at the first call and kept by content."""
+
+from __future__ import annotations
+
+import functools
+import threading
+from collections.abc import Callable
+from types import FunctionType
+from typing import Any, TypeVar, cast, overload
+
+from twin.compiled import content
+
+R = TypeVar("R")
+
+_LOCK = threading.RLock()
+
+
+class Compiled:
+    """A function that numba compiles when it is first called or first used by compiled code.
+
+    To other compiled functions it is the numba function itself. After `changed()` it is made again
+    if anything in its content (`content.stamp`) is different.
+    """
+
+    def __init__(self, make: Callable[[], FunctionType], name: str, module: str, **options: Any):
+        self.__name__ = self.__qualname__ = name
+        self.__module__ = module or "<unknown>"  # what exec() makes has none
+        self._make = make
+        self._options = options
+        self._generation = -1
+        self._stamp: str | None = None
+        self._dispatcher: Any = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run it, compiling first what is new."""
+        if self._generation != content._generation:
+            self._refresh()
+        return self._dispatcher(*arguments)
+
+    @property
+    def dispatcher(self) -> Any:
+        """numba's object for this function, up to date."""
+        if self._generation != content._generation:
+            self._refresh()
+        return self._dispatcher
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba asks of an object that it meets in compiled code."""
+        return self.dispatcher._numba_type_
+
+    @property
+    def targetoptions(self) -> dict[str, Any]:
+        """numba's options; its inliner reads them."""
+        return cast(dict[str, Any], self.dispatcher.targetoptions)
+
+    @property
+    def py_func(self) -> FunctionType:
+        """The Python function, for the inliner and for tests."""
+        return self._make()
+
+    def __reduce__(self) -> str:
+        return self.__qualname__
+
+    def __repr__(self) -> str:
+        return f"<compiled function {self.__module__}.{self.__qualname__}>"
+
+    def _refresh(self) -> None:
+        import numba
+
+        from twin.compiled.locator import decorated
+
+        with _LOCK:
+            generation = content.generation()
+            stamp = content.stamp(self.__module__)
+            if self._dispatcher is None or stamp is None or stamp != self._stamp:
+                function = self._make()
+                self._dispatcher = decorated(
+                    lambda cache: numba.njit(cache=cache, **self._options)(function),
+                    self.__module__,
+                    stamp,
+                )
+            self._stamp, self._generation = stamp, generation
+
+
+@overload
+def jit(function: Callable[..., R], /) -> Callable[..., R]: ...
+@overload
+def jit(
+    *, inline: str = ..., nogil: bool = ...
+) -> Callable[[Callable[..., R]], Callable[..., R]]: ...
+def jit(function: Any = None, /, **options: Any) -> Any:
+    """Compile a function with numba (nopython, error_model "numpy") at its first call.
+
+    Use it as `@jit` or `@jit(nogil=True)`; options are those of `numba.njit`. Positional arguments
+    only. The code is kept between processes, see `twin.compiled.content`.
+    """
+    if function is None:
+        return functools.partial(jit, **options)
+    compiled = Compiled(
+        lambda: function,
+        function.__qualname__,
+        function.__module__,
+        **{"error_model": "numpy", **options},
+    )
+    compiled.__doc__ = function.__doc__
+    return compiled
+
+
+def inline(function: Callable[..., R], /) -> Callable[..., R]:
+    """`jit` for a function that is always inlined into its callers."""
+    return jit(inline="always")(function)
+
+
+def cfunc(signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Compile a C callback of numba's `signature` at once, kept between processes as with `jit`.
+
+    Returns numba's CFunc, whose `address` is good while it lives. Make it again when `generation()`
+    has changed: a callback holds copies of what it calls.
+    """
+    import numba
+
+    from twin.compiled.locator import decorated
+
+    def compile_now(function: Callable[..., Any]) -> Any:
+        with _LOCK:
+            settings = {"error_model": "numpy", **options}
+            module = function.__module__ or "<unknown>"
+            return decorated(
+                lambda cache: numba.cfunc(signature, cache=cache, **settings)(function),
+                module,
+                content.stamp(module),
+            )
+
+    return compile_now

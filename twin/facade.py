@@ -1,0 +1,175 @@
+"""Facade: `twin.simulate`, a mission from plain values to its trajectory in one call."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.errors import InputError
+from twin.mission import Mission, load_mission
+from twin.mission.controller import Controller
+from twin.mission.schedule import Schedule
+from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
+from twin.physics.simulation import simulate as fly
+from twin.records.trajectory import Trajectory
+from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.water.current.base import Current
+from twin.water.current.origin import Origin
+from twin.water.current.spec import parse_current
+from twin.water.density import DensityProfile
+from twin.water.density_spec import parse_density
+
+if TYPE_CHECKING:
+    from twin.sensors import SensorSuite
+
+DEFAULT_MISSION = "default"
+_BESIDE_A_SCENARIO = ("scenario", "controller", "sensors", "seed", "bottom_depth")
+
+
+def simulate(
+    scenario: Scenario | None = None,
+    *,
+    vehicle: str | Path | Vehicle = "glider",
+    mission: str | Path | Mission | Schedule | None = None,
+    current: str | Current | None = None,
+    density: str | Path | DensityProfile | None = None,
+    duration: float | None = None,
+    start: Start | None = None,
+    origin: Origin | None = None,
+    hydrodynamics: str = "coefficients",
+    timestep: float | None = None,
+    integrator: str | None = None,
+    sample_period: float = SAMPLE_PERIOD,
+    controller: Controller | None = None,
+    sensors: str | SensorSuite | None = None,
+    seed: int = 0,
+    bottom_depth: float | None = None,
+) -> Trajectory:
+    """Fly one mission and return what happened.
+
+    Args:
+      scenario: everything at once; then only `controller` and the sensors may be given beside it.
+      vehicle: shipped name, path of an MJCF file, or a Vehicle.
+      mission: shipped name, path of a TOML file, a Mission or a Schedule; "default" when there is
+        no controller either.
+      current: as text, such as "uniform:0.1,-0.05" (north, east [m/s]), or an object; parts are
+        added with +.
+      density: "constant", "thermocline", a CSV file, or a DensityProfile.
+      duration: [s]; None takes the mission's own.
+      start: where and how the run begins; None takes the mission's.
+      origin: latitude, longitude and time of the start.
+      hydrodynamics: "coefficients" or "ellipsoid".
+      timestep: [s] of the physics; None takes the vehicle file's.
+      integrator: MuJoCo's; None takes the vehicle file's.
+      sample_period: [s] between samples.
+      controller: Python code that gives the commands each control period instead of a mission.
+      sensors: suite by name ("ideal", "field", ...) or a SensorSuite; adds measured_* signals.
+      seed: of the sensors' random draws.
+      bottom_depth: [m] for the sensors; None is out of their reach.
+
+    Returns:
+      The trajectory: a mapping of signals in NED and FRD, angles in degrees.
+
+    Raises:
+      InputError and its kinds: a name or value that cannot be used; nothing was flown.
+      SimulationUnstable: with the trajectory up to that time as `partial`.
+    """
+    if scenario is None:
+        if mission is not None and controller is not None:
+            raise InputError("give a mission or a controller, not both: each gives the commands")
+        if mission is None and controller is None:
+            mission = DEFAULT_MISSION
+        scenario = Scenario(
+            vehicle=vehicle if isinstance(vehicle, Vehicle) else load_vehicle(str(vehicle)),
+            plan=load_mission(mission) if isinstance(mission, str | Path) else mission,
+            duration=duration,
+            start=start,
+            current=parse_current(current) if isinstance(current, str) else current,
+            density=parse_density(str(density)) if isinstance(density, str | Path) else density,
+            origin=origin or Origin(),
+            hydrodynamics=hydrodynamics,
+            timestep=timestep,
+            integrator=integrator,
+            sample_period=sample_period,
+        )
+    else:
+        _refuse_beside(scenario, locals())
+    if isinstance(scenario.plan, Mission):
+        scenario.plan.check(scenario.vehicle)
+    suite = _suite(sensors)
+    if suite is None and (seed != 0 or bottom_depth is not None):
+        raise InputError("seed and bottom_depth are for the sensors: give sensors too")
+    trajectory = fly(scenario, controller)
+    provenance: dict[str, Any] = {**trajectory.provenance, **provenance_of(scenario)}
+    signals = trajectory.signals
+    if suite is not None:
+        measured, drawn = _measure(suite, scenario, trajectory, seed, bottom_depth)
+        signals = {**signals, **measured}
+        provenance["sensor_suite"] = json.dumps(
+            {"settings": suite.settings(), "drawn": drawn, "seed": seed}
+        )
+    return dataclasses.replace(trajectory, signals=signals, provenance=provenance)
+
+
+def provenance_of(scenario: Scenario) -> dict[str, str]:
+    """What a trajectory says about its scenario: names of vehicle and mission, and all of it."""
+    plan = scenario.plan
+    return {
+        "vehicle": scenario.vehicle.name,
+        "mission": plan.name if isinstance(plan, Mission) else "schedule" if plan else "controller",
+        "scenario": json.dumps(scenario.describe()),
+    }
+
+
+def _refuse_beside(scenario: Scenario, given: dict[str, Any]) -> None:
+    """Refuse arguments that the scenario would make idle."""
+    if not isinstance(scenario, Scenario):
+        raise InputError(f"scenario is {scenario!r}: give a Scenario, or keyword arguments")
+    for name, parameter in inspect.signature(simulate).parameters.items():
+        if name not in _BESIDE_A_SCENARIO and given[name] is not parameter.default:
+            raise InputError(
+                f"{name} is part of the scenario: use dataclasses.replace(scenario, ...)"
+            )
+
+
+def _suite(sensors: str | SensorSuite | None) -> SensorSuite | None:
+    if sensors is None:
+        return None
+    from twin.sensors import SensorSuite
+
+    if isinstance(sensors, str):
+        return SensorSuite.preset(sensors)
+    if not isinstance(sensors, SensorSuite):
+        raise InputError(f"sensors is {sensors!r}: give a SensorSuite or the name of one")
+    return sensors
+
+
+def _measure(
+    suite: SensorSuite,
+    scenario: Scenario,
+    trajectory: Trajectory,
+    seed: int,
+    bottom_depth: float | None,
+) -> tuple[dict[str, Any], dict[str, float]]:
+    """The measured signals and the constants that were drawn."""
+    tree = np.random.SeedSequence(seed)
+    drawn = suite.draw(tree)
+    current = scenario.current
+    if current is not None:
+        program = current.compile(float(trajectory.time[-1]), scenario.origin)
+    measured = suite.measure(
+        trajectory.signals,
+        dt=scenario.sample_period,
+        rng_seed=tree,
+        drawn=drawn,
+        bottom_depth=bottom_depth,
+        latitude=scenario.origin.latitude_deg,
+        density=scenario.density,
+        current=None if current is None else program,
+    )
+    return measured, drawn

@@ -1,0 +1,66 @@
+"""Registry: the control tasks by name; `register` adds one's own.
+
+A task is one file with a `GliderTask` and a function that makes its environment. The function takes
+a vehicle first and then keyword arguments with defaults, `random` and `environment_kwargs` among
+them; the first line of its docstring says what the task is.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+from twin.errors import InputError
+from twin.registry import Registry
+
+GROUP = "glider_twin.tasks"
+"""Entry points of installed distributions: NAME = "module:function"."""
+NEEDED = ("vehicle", "random", "environment_kwargs")
+"""Arguments that `twin.suite.load` and the viewer hand over"""
+Maker = Callable[..., Any]
+"""Makes the `twin.suite.environment.Environment` of a task"""
+
+
+def register(maker: Maker) -> Maker:
+    """Make a task of one's own known by its function's name; usable as a decorator.
+
+    Raises:
+      InputError: it is only half there, or its name is taken.
+    """
+    TASKS.register(getattr(maker, "__name__", ""), maker)
+    return maker
+
+
+def check_task(name: str, maker: Any) -> Maker:
+    """The function when it is complete; raises InputError otherwise."""
+
+    def half(what: str) -> InputError:
+        return InputError(f"task {name!r} is only half there: {what}")
+
+    if not (inspect.isfunction(maker) and maker.__name__ == name):
+        raise half(f"{maker!r} must be a function of that name that makes its environment")
+    if not inspect.getdoc(maker):
+        raise half("its docstring must say what the task is")
+    parameters = inspect.signature(maker).parameters
+    lacking = [argument for argument in NEEDED if argument not in parameters]
+    if lacking:
+        raise half(f"it needs the arguments {', '.join(lacking)}")
+    for parameter in parameters.values():
+        if parameter.default is parameter.empty:
+            raise half(f"its argument {parameter.name!r} needs a default")
+    return maker
+
+
+TASKS: Registry[Maker] = Registry(
+    "task",
+    group=GROUP,
+    shipped={
+        "hold": "twin.suite.hold:hold",
+        "depth": "twin.suite.depth:depth",
+        "waypoints": "twin.suite.waypoints:waypoints",
+        "energy": "twin.suite.energy:energy",
+    },
+    check=check_task,
+)
+"""The functions that make the tasks, by name."""

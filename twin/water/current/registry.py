@@ -1,0 +1,120 @@
+"""Registry: the kinds of current, by name and by the code in compiled programs.
+
+The shipped kinds register themselves when `twin.water.current` is imported. A kind of another
+distribution is found through its entry point in the group `glider_twin.currents`, named as the
+kind and naming its class; it is loaded when its name is first asked for. A file named by
+`GLIDER_TWIN_PLUGINS` registers its kinds itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from twin.compiled import Compiled, changed
+from twin.errors import CurrentError, unknown_name
+from twin.registry import run_plugins
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoints
+
+ENTRY_POINTS = "glider_twin.currents"
+"""Group of entry points of distributions that bring kinds of current."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """What the sampler, the command line and descriptions know of a kind."""
+
+    cls: Any
+    """The subclass of `twin.water.current.base.Current`."""
+    code: int
+    """Number in compiled programs; never changed once programs with it exist."""
+    payload_size: int | None
+    """Numbers in a record; None: it varies, and the kernel checks its `size` itself."""
+    kernel: Compiled | None
+    """(program, start, size, t, north, east, depth) to velocity, local rate and gradient (15)."""
+    directional: Compiled | None
+    """The same arguments and a direction (t, north, east, depth) to velocity and derivative (6)."""
+
+
+_kinds: dict[str, Kind] = {}
+
+
+def add(name: str, kind: Kind) -> None:
+    """Take a kind in; compiled functions that sample currents are then made again.
+
+    Raises CurrentError when the name or the code is another kind's. The same class again, as when
+    a notebook's cell is run twice, replaces itself.
+    """
+    for other, known in _kinds.items():
+        same = _place(known.cls) == _place(kind.cls)
+        if other == name and not same:
+            raise CurrentError(
+                f"current {name!r} is registered already by {_place(known.cls)}; choose another"
+                " `kind`"
+            )
+        if other != name and known.code == kind.code:
+            raise CurrentError(
+                f"current {name!r} has the code {kind.code} of {other!r}; set another `code`"
+            )
+    _kinds[name] = kind
+    changed()
+
+
+def remove(name: str) -> None:
+    """Take a kind out again; programs with its records then give NaN."""
+    del _kinds[name]
+    changed()
+
+
+def find(name: str) -> Kind | None:
+    """The kind of that name, from an entry point if need be; None when there is none."""
+    run_plugins()
+    if name not in _kinds:
+        _load(name)
+    return _kinds.get(name)
+
+
+def kinds() -> dict[str, Kind]:
+    """Every kind registered so far, in the order of their codes."""
+    return dict(sorted(_kinds.items(), key=lambda item: item[1].code))
+
+
+def names() -> list[str]:
+    """Names of every kind, those of entry points that are not loaded yet included."""
+    run_plugins()
+    return [*kinds(), *(point.name for point in _points() if point.name not in _kinds)]
+
+
+def unknown(name: str, *also: str) -> CurrentError:
+    """The error for a name that no kind has; `also` are other words allowed in its place."""
+    return CurrentError(unknown_name("current", name, [*names(), *also]))
+
+
+def _points() -> EntryPoints:
+    from importlib.metadata import entry_points  # 15 ms that most commands do not need
+
+    return entry_points(group=ENTRY_POINTS)
+
+
+def _load(name: str) -> None:
+    """Import the module of the entry point of that name; importing it registers its kind."""
+    for point in _points():
+        if point.name == name:
+            try:
+                point.load()
+            except Exception as error:
+                raise CurrentError(
+                    f"current {name!r}: its entry point {point.value} cannot be loaded:"
+                    f" {type(error).__name__}: {error}"
+                ) from error
+            if name not in _kinds:
+                raise CurrentError(
+                    f"current {name!r}: its entry point {point.value} registers no kind of that"
+                    " name; decorate the class with twin.water.current.register"
+                )
+
+
+def _place(cls: type) -> str:
+    return f"{cls.__module__}.{cls.__qualname__}"
