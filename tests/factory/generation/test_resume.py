@@ -35,7 +35,7 @@ def test_a_resumed_run_counts_only_what_it_flew_itself(
         patch.setattr("factory.generation.bulk.write_shard", stop)
         with pytest.raises(KeyboardInterrupt):
             generate(made, store, workers=1)
-    parts = sorted((store / UNFINISHED).glob("mission-*.part"))
+    parts = sorted((store / UNFINISHED).glob("mission-*"))
     assert len(parts) == len(made.plan) > len(FLOWN_AGAIN)
     for mission in FLOWN_AGAIN:
         parts[mission].unlink()
