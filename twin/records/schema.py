@@ -251,8 +251,3 @@ def declare_stored(name: str, attributes: Mapping[str, Any]) -> None:
             limits,
         )
     )
-
-
-def by_group(group: str) -> list[str]:
-    """Names of the variables of one group: truth, measured or commanded."""
-    return [name for name, entry in VARIABLES.items() if entry.group == group]
