@@ -31,12 +31,13 @@ class Bench(JsonOption):
         threads = self.threads or os.cpu_count() or 1
         result = bench(load_vehicle(self.vehicle), threads=threads, rounds=self.rounds)
         console.answer(**asdict(result))
+        low, high = result.overhead_quartiles
         console.pairs(
             {
                 "step with our water": f"{result.us_per_step:.2f} us",
                 "bare MuJoCo step": f"{result.us_per_step_bare_mujoco:.2f} us",
-                "ratio": f"{result.overhead_ratio:.3f} (quartiles {result.overhead_quartiles[0]:.3f} "
-                f"to {result.overhead_quartiles[1]:.3f} of {result.pairs} pairs)",
+                "ratio": f"{result.overhead_ratio:.3f} (quartiles {low:.3f} to {high:.3f} of "
+                f"{result.pairs} pairs)",
                 "step with guidance and log": f"{result.us_per_step_with_guidance:.2f} us",
                 "time step": f"{result.timestep_s:g} s",
                 f"batch of {result.missions} missions on {result.threads} threads": (
