@@ -130,6 +130,11 @@ class FossenModel:
         )
         low, high = self._law[0], self._law[1]
         given = np.asarray(initial_state.actuators, dtype=np.float64)
+        if given.size not in (0, low.size):
+            raise InputError(
+                f"start: actuators has {given.size} positions, vehicle {self.vehicle.name!r} has "
+                f"{low.size} parts: {', '.join(self.vehicle.part_names)}"
+            )
         actuators0 = np.clip(given if given.size else self.vehicle.rest, low, high)
         run = integrate if method == "rk4" else _integrate_reference
         states, actuators, done = run(

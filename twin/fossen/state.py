@@ -40,8 +40,10 @@ class FossenState:
 
     def __post_init__(self) -> None:
         finite("time", self.time, ())
-        for name in ("position_ned", "attitude", "v_rel", "rates", "actuators"):
+        for name in ("position_ned", "attitude", "v_rel", "rates"):
             object.__setattr__(self, name, finite(name, getattr(self, name), (3,)))
+        shape = np.shape(self.actuators)[:1]
+        object.__setattr__(self, "actuators", finite("actuators", self.actuators, shape))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,7 +61,8 @@ class FossenTrajectory:
     rates: Array
     """p, q, r [rad/s], shape (n, 3), body FRD"""
     actuators: Array
-    """shift [m], rotation [rad], pump [cm3], shape (n, 3)"""
+    """positions of the parts in their units, a glider's shift [m], rotation [rad], pump [cm3]; shape
+    (n, parts)"""
     current_ned: Array
     """current at the CB [m/s], shape (n, 3)"""
     velocity_ned: Array

@@ -200,10 +200,21 @@ def open_store(path: str | Path) -> xr.Dataset:
         dataset = xr.open_zarr(path, consolidated=None)
     except Exception as error:
         raise StoreError(f"store {path} cannot be read: {' '.join(str(error).split())}") from error
-    for name, array in dataset.data_vars.items():
-        if array.dims == (MISSION, TIME):
-            declare_stored(str(name), array.attrs)
+    declare_signals(dataset)
     return dataset
+
+
+def declare_signals(dataset: xr.Dataset) -> None:
+    """Declare the signals that this process does not know, parts in the order of the vehicle's."""
+    signals = {
+        str(name): array.attrs
+        for name, array in dataset.data_vars.items()
+        if array.dims == (MISSION, TIME)
+    }
+    parts = [c.removeprefix("act_") for c in stored_columns(dataset) if c.startswith("act_")]
+    first = [f"{prefix}_{part}" for part in parts for prefix in ("true", "commanded")]
+    for name in dict.fromkeys((*(n for n in first if n in signals), *signals)):
+        declare_stored(name, signals[name])
 
 
 def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
