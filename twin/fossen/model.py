@@ -132,8 +132,8 @@ class FossenModel:
         given = np.asarray(initial_state.actuators, dtype=np.float64)
         if given.size not in (0, low.size):
             raise InputError(
-                f"start: actuators has {given.size} positions, vehicle {self.vehicle.name!r} has "
-                f"{low.size} parts: {', '.join(self.vehicle.part_names)}"
+                f"the start has positions of {given.size} actuators, vehicle "
+                f"{self.vehicle.name!r} has {low.size}: {', '.join(self.vehicle.part_names)}"
             )
         actuators0 = np.clip(given if given.size else self.vehicle.rest, low, high)
         run = integrate if method == "rk4" else _integrate_reference

@@ -42,8 +42,9 @@ class FossenState:
         finite("time", self.time, ())
         for name in ("position_ned", "attitude", "v_rel", "rates"):
             object.__setattr__(self, name, finite(name, getattr(self, name), (3,)))
-        shape = np.shape(self.actuators)[:1]
-        object.__setattr__(self, "actuators", finite("actuators", self.actuators, shape))
+        object.__setattr__(
+            self, "actuators", finite("actuators", self.actuators, (np.size(self.actuators),))
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
