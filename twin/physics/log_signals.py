@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.frames import flip_quaternion, flip_vector, quaternion_to_euler, quaternion_to_matrix
+from twin.physics.part_signals import declare_parts, state_columns
 from twin.records.trajectory import Trajectory, sample_times
 from twin.vehicle.vehicle import Vehicle
 
@@ -29,6 +30,7 @@ def from_log(
     rows are a run from its start, and times are its multiples: MuJoCo's clock adds up steps and
     drifts by nanoseconds.
     """
+    declare_parts(vehicle)
     qpos, qvel, act, ctrl = (rows[name] for name in ("qpos", "qvel", "act", "ctrl"))
     quaternion = flip_quaternion(qpos[:, 3:7])
     roll, pitch, heading = quaternion_to_euler(quaternion)
@@ -68,7 +70,8 @@ def from_log(
     time = rows["time"].copy()
     if sample_period is not None:
         time = sample_times(len(rows), sample_period)
-    return Trajectory(time=time, signals=signals, states=states, **fields)
+    columns = state_columns(vehicle)
+    return Trajectory(time=time, signals=signals, states=states, state_columns=columns, **fields)
 
 
 def specific_force(

@@ -26,12 +26,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 STATE, STATES = "state", "simulation_state"
-STATE_COLUMNS = (
-    *("x", "y", "z", "qw", "qx", "qy", "qz", "battery_shift", "battery_rotation"),
-    *("vx", "vy", "vz", "wx", "wy", "wz", "battery_shift_rate", "battery_rotation_rate"),
-    *("act_shift", "act_rotation", "act_pump", "ctrl_shift", "ctrl_rotation", "ctrl_pump"),
-)
-"""Columns of `simulation_state`: qpos, qvel, act, ctrl (x north, y west, z up; SI, rad, cm3)."""
+COLUMNS = "columns"
+"""Attribute of `simulation_state` that names its columns: qpos, qvel, act, ctrl (x north, y west, z
+up; SI, rad, cm3)."""
 
 UNFINISHED = ".generating"
 """Folder inside a store that the factory has begun and not completed."""
@@ -70,7 +67,8 @@ def mission_dataset(
             if name in trajectory.signals:
                 values[i, : len(trajectory.time)] = trajectory.signals[name]
         variables[name] = ((MISSION, TIME), values, entry.attributes())
-    states = np.full((len(trajectories), longest, len(STATE_COLUMNS)), np.nan)
+    width = _state_width(trajectories)
+    states = np.full((len(trajectories), longest, width), np.nan)
     for i, trajectory in enumerate(trajectories):
         states[i, : len(trajectory.time)] = trajectory.states
     variables[STATES] = (
@@ -79,7 +77,7 @@ def mission_dataset(
         {
             "units": "1",
             "long_name": "exact MuJoCo state, for replay and rendering",
-            "columns": " ".join(STATE_COLUMNS),
+            COLUMNS: " ".join(trajectories[0].state_columns),
         },
     )
     dataset = xr.Dataset(variables, coordinates, {**SIMULATED_ATTRIBUTES, **(attributes or {})})
@@ -87,6 +85,25 @@ def mission_dataset(
         values = np.array([row.get(name, np.nan) for row in parameters or ()])
         dataset[name] = (MISSION, values)
     return dataset
+
+
+def _state_width(trajectories: Sequence[Trajectory]) -> int:
+    """Columns of their states; raises StoreError when they are those of different vehicles."""
+    first = trajectories[0]
+    for index, other in enumerate(trajectories):
+        alike = other.state_columns == first.state_columns
+        if not (alike and other.states.shape[1:] == first.states.shape[1:]):
+            raise StoreError(
+                f"a store holds the missions of one kind of vehicle: trajectory {index} has the "
+                f"parts {', '.join(other.actuators) or 'none'}, trajectory 0 has "
+                f"{', '.join(first.actuators) or 'none'}; write a store for each"
+            )
+    return int(first.states.shape[1])
+
+
+def stored_columns(one: xr.Dataset) -> tuple[str, ...]:
+    """Names of the columns of a dataset's states; empty when it has none."""
+    return tuple(str(one[STATES].attrs.get(COLUMNS, "")).split()) if STATES in one else ()
 
 
 def write_store(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -195,10 +212,21 @@ def open_store(path: str | Path) -> xr.Dataset:
         dataset = xr.open_zarr(path, consolidated=None)
     except Exception as error:
         raise StoreError(f"store {path} cannot be read: {' '.join(str(error).split())}") from error
-    for name, array in dataset.data_vars.items():
-        if array.dims == (MISSION, TIME):
-            declare_stored(str(name), array.attrs)
+    declare_signals(dataset)
     return dataset
+
+
+def declare_signals(dataset: xr.Dataset) -> None:
+    """Declare the signals that this process does not know, parts in the order of the vehicle's."""
+    signals = {
+        str(name): array.attrs
+        for name, array in dataset.data_vars.items()
+        if array.dims == (MISSION, TIME)
+    }
+    parts = [c.removeprefix("act_") for c in stored_columns(dataset) if c.startswith("act_")]
+    first = [f"{prefix}_{part}" for part in parts for prefix in ("true", "commanded")]
+    for name in dict.fromkeys((*(n for n in first if n in signals), *signals)):
+        declare_stored(name, signals[name])
 
 
 def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
@@ -217,13 +245,14 @@ def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
     samples = _samples(one, path, mission)
     one = one.isel({TIME: slice(0, samples)})
     signals = {name: read_array(one, name, path).astype(float) for name in VARIABLES if name in one}
-    states = read_array(one, STATES, path) if STATES in one else np.zeros((0, len(STATE_COLUMNS)))
+    states = read_array(one, STATES, path) if STATES in one else np.zeros((0, 0))
     if not np.isfinite(states).all():
         raise StoreError(f"store {path} is damaged: {STATES} of mission {mission} has gaps")
     return Trajectory(
         time=read_array(one, TIME, path).astype(float),
         signals=signals,
         states=states,
+        state_columns=stored_columns(one),
         provenance=dict(dataset.attrs),
     )
 

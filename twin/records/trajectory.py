@@ -31,13 +31,16 @@ class Trajectory(Mapping[str, Array]):
     """One mission, sampled at a fixed period: a mapping from signal names to arrays.
 
     `signals` maps schema names to float64 arrays of shape (time,); `states` holds the MuJoCo rows
-    (time, 23): qpos 9, qvel 8, act 3, ctrl 3, from which any sample can be rendered or resumed.
+    (time, columns): qpos, qvel, act, ctrl, from which any sample can be rendered or resumed; a
+    glider's have 9, 8, 3 and 3 numbers.
     """
 
     time: Array
     """[s] since the start, shape (time,)."""
     signals: dict[str, Array]
     states: Array
+    state_columns: tuple[str, ...] = ()
+    """Name of each column of `states`; empty where nothing says them"""
     complete: bool = True
     """False when the simulation stopped early (unstable)."""
     provenance: dict[str, Any] = dataclasses.field(default_factory=dict)
