@@ -51,8 +51,9 @@ PARTS = (1.0, 0.5, 0.2, 0.05, 0.0)
 STEP = 0.02
 """Spreads of the finite differences: well above what the time step leaves."""
 PROMPT_LAG, PROMPT_RATE = 0.2, 1e4
-REACH = 10.0  # travels of an actuator that its logged positions may lie beyond the ends
 """[s] and units per second of actuators that follow the logged positions."""
+REACH = 10.0
+"""Travels of an actuator by which its logged positions may lie beyond its ends."""
 PITCH_BIAS = np.deg2rad(0.3)
 """[rad] of bias that the attitude sensor may have from one window to the next."""
 MOST_PITCH = np.deg2rad(3.0)
