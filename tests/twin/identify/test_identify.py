@@ -206,7 +206,7 @@ def test_written_vehicle_loads_flies_and_says_where_it_comes_from(tmp_path, name
     assert dive["true_depth"][-1] > 2.0
     second = vehicle_xml(again, {"store": "another"})
     assert second.count('name="identification"') == second.count('name="sensor_errors"') == 1
-    assert parse_vehicle(second, path).drag == again.vehicle.flow_frame.drag
+    assert parse_vehicle(second, path).flow_frame.drag == again.vehicle.flow_frame.drag
     with pytest.raises(InputError, match="exists already"):
         write_vehicle(calibration, path, {})
 
