@@ -179,7 +179,7 @@ class SteadyProblem:
         return found
 
     def _crossings(self, angles: Array) -> list[Array]:
-        """Straight glides at the sign changes of the pitch acceleration between angles of attack."""
+        """Straight glides where the pitch acceleration changes sign between angles of attack."""
         found: list[Array] = []
         previous: tuple[float, float] | None = None
         for alpha in angles:

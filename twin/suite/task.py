@@ -52,8 +52,8 @@ class GliderTask(base.Task):
     """A task for one vehicle.
 
     Actions command the vehicle's parts in their order (a glider's: shift, rotation and pump), each
-    from -1 to 1 over its travel, or in its own unit with `normalised=False`. The parts follow with their lags and rates. An
-    episode ends with discount 0 when the hull breaks the surface or goes below `max_depth`.
+    from -1 to 1 over its travel, or in its own unit with `normalised=False`. The parts follow with
+    their lags and rates. An episode ends with discount 0 when the hull breaks the surface or goes below `max_depth`.
     """
 
     def __init__(
