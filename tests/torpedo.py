@@ -62,5 +62,5 @@ GEOMETRY_ONLY = """
   </sensor>
 </mujoco>
 """
-"""Neither added mass nor coefficients of the hull: its ellipsoid says both. The rotary drag of slender
-ellipsoids is stiff, hence the step."""
+"""Neither added mass nor coefficients of the hull: its ellipsoid says both. The rotary drag of a
+slender one is stiff, hence the step."""

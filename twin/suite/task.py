@@ -53,7 +53,8 @@ class GliderTask(base.Task):
 
     Actions command the vehicle's parts in their order (a glider's: shift, rotation and pump), each
     from -1 to 1 over its travel, or in its own unit with `normalised=False`. The parts follow with
-    their lags and rates. An episode ends with discount 0 when the hull breaks the surface or goes below `max_depth`.
+    their lags and rates. An episode ends with discount 0 when the hull breaks the surface or goes
+    below `max_depth`.
     """
 
     def __init__(

@@ -76,7 +76,9 @@ def test_they_fly_in_both_models(tmp_path):
     assert found["segments"][0]["kind"] == "push"
     assert found["jet"] == pytest.approx(6.0, abs=1e-6)
     # (m + X_A) du/dt = F - d u, with the thruster's lag of 0.5 s
-    assert found["surge"] == pytest.approx(6.0 / 4.0 * (1.0 - 2.718281828 ** (-59.5 / 10.0)), rel=0.01)
+    assert found["surge"] == pytest.approx(
+        6.0 / 4.0 * (1.0 - 2.718281828 ** (-59.5 / 10.0)), rel=0.01
+    )
     assert found["speed"] < 1e-4
     assert found["attitude"] < 0.1
     assert found["position"] < 0.3

@@ -65,7 +65,8 @@ def test_both_models_trim_any_part_alike(capsys):
     ours, theirs = found
     assert ours["positions"] == {"propeller": 80.0, "rudder": 0.1, "elevator": -0.05}
     assert ours["speed_m_s"] == pytest.approx(1.14, abs=0.01)
-    assert ours["pitch_deg"] < -10.0 and ours["turn_rate_rad_s"] > 0.05
+    assert ours["pitch_deg"] < -10.0
+    assert ours["turn_rate_rad_s"] > 0.05
     for name in ("speed_m_s", "pitch_deg", "roll_deg", "turn_rate_rad_s", "sideslip_deg"):
         assert ours[name] == pytest.approx(theirs[name], abs=1e-7), name
 
@@ -160,21 +161,17 @@ def test_wrong_parts_get_the_nearest_name(torpedo):
     scenario = {"vehicle": torpedo, "duration": 10.0}
     with pytest.raises(InputError, match="did you mean 'rudder'"):
         twin.simulate(**scenario, controller=lambda seen: Command(ruder=0.1))
+    start = Start(depth=20.0, actuators={"elevater": 0.1})
     with pytest.raises(InputError, match="did you mean 'elevator'"):
-        start = Start(depth=20.0, actuators={"elevater": 0.1})
         twin.simulate(**scenario, controller=lambda seen: Command(), start=start)
     hold = Hold(parts={"propellor": 60.0}, duration_s=10.0)
     with pytest.raises(MissionError, match="did you mean 'propeller'"):
         twin.simulate(vehicle=torpedo, mission=Mission(name="m", segments=(hold,)))
     with pytest.raises(InputError, match="a mission or a controller, not both"):
         twin.simulate(**scenario, mission="survey", controller=lambda seen: Command())
+    flown = Scenario(vehicle=torpedo, plan=twin.load_mission("survey"), duration=10.0)
     with pytest.raises(InputError, match="only one of them can command"):
-        flown = Scenario(vehicle=torpedo, plan=Mission.from_dict(survey_plan()), duration=10.0)
         twin.simulate(flown, controller=lambda seen: Command())
-
-
-def survey_plan():
-    return twin.load_mission("survey").to_dict()
 
 
 def test_a_fleet_is_of_one_kind(torpedo):
@@ -183,7 +180,9 @@ def test_a_fleet_is_of_one_kind(torpedo):
         Scenario(vehicle=torpedo, plan=plan, duration=60.0),
         Scenario(vehicle=load_vehicle("glider"), plan=twin.load_mission(), duration=60.0),
     ]
-    with pytest.raises(InputError, match=r"vehicles of one kind: .*propeller.*shift.*simulate_many"):
+    with pytest.raises(
+        InputError, match=r"vehicles of one kind: .*propeller.*shift.*simulate_many"
+    ):
         make_batch(scenarios)
 
 
@@ -219,7 +218,7 @@ def test_a_part_must_not_bear_the_name_of_a_signal():
 
 
 def test_every_figure_is_drawn(capsys, store, tmp_path):
-    code, out, _ = call(capsys, "plot", store, "--figure", "all", "--out", tmp_path)
+    code, _, _ = call(capsys, "plot", store, "--figure", "all", "--out", tmp_path)
     assert code == 0
     assert {"overview.png", "actuator.png"} <= {path.name for path in tmp_path.iterdir()}
 
