@@ -55,7 +55,6 @@ def load_mission_for(vehicle: Vehicle, mission: str | Path = DEFAULT) -> Mission
         usual = usual_mission(vehicle)
         if str(mission) not in (DEFAULT, PROPELLED) or str(mission) == usual:
             raise
-        raise MissionError(
-            f"{error}; the shipped mission for such a vehicle is {usual!r}"
-        ) from None
+        hint = f"the shipped mission for such a vehicle is {usual!r}"
+        raise MissionError(f"{error}; {hint}") from None
     return loaded

@@ -94,7 +94,7 @@ def poses(trajectory: Trajectory, times: Array) -> Poses:
 
 
 def moving_parts(signals: Collection[str]) -> tuple[str, ...]:
-    """The parts that slide, turn or spin; a vehicle's log may hold none of them.
+    """The parts that slide, turn or spin; a vehicle's log may hold no truth and no command of them.
 
     Args:
       signals: names of signals.

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from torpedo import TORPEDO
 
 from twin.errors import MissionError
 from twin.mission import (
@@ -20,6 +21,7 @@ from twin.mission import (
     steady_glide,
 )
 from twin.mission import guidance as g
+from twin.mission.shipped import PROPELLED
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 
@@ -262,7 +264,7 @@ def test_missing_file_and_unknown_name(tmp_path):
 @pytest.mark.parametrize("name", mission_names())
 def test_shipped_missions_can_be_flown(vehicle, name):
     mission = load_mission(name)
-    mission.check(vehicle)
+    mission.check(load_vehicle(TORPEDO) if name == PROPELLED else vehicle)
     assert mission.name == name
     assert mission.max_depth_m is not None
 

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from twin.mission import Hold, Mission, SawTooth, Spiral, Surface, mission_names
+from twin.mission import Mission, mission_names
+from twin.mission.segments import SEGMENTS
 from twin.vehicle.vehicle import load_vehicle
 
 PAGE = (Path(__file__).parents[3] / "docs" / "missions.md").read_text(encoding="utf-8")
@@ -32,7 +33,12 @@ def test_python_examples_run():
     assert names["run"].complete
 
 
-@pytest.mark.parametrize("cls", [Mission, SawTooth, Spiral, Surface, Hold])
+def test_every_kind_of_segment_is_described():
+    described = set(re.findall(r"\*\*`([\w-]+)`\*\*", PAGE))
+    assert described == set(SEGMENTS.shipped())
+
+
+@pytest.mark.parametrize("cls", [Mission, *(SEGMENTS[kind] for kind in SEGMENTS.shipped())])
 def test_every_key_is_in_the_tables(cls):
     rows = [line for line in PAGE.splitlines() if line.startswith("| `")]
     keys = {key for row in rows for key in re.findall(r"`(\w+)`", row.split("|")[1])}

@@ -1,0 +1,93 @@
+"""A part, a hull law and a kind of segment from one file outside the package fly in both models."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from torpedo import GEOMETRY_ONLY
+
+KINDS = Path(__file__).parents[2] / "vehicles" / "own_kinds.py"
+FLY = """
+import json, sys
+import twin
+from twin.checks.agreement import check_manoeuvres
+from twin.mission import Mission
+
+vehicle = twin.load_vehicle(sys.argv[1])
+push = {"kind": "push", "thrust_n": 6.0, "duration_s": 60.0}
+plan = Mission.from_dict(
+    {"name": "own", "start_depth_m": 20.0, "at_end": "hold", "duration_s": 60.0, "segments": [push]}
+)
+run = twin.simulate(vehicle=vehicle, mission=plan)
+(found,) = check_manoeuvres(vehicle, count=1, duration=120.0)
+print(json.dumps({
+    "kinds": [vehicle.law.kind, *(part.kind for part in vehicle.parts)],
+    "surge": float(run["true_surge"][-1]),
+    "jet": float(run["true_jet"][-1]),
+    "segments": plan.to_dict()["segments"],
+    "speed": found.speed_m_s, "attitude": found.attitude_deg, "position": found.position_percent,
+}))
+"""
+
+
+def own_vehicle() -> str:
+    """The vehicle of geometry alone with a thruster and linear drag in place of its own."""
+    masses = [10.0, 10.0, 10.0, 0.1, 4.0, 4.0]
+    rows = (str(masses[i] if i == j else 0.0) for i in range(6) for j in range(6))
+    text = GEOMETRY_ONLY.replace('data="ellipsoid"/>', 'data="linear-drag"/>', 1)
+    parts = (
+        '<text name="jet.kind" data="thruster"/> <numeric name="linear_drag" data="4 60 8"/>'
+        f'<numeric name="added_mass" data="{" ".join(rows)}"/>'
+    )
+    text = re.sub(
+        r'<text name="propeller.kind".*?(?=<numeric name="pitch_pid")', parts, text, flags=re.S
+    )
+    jet = (
+        '<actuator><general name="jet" site="propeller" dyntype="user" actdim="1" dynprm="0.5 60" '
+        'gainprm="0" actearly="true" actlimited="true" actrange="0 10" ctrlrange="0 10"/>'
+        "</actuator>"
+    )
+    return re.sub(r"<actuator>.*</actuator>", jet, text, flags=re.S)
+
+
+def run(words, **environment):
+    return subprocess.run(
+        [sys.executable, *words],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+def test_they_fly_in_both_models(tmp_path):
+    path = tmp_path / "own.xml"
+    path.write_text(own_vehicle(), encoding="utf-8")
+    done = run(["-c", FLY, str(path)], GLIDER_TWIN_PLUGINS=str(KINDS))
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["kinds"] == ["linear-drag", "thruster"]
+    assert found["segments"][0]["kind"] == "push"
+    assert found["jet"] == pytest.approx(6.0, abs=1e-6)
+    # (m + X_A) du/dt = F - d u, with the thruster's lag of 0.5 s
+    assert found["surge"] == pytest.approx(
+        6.0 / 4.0 * (1.0 - 2.718281828 ** (-59.5 / 10.0)), rel=0.01
+    )
+    assert found["speed"] < 1e-4
+    assert found["attitude"] < 0.1
+    assert found["position"] < 0.3
+
+
+def test_without_the_file_the_kind_is_named(tmp_path):
+    path = tmp_path / "own.xml"
+    path.write_text(own_vehicle(), encoding="utf-8")
+    done = run(["-m", "twin", "trim", "--vehicle", str(path)], GLIDER_TWIN_PLUGINS="")
+    assert done.returncode == 2
+    assert "unknown vehicle part 'thruster' (allowed: battery-hinge" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
