@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import StoreError
+from twin.records.place import PLACE, place_arrays, read_place
 from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES, declare_stored
 from twin.records.trajectory import Trajectory
 
@@ -74,6 +75,7 @@ def mission_dataset(
             {"units": "1", "long_name": "samples of the mission; later ones are padding"},
         )
     }
+    variables.update(place_arrays([t.provenance for t in trajectories]))
     for name, entry in VARIABLES.items():
         if not any(name in t.signals for t in trajectories):
             continue
@@ -94,7 +96,8 @@ def mission_dataset(
             "columns": " ".join(STATE_COLUMNS),
         },
     )
-    dataset = xr.Dataset(variables, coordinates, {**GLOBAL_ATTRIBUTES, **(attributes or {})})
+    said = {n: value for n, value in (attributes or {}).items() if n not in PLACE}
+    dataset = xr.Dataset(variables, coordinates, {**GLOBAL_ATTRIBUTES, **said})
     for name in sorted({key for row in parameters or () for key in row}):
         values = np.array([row.get(name, np.nan) for row in parameters or ()])
         dataset[name] = (MISSION, values)
@@ -212,7 +215,7 @@ def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
         time=read_array(one, TIME, path).astype(float),
         signals=signals,
         states=states,
-        provenance=dict(dataset.attrs),
+        provenance={**dataset.attrs, **read_place(one)},
     )
 
 

@@ -99,10 +99,8 @@ class Physics(dm_mujoco.Physics):
             timestep=timestep,
             integrator=integrator,
             reserve=ROOM,
+            centred=True,
         )
-        # as in the batch: RK4 evaluates between steps and is centred by itself
-        staged = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-        header(model)["centred"] = float(not staged)
         return cls.from_model(model)
 
     @classmethod
