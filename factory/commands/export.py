@@ -39,9 +39,9 @@ class Export(JsonOption):
         exporter = EXPORTERS[self.to]
         if self.mission is not None:
             check_missions(self.mission)
-        from factory.stores.stored_logs import StoredLogs, open_stored
+        from factory.stores.stored_logs import StoredLogs, open_exportable
 
-        run = open_stored(self.store)
+        run = open_exportable(self.store)
         missions = list(range(len(run))) if self.mission is None else list(self.mission)
         what = "dives" if isinstance(run, StoredLogs) else "missions"
         out = self.out or exporter.default_path(self.store)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.stores.stored import Stored, StoredRun, is_log
+from factory.stores.stored_flight import StoredFlight, is_flight
 from twin.errors import StoreError
 from twin.geodesy import position
 from twin.records.store import IMPORT_REPORT, open_store
@@ -116,6 +117,16 @@ class StoredLogs(Stored):
         turn = (end[1] - start[1] + 180.0) % 360.0 - 180.0
         latitude = start[0] + share * (end[0] - start[0])
         return latitude, start[1] + share * turn, "straight line between GPS fixes"
+
+
+def open_exportable(path: str | Path) -> Stored:
+    """As `open_stored`, and also a single flight of `twin simulate` with sensors.
+
+    Raises:
+      StoreError: it cannot be read, is none of these, or was flown without sensors.
+    """
+    flight = is_flight(open_store(path).attrs)
+    return StoredFlight(path) if flight else open_stored(path)
 
 
 def open_stored(path: str | Path) -> StoredRun | StoredLogs:

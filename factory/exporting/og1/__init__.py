@@ -16,11 +16,12 @@ def _write(run: Stored, missions: Sequence[int], folder: Path, advance: Advance)
     from factory.exporting.og1.deployments import export_og1_logs
     from factory.exporting.og1.missions import export_og1
     from factory.stores.stored import StoredRun
+    from factory.stores.stored_flight import StoredFlight
     from factory.stores.stored_logs import StoredLogs
 
     if isinstance(run, StoredLogs):
         return export_og1_logs(run, missions, folder, advance)
-    assert isinstance(run, StoredRun)
+    assert isinstance(run, StoredRun | StoredFlight)
     written = []
     for mission in missions:
         written.append(export_og1(run, mission, folder))

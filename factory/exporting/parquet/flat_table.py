@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 
 from factory.exporting.base import Advance, no_progress
 from factory.stores.stored import Stored, StoredRun
+from factory.stores.stored_flight import StoredFlight
 from factory.stores.stored_logs import StoredLogs
 from twin.errors import InputError
 
@@ -76,6 +78,10 @@ def _about(run: Stored) -> dict[str, str]:
     if isinstance(run, StoredRun):
         return {"title": "SIMULATED underwater glider missions", "settings": str(run.settings)}
     attributes = run.dataset.attrs
+    if isinstance(run, StoredFlight):
+        said = {key: str(attributes[key]) for key in ("title", "vehicle", "mission", "scenario")}
+        places = {mission: run.place(mission) for mission in range(len(run))}
+        return {**said, "places": json.dumps(places)}
     return {key: str(attributes[key]) for key in ("title", "comment", "platform", "history")}
 
 
