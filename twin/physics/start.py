@@ -62,6 +62,9 @@ class Start:
                 )
         if self.time is not None:
             object.__setattr__(self, "time", utc_text(self.time))
+        for name in ("v_rel", "rates", "actuators"):
+            if isinstance(getattr(self, name), list):  # as JSON and TOML have them
+                object.__setattr__(self, name, tuple(getattr(self, name)))
 
     @classmethod
     def of(cls, given: Mapping[str, Any], rest: Start) -> Start:
