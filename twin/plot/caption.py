@@ -11,6 +11,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from twin.records.place import START_LATITUDE, START_LONGITUDE, START_TIME, read_place
+from twin.records.schema import MISSION
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -37,6 +40,11 @@ def mission_caption(dataset: xr.Dataset, mission: int, name: str) -> str:
     seed = settings.get("seed", scenario.get("seed"))
     if seed is not None:
         parts.append(f"seed {seed}")
+    began = read_place(dataset.isel({MISSION: mission}, missing_dims="ignore"))
+    if START_LATITUDE in began:
+        parts.append(place(float(began[START_LATITUDE]), float(began[START_LONGITUDE])))
+    if START_TIME in began:
+        parts.append(f"{began[START_TIME]} UTC")
     return ", ".join([*parts, "simulated"])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import datetime
 import json
 from pathlib import Path
@@ -219,6 +220,66 @@ def test_an_export_says_what_is_nominal_and_refuses_what_it_cannot_hold(tmp_path
         EXPORTERS["og1"].export(open_exportable(early), [0], tmp_path / "og1")
     with pytest.raises(StoreError, match="flown without sensors"):
         open_exportable(saved("c.zarr"))
+
+
+def test_an_environment_refuses_a_place_that_it_would_not_use() -> None:
+    pytest.importorskip("dm_control")
+    from twin.suite.physics import Physics
+
+    physics = Physics.from_vehicle()
+    physics.set_start(Start(depth=20.0))
+    assert physics.depth() == pytest.approx(20.0)
+    with pytest.raises(InputError, match="have no effect here"):
+        physics.set_start(Start(depth=20.0, latitude=49.0, longitude=-16.0))
+
+
+def test_a_caption_says_where_and_when(tmp_path: Path) -> None:
+    from twin.plot.caption import mission_caption
+
+    run = twin.simulate(mission=YO, start=PLACE, duration=30.0)
+    store = twin.open_store(run.save(tmp_path / "run.zarr"))
+    caption = mission_caption(store, 0, "run.zarr")
+    assert "49.000°N 16.000°W, 2003-08-01T00:00:00 UTC, simulated" in caption
+
+
+def test_nothing_outside_the_physics_writes_to_a_compiled_block() -> None:
+    root = Path(twin.__file__).parents[1]
+    readers = {"header", "part_table", "table", "state"}
+    seen = 0
+    for path in [p for name in ("twin", "factory", "learn") for p in (root / name).rglob("*.py")]:
+        if (root / "twin" / "physics") in path.parents:
+            continue
+        nodes = list(ast.walk(ast.parse(path.read_text())))
+        if not any(
+            isinstance(n, ast.ImportFrom) and n.module == "twin.physics.mujoco_model" for n in nodes
+        ):
+            assert "numeric_data" not in path.read_text(), path
+            continue
+        seen += 1
+        calls = {
+            ast.unparse(n): ast.unparse(n.func)
+            for n in nodes
+            if isinstance(n, ast.Call) and ast.unparse(n.func) in readers
+        }
+        live = set(calls)
+        for node in nodes:
+            if isinstance(node, ast.Assign):
+                live |= _bound_to(node, calls)
+        for node in nodes:
+            if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store):
+                assert ast.unparse(node.value) not in live, f"{path}:{node.lineno}"
+    assert seen > 1
+
+
+def _bound_to(node: ast.Assign, calls: dict[str, str]) -> set[str]:
+    """Names that an assignment, plain or of tuples, binds to one of the calls."""
+    names = set()
+    for target in node.targets:
+        pairs = [(target, node.value)]
+        if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+            pairs = list(zip(target.elts, node.value.elts, strict=True))
+        names |= {ast.unparse(t) for t, value in pairs if ast.unparse(value) in calls}
+    return names
 
 
 def test_a_place_on_the_command_line() -> None:
