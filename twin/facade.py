@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +41,7 @@ def simulate(
     current: str | Current | None = None,
     density: str | Path | DensityProfile | None = None,
     duration: float | None = None,
-    start: Start | None = None,
+    start: Start | Mapping[str, Any] | None = None,
     origin: Origin | None = None,
     hydrodynamics: str = "coefficients",
     timestep: float | None = None,
@@ -62,8 +63,9 @@ def simulate(
         added with +.
       density: "constant", "thermocline", a CSV file, or a DensityProfile.
       duration: [s]; None takes the mission's own.
-      start: where and how the run begins; None takes the mission's.
-      origin: latitude, longitude and time of the start.
+      start: where, when and how the run begins: a Start, or some of its fields by name, such as
+        {"latitude": 49.0, "longitude": -16.0, "time": "2003-08-01"}; None takes the mission's.
+      origin: latitude, longitude and time of the frame's origin; None takes the start's.
       hydrodynamics: "coefficients" or "ellipsoid".
       timestep: [s] of the physics; None takes the vehicle file's.
       integrator: MuJoCo's; None takes the vehicle file's.
@@ -92,13 +94,20 @@ def simulate(
             duration=duration,
             start=start,
             current=parse_current(current) if isinstance(current, str) else current,
-            density=parse_density(str(density)) if isinstance(density, str | Path) else density,
-            origin=origin or Origin(),
+            density=None if isinstance(density, str | Path) else density,
+            origin=origin,
             hydrodynamics=hydrodynamics,
             timestep=timestep,
             integrator=integrator,
             sample_period=sample_period,
         )
+        if isinstance(density, str | Path):
+            profile = parse_density(
+                str(density),
+                latitude=scenario.place.latitude_deg,
+                longitude=scenario.place.longitude_deg,
+            )
+            scenario = dataclasses.replace(scenario, density=profile)
     else:
         _refuse_beside(scenario, locals())
     if isinstance(scenario.plan, Mission):
@@ -163,14 +172,14 @@ def _measure(
     drawn = suite.draw(tree)
     current = scenario.current
     if current is not None:
-        program = current.compile(float(trajectory.time[-1]), scenario.origin)
+        program = current.compile(float(trajectory.time[-1]), scenario.place)
     measured = suite.measure(
         trajectory.signals,
         dt=scenario.sample_period,
         rng_seed=tree,
         drawn=drawn,
         bottom_depth=bottom_depth,
-        latitude=scenario.origin.latitude_deg,
+        latitude=scenario.place.latitude_deg,
         density=scenario.density,
         current=None if current is None else program,
     )

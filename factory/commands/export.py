@@ -39,10 +39,10 @@ class Export(JsonOption):
         exporter = EXPORTERS[self.to]
         if self.mission is not None:
             check_missions(self.mission)
-        from factory.stores.generated import open_missions
+        from factory.stores.stored_flight import open_exportable
         from twin.records.logs import LogStore
 
-        run = open_missions(self.store)
+        run = open_exportable(self.store)
         missions = list(range(len(run))) if self.mission is None else list(self.mission)
         what = "dives" if isinstance(run, LogStore) else "missions"
         out = self.out or exporter.default_path(self.store)

@@ -9,14 +9,13 @@ import time
 import mujoco
 import numpy as np
 
-from twin.mission.schedule import Schedule
 from twin.mission.shipped import load_mission_for, usual_mission
 from twin.physics.fleet import make_batch
-from twin.physics.mujoco_model import header, joint_places
-from twin.physics.native import block as b
+from twin.physics.mujoco_model import compile_model
 from twin.physics.native.install import install, uninstall
 from twin.physics.scenario import Scenario
-from twin.physics.simulation import Simulation
+from twin.physics.simulation import Simulation, set_start
+from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle
 
 ROUNDS = 40
@@ -30,7 +29,7 @@ class BenchResult:
     """Costs measured side by side; medians over the pairs."""
 
     us_per_step: float
-    """One thread, water, parts and log on [us]"""
+    """One thread, water and parts on, without guidance and log [us]"""
     us_per_step_bare_mujoco: float
     """The same model and motion without our callbacks [us]"""
     overhead_ratio: float
@@ -51,11 +50,10 @@ class BenchResult:
 def bench(vehicle: Vehicle, *, threads: int, rounds: int = ROUNDS) -> BenchResult:
     """Measure; noise of the machine hits both sides of each pair alike."""
     rng = np.random.default_rng(0)
-    command = [part.manoeuvre(rng, 1.0, vehicle) for part in vehicle.parts]
-    steady = Schedule(times=[0.0], commands=[command])
-    scenario = Scenario(vehicle=vehicle, plan=steady, duration=600.0)
+    command = tuple(part.manoeuvre(rng, 1.0, vehicle) for part in vehicle.parts)
+    start = Start(depth=500.0, v_rel=(0.4, 0.0, 0.0), actuators=command)
     mission = Scenario(vehicle=vehicle, plan=load_mission_for(vehicle, usual_mission(vehicle)))
-    wet, dry, guided = _deep(scenario), _deep(scenario), Simulation(mission)
+    wet, dry, guided = _UnderWay(vehicle, start), _UnderWay(vehicle, start), Simulation(mission)
     dry.model.opt.gravity[:] = 0.0  # without water it would fall out of range
     dry.data.xfrc_applied[:] = 0.0
     with_water, bare, with_guidance = [], [], []
@@ -85,7 +83,7 @@ def bench(vehicle: Vehicle, *, threads: int, rounds: int = ROUNDS) -> BenchResul
     )
 
 
-def _bare_stretch(simulation: Simulation) -> float:
+def _bare_stretch(simulation: _UnderWay) -> float:
     """A stretch of the same model without our callbacks."""
     uninstall()
     try:
@@ -94,22 +92,17 @@ def _bare_stretch(simulation: Simulation) -> float:
         install()
 
 
-def _deep(scenario: Scenario) -> Simulation:
-    """A simulation under way without guidance and log: the physics callbacks alone."""
-    simulation = Simulation(scenario)
-    head = header(simulation.model)
-    head["control"], head["log_period"] = b.CONTROL_NONE, 0.0
-    data = simulation.data
-    data.qpos[2] = -500.0
-    data.act[:] = data.ctrl[:] = np.asarray(scenario.plan.commands)[0]  # type: ignore[union-attr]
-    for index, place in joint_places(simulation.model):
-        data.qpos[place] = data.act[index]
-    data.qvel[0] = 0.4
-    mujoco.mj_step(simulation.model, data, nstep=200)
-    return simulation
+class _UnderWay:
+    """A vehicle in water without guidance and log: the physics callbacks alone."""
+
+    def __init__(self, vehicle: Vehicle, start: Start) -> None:
+        self.model = compile_model(vehicle, lean=True, centred=True)
+        self.data = mujoco.MjData(self.model)
+        set_start(self.model, self.data, start, np.zeros(3))
+        mujoco.mj_step(self.model, self.data, nstep=200)
 
 
-def _stretch(simulation: Simulation) -> float:
+def _stretch(simulation: _UnderWay | Simulation) -> float:
     """Microseconds per step over one stretch."""
     begin = time.perf_counter()
     mujoco.mj_step(simulation.model, simulation.data, nstep=STEPS)

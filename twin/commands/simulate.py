@@ -30,6 +30,10 @@ class Simulate(JsonOption):
     all kinds and settings"""
     density: str = "constant"
     """constant, thermocline, or a CSV file with depth and density columns"""
+    start: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[,TIME]")] = None
+    """where and when it begins: degrees north and east, and UTC, such as
+    49,-16,2003-08-01T00:00. Gridded currents, density and the store use it;
+    default: Monterey Bay without a date, and the store says neither"""
     duration: float | None = None
     """seconds to simulate; default: what the mission says"""
     hydrodynamics: Literal["coefficients", "ellipsoid"] = "coefficients"
@@ -98,25 +102,33 @@ class Simulate(JsonOption):
             )
 
     def _scenario(self) -> Scenario:
+        import dataclasses
+
         from twin.mission.shipped import load_mission_for
         from twin.physics.scenario import Scenario
+        from twin.physics.start import parse_place
         from twin.vehicle.vehicle import load_vehicle
         from twin.water.current.spec import parse_current
         from twin.water.density_spec import parse_density
 
         vehicle = load_vehicle(self.vehicle)
         mission = load_mission_for(vehicle, self.mission)
-        return Scenario(
+        scenario = Scenario(
             vehicle=vehicle,
             plan=mission,
             duration=self.duration,
+            start=None if self.start is None else parse_place(self.start),
             current=parse_current(self.current),
-            density=parse_density(self.density),
             hydrodynamics=self.hydrodynamics,
             timestep=self.timestep,
             integrator=self.integrator,
             sample_period=self.sample_period,
         )
+        place = scenario.place
+        density = parse_density(
+            self.density, latitude=place.latitude_deg, longitude=place.longitude_deg
+        )
+        return dataclasses.replace(scenario, density=density)
 
     def _write(self, scenario: Scenario, trajectory: Trajectory) -> None:
         from twin.facade import provenance_of
@@ -147,11 +159,13 @@ class Simulate(JsonOption):
             vehicle=scenario.vehicle.name,
             out=self.out,
             plot=self.plot,
+            start=_place(scenario),
             **figures,
         )
         title = f"{scenario.vehicle.name} flew {getattr(scenario.plan, 'name', 'a schedule')!r}"
         console.pairs(
             {
+                **({"start": begun} if (begun := _place(scenario)) else {}),
                 "duration": f"{figures['duration_s']:.0f} s",
                 "ended": figures["ended"],
                 "distance through the water": f"{figures['distance_through_water_m']:.0f} m",
@@ -185,6 +199,15 @@ class Simulate(JsonOption):
         for label, path in (("store", self.out), ("plot", self.plot)):
             if path is not None:
                 console.say(f"{label}: {path}")
+
+
+def _place(scenario: Scenario) -> str | None:
+    """Where and when it began, if that was said."""
+    place = scenario.place
+    if not scenario.has_place:
+        return None
+    date = "" if place.time is None else f", {place.time} UTC"
+    return f"latitude {place.latitude_deg:g}, longitude {place.longitude_deg:g}{date}"
 
 
 PLOT_FORMATS = (".png", ".pdf", ".svg")

@@ -60,6 +60,7 @@ def compile_model(
     tables: Tables | None = None,
     reserve: int = 0,
     log: bool = False,
+    centred: bool = False,
 ) -> mujoco.MjModel:
     """Compile a vehicle with the parameter block appended, and install the native callbacks.
 
@@ -73,6 +74,7 @@ def compile_model(
       tables: mission, current and density that it is to carry.
       reserve: numbers that it must have room for in its tables, at least.
       log: give its `userdata` room for the log of a `Simulation`.
+      centred: water at the time-centred velocity; RK4 evaluates between steps and is so by itself.
 
     Raises:
       VehicleError: the file does not compile or has another joint or actuator structure.
@@ -116,6 +118,8 @@ def compile_model(
         raise VehicleError(f"{_label(vehicle)}: {_first_line(error)}") from error
     _check_structure(model, vehicle)
     fill_block(model, vehicle, words, ring=b.RING if log else 0)
+    staged = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    header(model)["centred"] = float(centred and not staged)
     write_tables(model, tables)
     install()
     return model

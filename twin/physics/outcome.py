@@ -13,6 +13,7 @@ from twin.mission import Mission, guidance
 from twin.physics.log_signals import from_log
 from twin.physics.mujoco_model import header
 from twin.physics.scenario import Scenario
+from twin.records.place import START_LATITUDE, START_LONGITUDE, START_TIME
 from twin.records.trajectory import Trajectory
 
 MAY_BE_NAN = ("pitch_setpoint", "heading_setpoint", "segment")
@@ -51,7 +52,7 @@ def trajectory_of(
         half_step=0.5 * float(header(model)["centred"]) * timestep,
         sample_period=scenario.sample_period,
         complete=not failed,
-        provenance={"ended": _ending(scenario, ours, failed)},
+        provenance={"ended": _ending(scenario, ours, failed), **_place(scenario)},
     )
     if failed:
         time = float(ours["fail_time"])
@@ -64,6 +65,15 @@ def trajectory_of(
             partial=trajectory,
         )
     return trajectory
+
+
+def _place(scenario: Scenario) -> dict[str, float | str]:
+    """Where and when the run began, where its scenario says so."""
+    place = scenario.place
+    said: dict[str, float | str] = {}
+    if scenario.has_place:
+        said = {START_LATITUDE: place.latitude_deg, START_LONGITUDE: place.longitude_deg}
+    return said if place.time is None else {**said, START_TIME: place.time}
 
 
 def _ending(scenario: Scenario, ours: Any, failed: bool) -> str:

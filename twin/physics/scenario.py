@@ -40,12 +40,14 @@ class Scenario:
     """Closed-loop mission, open-loop schedule, or None (commands come from a controller)."""
     duration: float | None = None
     """[s]; None takes the mission's own."""
-    start: Start | None = None
-    """None takes the mission's start depth and heading, at rest in the water."""
+    start: Start | Mapping[str, Any] | None = None
+    """Where and when it begins: a `Start`, or a mapping of some of its fields, such as
+    {"latitude": 49.0, "longitude": -16.0, "time": "2003-08-01T00:00"}; what a mapping leaves out
+    is the mission's. None takes the mission's start depth and heading, at rest in the water."""
     current: Current | None = None
     density: DensityProfile | None = None
-    origin: Origin = dataclasses.field(default_factory=Origin)
-    """Geographic position and time of the start, for gridded currents and tides."""
+    origin: Origin | None = None
+    """Geographic position and time of the frame's origin; None: the start's. See `place`."""
     hydrodynamics: str = "coefficients"
     timestep: float | None = None
     """[s]; None takes the vehicle file's"""
@@ -58,6 +60,10 @@ class Scenario:
     def __post_init__(self) -> None:
         if isinstance(self.vehicle, str):
             object.__setattr__(self, "vehicle", load_vehicle(self.vehicle))
+        if self.origin == Origin():
+            object.__setattr__(self, "origin", None)  # it says what nothing says
+        if isinstance(self.start, Mapping):
+            object.__setattr__(self, "start", Start.of(self.start, self.usual_start()))
         for name, kinds in (
             ("vehicle", Vehicle),
             ("plan", (Mission, Schedule, NoneType)),
@@ -66,7 +72,7 @@ class Scenario:
             ("start", (Start, NoneType)),
             ("current", (Current, NoneType)),
             ("density", (DensityProfile, NoneType)),
-            ("origin", Origin),
+            ("origin", (Origin, NoneType)),
         ):
             value = getattr(self, name)
             if not isinstance(value, kinds):
@@ -83,7 +89,12 @@ class Scenario:
                 f"{self.vehicle.name!r}: {', '.join(self.believed.part_names)}"
             )
         if self.start is not None:
-            self.start.positions(self.vehicle.part_names, self.vehicle.rest)
+            self.begin.positions(self.vehicle.part_names, self.vehicle.rest)
+            place = self.begin.origin(self.origin)
+            if self.current is not None and self.begin.latitude is not None:
+                self.current.check_place(place.latitude_deg, place.longitude_deg)
+            if self.current is not None and self.begin.time is not None:
+                self.current.check_time(str(self.begin.time))
         if not (math.isfinite(self.sample_period) and self.sample_period > 0):
             raise InputError(f"sample period {self.sample_period} s must be positive and finite")
 
@@ -95,6 +106,39 @@ class Scenario:
             and isinstance(self.plan, Mission)
             and self.plan.duration_s is None
         )
+
+    @property
+    def begin(self) -> Start:
+        """The start that is flown: the given one, or the usual one of the mission."""
+        if self.start is None:
+            return self.usual_start()
+        assert isinstance(self.start, Start)  # __post_init__ made one of a mapping
+        return self.start
+
+    def usual_start(self) -> Start:
+        """The mission's start: at rest in the water at its depth and heading.
+
+        What starts at the surface floats just immersed, as a neutral glider does: with
+        its CB at depth 0 half of the hull would stand out of the water and drop.
+        """
+        plan, awash = self.plan, self.vehicle.hull_diameter / 2
+        if isinstance(plan, Mission):
+            heading = math.radians(plan.start_heading_deg)
+            return Start(depth=max(plan.start_depth_m, awash), heading=heading)
+        return Start(depth=awash)
+
+    @property
+    def place(self) -> Origin:
+        """Geographic position and time of the origin: of the start, of `origin`, or the default.
+
+        Currents, density by name, pressure, stores and exports use it.
+        """
+        return self.begin.origin(self.origin)
+
+    @property
+    def has_place(self) -> bool:
+        """True when the scenario says where on Earth it is flown; else `place` is the default."""
+        return self.origin is not None or self.begin.latitude is not None
 
     @property
     def believed_vehicle(self) -> Vehicle:
@@ -121,7 +165,9 @@ class Scenario:
         duration = self.run_time()
         current = None
         if self.current is not None:
-            current = self.current.pinned(duration, self.origin).describe()
+            current = self.current.pinned(duration, self.place).describe()
+        # a start with a time and no place leaves the origin unsaid
+        origin = self.place if self.begin.latitude is not None else self.origin or Origin()
         plan: dict[str, Any] | None = None
         if self.plan is not None:
             kind = "mission" if isinstance(self.plan, Mission) else "schedule"
@@ -138,10 +184,10 @@ class Scenario:
             "encoder_zeros": dict(self.encoder_zeros),
             "plan": plan,
             "duration": self.duration,
-            "start": None if self.start is None else dataclasses.asdict(self.start),
+            "start": None if self.start is None else dataclasses.asdict(self.begin),
             "current": current,
             "density": None if self.density is None else self.density.describe(),
-            "origin": dataclasses.asdict(self.origin),
+            "origin": dataclasses.asdict(origin),
             "hydrodynamics": self.hydrodynamics,
             "timestep": self.timestep,
             "integrator": self.integrator,
@@ -161,6 +207,9 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
         plan = Mission.from_dict(fields) if mission else Schedule(**fields)
     current = data["current"]
     believed, ballast = data.get("believed"), data.get("ballast")
+    start = None if data["start"] is None else Start(**data["start"])
+    # where the start has a place, the description's origin repeats it
+    origin = None if start is not None and start.latitude is not None else data["origin"]
     return Scenario(
         vehicle=vehicle.with_changes(entry["changes"]),
         believed=None if believed is None else vehicle.with_changes(believed),
@@ -168,10 +217,10 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
         encoder_zeros=data.get("encoder_zeros", {}),
         plan=plan,
         duration=data["duration"],
-        start=None if data["start"] is None else Start(**data["start"]),
+        start=start,
         current=None if current is None else current_from_dict(current),
         density=None if data["density"] is None else DensityProfile(**data["density"]),
-        origin=Origin(**data["origin"]),
+        origin=None if origin is None else Origin(**origin),
         hydrodynamics=data["hydrodynamics"],
         timestep=data["timestep"],
         integrator=data["integrator"],

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, SimulationUnstable, TwinError
 from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector, quaternion_to_matrix
-from twin.mission import Mission, guidance
+from twin.mission import guidance
 from twin.mission.controller import Command, Controller, Observation
 from twin.physics.mujoco_model import (
     compile_model,
@@ -82,6 +82,7 @@ class Simulation:
             tables=self.tables,
             reserve=reserve,
             log=True,
+            centred=scenario.centred,
         )
         self._check_integration()
         model = self.model
@@ -138,9 +139,6 @@ class Simulation:
 
     def _write_header(self) -> None:
         head = header(self.model)
-        # RK4 evaluates between steps and is centred by itself
-        staged = self.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-        head["centred"] = float(self.scenario.centred and not staged)
         head["log_samples"], head["log_period"] = self._samples(), self.scenario.sample_period
 
     # --- the log ------------------------------------------------------------------------------
@@ -205,18 +203,8 @@ class Simulation:
     # --- the run ------------------------------------------------------------------------------
 
     def start(self) -> Start:
-        """The scenario's start, or the mission's: at rest in the water at its depth and heading.
-
-        What starts at the surface floats just immersed, as a neutral glider does: with
-        its CB at depth 0 half of the hull would stand out of the water and drop.
-        """
-        if self.scenario.start is not None:
-            return self.scenario.start
-        plan, awash = self.scenario.plan, self.scenario.vehicle.hull_diameter / 2
-        if isinstance(plan, Mission):
-            heading = math.radians(plan.start_heading_deg)
-            return Start(depth=max(plan.start_depth_m, awash), heading=heading)
-        return Start(depth=awash)
+        """The scenario's start, or the mission's: see `Scenario.begin`."""
+        return self.scenario.begin
 
     def reset(self) -> None:
         """Back to the start, with an empty log."""

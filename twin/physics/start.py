@@ -1,19 +1,26 @@
-"""Start: where and how a simulation begins."""
+"""Start: where, when and how a simulation begins."""
 
 from __future__ import annotations
 
 import dataclasses
+import datetime
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError, unknown_name
+from twin.water.current.origin import HIGHEST_LATITUDE, Origin, same_place
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Start:
-    """Where and how a simulation begins."""
+    """Where, when and how a simulation begins.
+
+    Raises:
+      InputError: a place or a time that cannot be used.
+    """
 
     north: float = 0.0
     """[m]"""
@@ -33,6 +40,72 @@ class Start:
     """Roll, pitch, yaw rate [rad/s], body FRD"""
     actuators: tuple[float, ...] | Mapping[str, float] = ()
     """positions of the parts, all in their order or some by name, in their units; empty: at rest"""
+    latitude: float | None = None
+    """[degree] north positive, WGS84; with `longitude`, or not at all"""
+    longitude: float | None = None
+    """[degree] east positive, any turn (-180..180 or 0..360)"""
+    time: str | datetime.date | None = None
+    """UTC, ISO 8601 text, a date or a datetime (naive ones are UTC); kept as text"""
+
+    def __post_init__(self) -> None:
+        if (self.latitude is None) != (self.longitude is None):
+            missing = "longitude" if self.longitude is None else "latitude"
+            raise InputError(f"start: {missing} is missing; give latitude and longitude together")
+        if self.latitude is not None:
+            _check_degrees("latitude", self.latitude, HIGHEST_LATITUDE)
+            _check_degrees("longitude", self.longitude, 360.0)
+            if self.north or self.east:
+                raise InputError(
+                    f"start: north {self.north:g} m and east {self.east:g} m beside a latitude: a "
+                    "start with a place is the origin of its frame; leave north and east out, or "
+                    "give the scenario an origin instead of the place"
+                )
+        if self.time is not None:
+            object.__setattr__(self, "time", utc_text(self.time))
+        for name in ("v_rel", "rates", "actuators"):
+            if isinstance(getattr(self, name), list):  # as JSON and TOML have them
+                object.__setattr__(self, name, tuple(getattr(self, name)))
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any], rest: Start) -> Start:
+        """A start from some of its fields by name; those that are left out are as in `rest`.
+
+        Raises:
+          InputError: a name that is no field (the nearest is offered), or an impossible value.
+        """
+        allowed = [field.name for field in dataclasses.fields(cls)]
+        for name in given:
+            if name not in allowed:
+                raise InputError(f"start: {unknown_name('key', str(name), allowed)}")
+        return dataclasses.replace(rest, **given)
+
+    def origin(self, given: Origin | None = None) -> Origin:
+        """Origin of the north-east-down frame: this start's place and time, else what is `given`.
+
+        Raises:
+          InputError: the start and `given` contradict each other.
+        """
+        origin = Origin() if given is None else given
+        if self.latitude is not None and self.longitude is not None:
+            if given is not None and not same_place(
+                (self.latitude, self.longitude), (given.latitude_deg, given.longitude_deg)
+            ):
+                raise InputError(
+                    f"the start is at latitude {self.latitude:g}, longitude {self.longitude:g}, "
+                    f"the origin at {given.latitude_deg:g}, {given.longitude_deg:g}: leave origin "
+                    "out, it follows from the start"
+                )
+            origin = dataclasses.replace(
+                origin, latitude_deg=float(self.latitude), longitude_deg=float(self.longitude)
+            )
+        if self.time is not None:
+            if origin.time is not None and utc_text(origin.time) != self.time:
+                raise InputError(
+                    f"the start's time is {self.time}, the origin's {origin.time}: leave origin "
+                    "out, it follows from the start"
+                )
+            origin = dataclasses.replace(origin, time=str(self.time))
+        return origin
 
     def positions(self, names: Sequence[str], rest: ArrayLike) -> NDArray[np.float64]:
         """Position of each part, shape (parts,).
@@ -57,3 +130,59 @@ class Start:
                 )
             positions[:] = self.actuators
         return positions
+
+
+def utc_text(time: str | datetime.date) -> str:
+    """A moment as ISO 8601 text in UTC, such as 2003-08-01T00:00:00.
+
+    Args:
+      time: text, a date or a datetime; one without an offset is UTC already.
+
+    Raises:
+      InputError: it is none of these.
+    """
+    moment: object = time
+    if isinstance(time, str):
+        try:
+            moment = datetime.datetime.fromisoformat(time.strip())
+        except ValueError:
+            moment = None
+    elif isinstance(time, datetime.date) and not isinstance(time, datetime.datetime):
+        moment = datetime.datetime.combine(time, datetime.time())
+    if not isinstance(moment, datetime.datetime):
+        raise InputError(
+            f"start: time {time!r} is not ISO 8601; write UTC as 2003-08-01 or 2003-08-01T12:00"
+        )
+    if moment.tzinfo is not None:
+        moment = moment.astimezone(datetime.UTC).replace(tzinfo=None)
+    return moment.isoformat()
+
+
+def parse_place(text: str) -> dict[str, Any]:
+    """The start of a text "LATITUDE,LONGITUDE" or "LATITUDE,LONGITUDE,TIME", as a mapping.
+
+    Raises:
+      InputError: another number of values, or one that is not a number.
+    """
+    words = [word.strip() for word in text.split(",")]
+    try:
+        if len(words) not in (2, 3):
+            raise ValueError
+        place: dict[str, Any] = {"latitude": float(words[0]), "longitude": float(words[1])}
+    except ValueError:
+        raise InputError(
+            f"start {text!r}: write LATITUDE,LONGITUDE or LATITUDE,LONGITUDE,TIME in degrees and "
+            "UTC, such as 49,-16,2003-08-01T00:00"
+        ) from None
+    return {**place, "time": words[2]} if len(words) == 3 else place
+
+
+def _check_degrees(name: str, value: object, largest: float) -> None:
+    """Refuse what is not a number of degrees within +-largest."""
+    number = isinstance(value, float | int | np.number) and not isinstance(value, bool)
+    if not (number and abs(value) <= largest):  # type: ignore[arg-type]
+        why = " (nearer to a pole a north-east frame has no meaning)" if largest < 90.0 else ""
+        raise InputError(
+            f"start: {name} = {value!r} must be a number within -{largest:g}..{largest:g} "
+            f"degree{why}"
+        )

@@ -60,7 +60,7 @@ def tables_of(scenario: Scenario, duration: float) -> Tables:
         plan, control = scenario.plan.table(), b.CONTROL_SCHEDULE
     current = density = _NONE
     if scenario.current is not None:
-        current = scenario.current.compile(duration, scenario.origin)
+        current = scenario.current.compile(duration, scenario.place)
     if scenario.density is not None:
         density = scenario.density.compile()
     return Tables(plan=plan, control=control, gains=gains, current=current, density=density)

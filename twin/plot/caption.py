@@ -12,7 +12,9 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from twin.records.attributes import DIVE, PRESET, SCENARIO, SEED, SETTINGS, says_simulated
 from twin.records.logs import log_rows, numbers
+from twin.records.place import START_LATITUDE, START_LONGITUDE, START_TIME, read_place
 from twin.records.reader import MissionStore
+from twin.records.schema import MISSION
 
 LETTERS_PER_INCH = 13.0
 """At the caption's size, with room to spare"""
@@ -38,6 +40,11 @@ def mission_caption(store: MissionStore, mission: int) -> str:
     seed = settings.get(SEED, scenario.get(SEED))
     if seed is not None:
         parts.append(f"seed {seed}")
+    began = read_place(store.dataset.isel({MISSION: mission}, missing_dims="ignore"))
+    if START_LATITUDE in began:
+        parts.append(place(float(began[START_LATITUDE]), float(began[START_LONGITUDE])))
+    if START_TIME in began:
+        parts.append(f"{began[START_TIME]} UTC")
     return ", ".join([*parts, "simulated"])
 
 

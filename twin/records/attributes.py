@@ -24,6 +24,8 @@ FAILED_MISSIONS = "failed_missions"
 VEHICLE_MJCF, VEHICLE_SHA256 = "vehicle_mjcf", "vehicle_sha256"
 SCENARIO = "scenario"
 """JSON of the scenario that `twin simulate` flew."""
+SENSOR_SUITE = "sensor_suite"
+"""JSON of the sensors that measured a single flight."""
 
 SOURCE_FORMAT = "source_format"
 """Which kind of log was imported: the mark of a store of logs."""

@@ -18,6 +18,7 @@ import numpy as np
 
 from twin.errors import StoreError
 from twin.records.attributes import N_SAMPLES, SIMULATED_ATTRIBUTES, VERSION
+from twin.records.place import PLACE, place_arrays, read_place
 from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES, declare_stored
 from twin.records.sharded import METADATA
 from twin.records.trajectory import Trajectory
@@ -59,6 +60,7 @@ def mission_dataset(
             {"units": "1", "long_name": "samples of the mission; later ones are padding"},
         )
     }
+    variables.update(place_arrays([t.provenance for t in trajectories]))
     for name, entry in VARIABLES.items():
         if not any(name in t.signals for t in trajectories):
             continue
@@ -80,7 +82,8 @@ def mission_dataset(
             COLUMNS: " ".join(trajectories[0].state_columns),
         },
     )
-    dataset = xr.Dataset(variables, coordinates, {**SIMULATED_ATTRIBUTES, **(attributes or {})})
+    said = {n: value for n, value in (attributes or {}).items() if n not in PLACE}
+    dataset = xr.Dataset(variables, coordinates, {**SIMULATED_ATTRIBUTES, **said})
     for name in sorted({key for row in parameters or () for key in row}):
         values = np.array([row.get(name, np.nan) for row in parameters or ()])
         dataset[name] = (MISSION, values)
@@ -253,7 +256,7 @@ def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
         signals=signals,
         states=states,
         state_columns=stored_columns(one),
-        provenance=dict(dataset.attrs),
+        provenance={**dataset.attrs, **read_place(one)},
     )
 
 

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import UnknownName
+from twin.errors import InputError, UnknownName
 from twin.lazy import resolve
+from twin.records.place import START_LATITUDE, START_LONGITUDE
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -117,6 +118,22 @@ class Trajectory(Mapping[str, Array]):
     def v_rel(self) -> Array:
         """Surge, sway, heave through the water [m/s], body FRD, shape (time, 3)."""
         return np.stack([self[f"true_{n}"] for n in VELOCITY], axis=-1)
+
+    def geographic_position(self) -> tuple[Array, Array]:
+        """True latitude and longitude [degree, WGS84], each of shape (time,).
+
+        Raises:
+          InputError: the mission does not say where on Earth it began.
+        """
+        from twin.geodesy import from_tangent_plane
+
+        if START_LATITUDE not in self.provenance:
+            raise InputError(
+                "this trajectory has no place on Earth: fly it with "
+                'start={"latitude": 49.0, "longitude": -16.0}'
+            )
+        place = (self.provenance[START_LATITUDE], self.provenance[START_LONGITUDE])
+        return from_tangent_plane(self["true_north"], self["true_east"], *place)
 
     def distance_through_water(self) -> Array:
         """Path length through the water [m] up to each sample, shape (time,)."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from twin.errors import InputError, StoreError
 from twin.records.attributes import N_SAMPLES, SCHEMA, SIMULATED_ATTRIBUTES
+from twin.records.place import START_LATITUDE, START_TIME, read_place
 from twin.records.schema import MISSION, TIME, VARIABLES, variable
 from twin.records.store import (
     STATES,
@@ -27,14 +28,31 @@ ENDINGS = (".zarr", ".nc")
 
 
 def to_xarray(trajectory: Trajectory) -> xr.Dataset:
-    """The signals (time,) in full precision, with units and CF attributes of the schema."""
+    """The signals (time,) in full precision, with units and CF attributes of the schema.
+
+    A mission that knows its place has the coordinates `latitude` and `longitude` (time,); one
+    that knows its date has `utc` (time,).
+    """
     import xarray as xr
 
     time = (TIME, trajectory.time, {"units": "s", "long_name": "time since the start"})
     signals = {
         name: (TIME, values, variable(name).attributes()) for name, values in trajectory.items()
     }
-    return xr.Dataset(signals, {TIME: time}, {**SIMULATED_ATTRIBUTES, **_plain(trajectory)})
+    coordinates: dict[str, Any] = {TIME: time}
+    if START_LATITUDE in trajectory.provenance:
+        for name, units, values in zip(
+            ("latitude", "longitude"),
+            ("degree_north", "degree_east"),
+            trajectory.geographic_position(),
+            strict=True,
+        ):
+            coordinates[name] = (TIME, values, {"units": units, "standard_name": name})
+    if START_TIME in trajectory.provenance:
+        start = np.datetime64(trajectory.provenance[START_TIME], "ns")
+        moments = start + np.round(trajectory.time * 1e9).astype("timedelta64[ns]")
+        coordinates["utc"] = (TIME, moments, {"standard_name": "time", "long_name": "UTC"})
+    return xr.Dataset(signals, coordinates, {**SIMULATED_ATTRIBUTES, **_plain(trajectory)})
 
 
 def save_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -99,7 +117,7 @@ def _read(dataset: xr.Dataset, path: Path, mission: int) -> Trajectory:
         signals={n: np.asarray(one[n].values, float) for n in VARIABLES if n in one},
         states=np.asarray(rows, float),
         state_columns=stored_columns(one),
-        provenance=dict(dataset.attrs),
+        provenance={**dataset.attrs, **read_place(one)},
     )
 
 

@@ -99,10 +99,8 @@ class Physics(dm_mujoco.Physics):
             timestep=timestep,
             integrator=integrator,
             reserve=ROOM,
+            centred=True,
         )
-        # as in the batch: RK4 evaluates between steps and is centred by itself
-        staged = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-        header(model)["centred"] = float(not staged)
         return cls.from_model(model)
 
     @classmethod
@@ -198,7 +196,15 @@ class Physics(dm_mujoco.Physics):
 
         Time-centred runs keep velocities half a step back in time, and so does this, in the same
         way as `twin.physics.simulation.Simulation`.
+
+        Raises:
+          InputError: the start has a place or a time, which nothing here would use.
         """
+        if start.latitude is not None or start.time is not None:
+            raise InputError(
+                "a start's place and time have no effect here: give them to "
+                "set_current(current, duration, origin=Origin(...)), which reads the water there"
+            )
         model, data = self.model.ptr, self.data.ptr
         program, current = table(model, "current"), np.zeros(3)
         if program.size:

@@ -5,18 +5,26 @@ from __future__ import annotations
 from pathlib import Path
 
 from twin.errors import InputError, unknown_name
-from twin.water.density import DensityProfile
+from twin.water.density import DEFAULT_LATITUDE, DEFAULT_LONGITUDE, DensityProfile
 from twin.water.table_file import column_numbers, read_table_file
 
 NAMES = ("constant", "thermocline")
 ALLOWED = (*NAMES, "a CSV file with columns depth,density")
 
 
-def parse_density(text: str) -> DensityProfile | None:
+def parse_density(
+    text: str,
+    *,
+    latitude: float = DEFAULT_LATITUDE,
+    longitude: float = DEFAULT_LONGITUDE,
+) -> DensityProfile | None:
     """The profile of "constant" (None: the reference density), "thermocline", or a CSV file.
 
     The file has a header with `depth` [m] and either `density` [kg/m3] or `temperature` [degC]
     and `salinity` (practical). Lines that start with # are comments.
+
+    Args:
+      latitude, longitude: [degree] where the water is, for densities that TEOS-10 gives.
 
     Raises:
       InputError: unknown name, unreadable file, missing column or bad row (named).
@@ -24,14 +32,16 @@ def parse_density(text: str) -> DensityProfile | None:
     if text == "constant":
         return None
     if text == "thermocline":
-        return DensityProfile.thermocline()
+        return DensityProfile.thermocline(latitude=latitude, longitude=longitude)
     path = Path(text)
     if path.suffix.lower() != ".csv":
         raise InputError(unknown_name("density", text, ALLOWED))
-    return read_density_csv(path)
+    return read_density_csv(path, latitude=latitude, longitude=longitude)
 
 
-def read_density_csv(path: Path) -> DensityProfile:
+def read_density_csv(
+    path: Path, *, latitude: float = DEFAULT_LATITUDE, longitude: float = DEFAULT_LONGITUDE
+) -> DensityProfile:
     """Read a profile from CSV; see `parse_density`."""
     frame = read_table_file(path, "density file")
     names = [str(name) for name in frame.columns]
@@ -51,5 +61,9 @@ def read_density_csv(path: Path) -> DensityProfile:
     if "density" in columns:
         return DensityProfile(depth=columns["depth"], values=columns["density"])  # type: ignore[arg-type]
     return DensityProfile.from_temperature_salinity(
-        columns["depth"], columns["temperature"], columns["salinity"]
+        columns["depth"],
+        columns["temperature"],
+        columns["salinity"],
+        latitude=latitude,
+        longitude=longitude,
     )

@@ -18,11 +18,12 @@ def _write(
     from factory.exporting.og1.deployments import export_og1_logs
     from factory.exporting.og1.missions import export_og1
     from factory.stores.generated import GeneratedStore
+    from factory.stores.stored_flight import StoredFlight
     from twin.records.logs import LogStore
 
     if isinstance(run, LogStore):
         return export_og1_logs(run, missions, folder, advance)
-    assert isinstance(run, GeneratedStore)
+    assert isinstance(run, GeneratedStore | StoredFlight)
     written = []
     for mission in missions:
         written.append(export_og1(run, mission, folder))

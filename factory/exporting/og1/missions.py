@@ -3,7 +3,8 @@
 Format: OceanGliders OG1.0 terms of reference, version 1.0.0 (2024), on CF-1.10 and ACDD-1.3. The
 format knows one file per deployment, so each mission is one. LATITUDE and LONGITUDE are what the
 glider itself logged, its on-board dead-reckoned track; the truth, which no real file has, is in
-variables named TRUE_*. Simulated missions have no date: TIME counts from a nominal deployment.
+variables named TRUE_*. Positions and TIME are at the place and date of the mission; one without a
+date counts from a nominal deployment.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.exporting.og1.simulated import SimulatedMission, simulated_mission
 from factory.exporting.og1.terms import (
     ASCENT,
     COORDINATES,
@@ -24,7 +26,6 @@ from factory.exporting.og1.terms import (
     FILL,
     INFLECTION,
     LONG_NAMES,
-    NOMINAL_DEPLOYMENT,
     PHASE_FLAGS,
     PHASES,
     SENSORS,
@@ -47,15 +48,15 @@ from factory.exporting.og1.variables import (
     write_og1,
 )
 from factory.stores.generated import GeneratedStore
+from factory.stores.stored_flight import StoredFlight
 from twin.errors import StoreError
 from twin.geodesy import from_tangent_plane
 from twin.records.schema import VARIABLES
-from twin.water.current.origin import Origin
 
 Array = NDArray[np.float64]
 
 
-def export_og1(run: GeneratedStore, mission: int, folder: Path) -> Path:
+def export_og1(run: GeneratedStore | StoredFlight, mission: int, folder: Path) -> Path:
     """Write one mission into `folder`, under the name that the format prescribes.
 
     Raises:
@@ -65,8 +66,9 @@ def export_og1(run: GeneratedStore, mission: int, folder: Path) -> Path:
     missing = [name for name in _needed() if name not in run.dataset]
     if missing:
         raise StoreError(f"store {run.path} lacks {', '.join(missing)}: OG1.0 needs them")
-    identity = global_attributes(run, mission)
-    series = _series(run, mission, identity)
+    facts = simulated_mission(run, mission)
+    identity = global_attributes(facts, mission)
+    series = _series(run, mission, identity, facts)
     return write_og1(folder, identity, series, int(run.samples[mission]))
 
 
@@ -77,16 +79,17 @@ def _needed() -> list[str]:
 
 
 def _series(
-    run: GeneratedStore, mission: int, identity: Mapping[str, Any]
+    run: GeneratedStore | StoredFlight,
+    mission: int,
+    identity: Mapping[str, Any],
+    facts: SimulatedMission,
 ) -> Iterator[tuple[str, Og1Variable]]:
     samples = int(run.samples[mission])
 
     def row(name: str) -> Array:
         return run.row(name, mission)[:samples].astype(float)
 
-    origin = Origin(latitude_deg=run.parameters(mission).number("water.latitude"))
-    place = (origin.latitude_deg, origin.longitude_deg)
-    start = NOMINAL_DEPLOYMENT.timestamp()
+    place, start = (facts.latitude, facts.longitude), facts.start.timestamp()
     time = start + np.arange(samples) * run.period
     depth = np.maximum(row("measured_depth"), 0.0)  # valid_min is 0: the gauge's zero error
     yield (
@@ -97,8 +100,10 @@ def _series(
     )
     yield "WMO_IDENTIFIER", text("none: simulation", "wmo id")
     model = {"platform_model_vocabulary": "n/a"}
-    vehicle = str(run.settings["vehicle"])
-    yield "PLATFORM_MODEL", text(f"simulated {vehicle} glider", "model of the glider", **model)
+    yield (
+        "PLATFORM_MODEL",
+        text(f"simulated {facts.vehicle} glider", "model of the glider", **model),
+    )
     yield "PLATFORM_SERIAL_NUMBER", text(f"sim{mission:06d}", "glider serial number")
     elapsed = time_attributes("Time elapsed since 1970-01-01T00:00:00Z")
     elapsed["time_vocabulary"] = VOCABULARY + "TIME/"

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.exporting.og1.simulated import SimulatedMission
 from factory.stores.generated import GeneratedStore
+from factory.stores.stored_flight import StoredFlight
 from twin.records.logs import LogStore
 from twin.sensors import SensorSuite
 from twin.version import __version__
@@ -19,8 +21,6 @@ Array = NDArray[np.float64]
 
 N_MEASUREMENTS = "N_MEASUREMENTS"
 EPOCH = "seconds since 1970-01-01T00:00:00Z"
-NOMINAL_DEPLOYMENT = datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC)
-"""Every mission's start: OG1.0 needs a date after 2001-09-09 (valid_min 1e9 s)."""
 FILL = -9999.9
 """Of positions and depth, as the format prescribes"""
 TIME_FILL = -1.0
@@ -96,7 +96,7 @@ SENSORS = {
 """Sensor variable: device of the sensor suite, what it is, and the model whose errors it has"""
 
 
-def sensor_attributes(run: GeneratedStore, name: str) -> dict[str, str]:
+def sensor_attributes(run: GeneratedStore | StoredFlight, name: str) -> dict[str, str]:
     """Attributes of a sensor variable; a device without errors is nobody's model."""
     device, kind, model = SENSORS[name]
     settings = getattr(run.suite, device)
@@ -136,12 +136,11 @@ def bounds(latitude: Array, longitude: Array, depth: Array) -> dict[str, float |
     return limits
 
 
-def global_attributes(run: GeneratedStore, mission: int) -> dict[str, Any]:
+def global_attributes(facts: SimulatedMission, mission: int) -> dict[str, Any]:
     """Global attributes; those that depend on the data are `bounds`."""
     serial = f"sim{mission:06d}"
-    start = stamp(NOMINAL_DEPLOYMENT)
-    end = NOMINAL_DEPLOYMENT + datetime.timedelta(seconds=float(run.array("duration")[mission]))
-    preset, seed = run.settings["preset"], run.seed
+    start = stamp(facts.start)
+    end = facts.start + datetime.timedelta(seconds=facts.duration)
     return {
         "title": "SIMULATED OceanGliders trajectory file",
         "summary": "Simulated underwater glider mission: not an observation of the ocean.",
@@ -150,7 +149,7 @@ def global_attributes(run: GeneratedStore, mission: int) -> dict[str, Any]:
         "id": f"{serial}_{start}_delayed",
         "naming_authority": "glider-twin",
         "institution": "none: simulation",
-        "internal_mission_identifier": f"{preset}_seed{seed}_mission{mission}",
+        "internal_mission_identifier": facts.name,
         "time_coverage_start": start,
         "time_coverage_end": stamp(end),
         "contributor_name": "glider-twin simulation",
@@ -162,11 +161,10 @@ def global_attributes(run: GeneratedStore, mission: int) -> dict[str, Any]:
         "contributing_institutions_role_vocabulary": ROLES,
         "rtqc_method": "No QC applied",
         "rtqc_method_doi": "n/a",
-        "comment": f"SIMULATED DATA. Preset {preset}, seed {seed}, mission {mission}, split "
-        f"{run.splits[mission]}; the date is nominal. LATITUDE and LONGITUDE are the simulated "
+        "comment": f"SIMULATED DATA. {facts.said} LATITUDE and LONGITUDE are the simulated "
         "on-board dead reckoning, TRUE_* variables what really happened in the simulation.",
-        "source": f"simulation: glider-twin {__version__}, vehicle {run.settings['vehicle']}",
-        "history": run.history,
+        "source": facts.source,
+        "history": facts.history,
         "references": "https://oceangliderscommunity.github.io/OG-format-user-manual/OG_Format.html",
         "start_date": start,
         "date_created": stamp(datetime.datetime.now(datetime.UTC)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
@@ -11,8 +12,9 @@ import numpy as np
 
 from factory.exporting.base import Advance, no_progress
 from factory.stores.generated import GeneratedStore
+from factory.stores.stored_flight import StoredFlight
 from twin.errors import InputError
-from twin.records.attributes import COMMENT, HISTORY, PLATFORM, TITLE
+from twin.records.attributes import COMMENT, HISTORY, PLATFORM, SCENARIO, TITLE
 from twin.records.logs import LogStore
 from twin.records.reader import MissionStore
 
@@ -77,6 +79,10 @@ def _about(run: MissionStore) -> dict[str, str]:
     """What the table says about itself."""
     if isinstance(run, GeneratedStore):
         return {"title": "SIMULATED underwater glider missions", "settings": str(run.settings)}
+    if isinstance(run, StoredFlight):
+        said = {key: str(run.attributes[key]) for key in (TITLE, "vehicle", "mission", SCENARIO)}
+        places = {mission: run.place(mission) for mission in range(len(run))}
+        return {**said, "places": json.dumps(places)}
     return {key: str(run.attributes[key]) for key in (TITLE, COMMENT, PLATFORM, HISTORY)}
 
 

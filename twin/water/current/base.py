@@ -106,6 +106,14 @@ class Current(abc.ABC):
         """
         return self
 
+    def check_place(self, latitude_deg: float, longitude_deg: float) -> None:
+        """Raise CurrentError when this current says that the mission starts elsewhere [degree]."""
+        return  # most kinds say nothing about it
+
+    def check_time(self, time: str) -> None:
+        """Raise CurrentError when this current says that the mission starts at another time."""
+        return
+
     def reaching(self, distance_m: float) -> Current:
         """This current, set to be known as far as `distance_m` from the start at any duration."""
         return self
@@ -217,6 +225,16 @@ class CurrentSum(Current):
     def pinned(self, duration_s: float, origin: Origin | None = None) -> CurrentSum:
         """Each part pinned."""
         return CurrentSum(parts=tuple(part.pinned(duration_s, origin) for part in self.parts))
+
+    def check_place(self, latitude_deg: float, longitude_deg: float) -> None:
+        """Each part's check."""
+        for part in self.parts:
+            part.check_place(latitude_deg, longitude_deg)
+
+    def check_time(self, time: str) -> None:
+        """Each part's check."""
+        for part in self.parts:
+            part.check_time(time)
 
     def reaching(self, distance_m: float) -> CurrentSum:
         """Each part reaching as far."""

@@ -15,7 +15,7 @@ from twin.water.current import text
 from twin.water.current.base import Current
 from twin.water.current.box import Box, load_box
 from twin.water.current.interpolation import INVALID, locate
-from twin.water.current.origin import Origin
+from twin.water.current.origin import Origin, same_place
 from twin.water.current.program import Floats
 from twin.water.current.register import register
 from twin.water.current.sampler import record_at
@@ -294,6 +294,26 @@ class Grid(Current):
     def reaching(self, distance_m: float) -> Grid:
         """With a box of at least that half-width, unless `reach_m` is given."""
         return replace(self, reach_m=max(distance_m, 1.0)) if self.reach_m is None else self
+
+    def check_place(self, latitude_deg: float, longitude_deg: float) -> None:
+        """The place in the file must be the start's, where both are given."""
+        mine = (self.latitude_deg, self.longitude_deg)
+        if mine[0] is None or mine[1] is None:
+            return
+        if not same_place((mine[0], mine[1]), (latitude_deg, longitude_deg)):
+            raise CurrentError(
+                f"grid: lat={mine[0]:g}, lon={mine[1]:g} is not the mission's start at latitude "
+                f"{latitude_deg:g}, longitude {longitude_deg:g}; leave lat and lon out, the "
+                "start says where the file is read"
+            )
+
+    def check_time(self, time: str) -> None:
+        """The time in the file must be the start's, where both are given."""
+        if self.time is not None and parse_time(self.time) != parse_time(time):
+            raise CurrentError(
+                f"grid: time={self.time} is not the mission's start at {time}; leave time out, "
+                "the start says when the file is read"
+            )
 
     def pinned(self, duration_s: float, origin: Origin | None = None) -> Grid:
         """With place, time, variables, extent and hash of the used box written out."""

@@ -58,6 +58,16 @@ class Origin:
         return geodesy.convergence(self.latitude_deg)
 
 
+SAME_PLACE = 1e-9
+"""[degree] 0.1 mm: places nearer to each other are one"""
+
+
+def same_place(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    """Whether two places (latitude, longitude) [degree] are one, whatever turn they are in."""
+    turned = math.remainder(one[1] - other[1], 360.0)
+    return max(abs(one[0] - other[0]), abs(turned)) <= SAME_PLACE
+
+
 def coriolis(latitude_deg: float) -> float:
     """[rad/s] Coriolis parameter f = 2 Omega sin(latitude), negative in the south."""
     return 2.0 * EARTH_ROTATION * math.sin(math.radians(latitude_deg))
