@@ -160,8 +160,8 @@ def _check_sources(config: FitConfig, workers: int) -> str:
     """
     pick_device(config.training.device)
     if workers > 1:
-        NETWORKS.check_elsewhere(config.network.kind)
-        OPTIMISERS.check_elsewhere(config.training.optimiser)
+        NETWORKS.check_importable(config.network.kind)
+        OPTIMISERS.check_importable(config.training.optimiser)
     if config.start is not None:
         for ensemble in open_run(config.start).networks().values():
             if ensemble.members[0].features != config.features:
