@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from factory.recipe.plan import SPLITS
-from factory.stores.stored import StoredRun
+from factory.stores.generated import GeneratedStore
 from twin.plot import style
+from twin.records.attributes import SPLITS
 
 Array = NDArray[np.float64]
 
@@ -69,11 +69,11 @@ class Sampled:
         return np.concatenate(rows) if rows else np.zeros(0)
 
 
-def sample_store(run: StoredRun, names: list[str]) -> Sampled:
+def sample_store(run: GeneratedStore, names: list[str]) -> Sampled:
     """Read what a page needs."""
     count = min(len(run), MOST_MISSIONS)
     missions = np.unique(np.linspace(0, len(run) - 1, count).round().astype(int))
-    period = float(run.settings["sample_period_s"])
+    period = run.period
     time: list[Array] = []
     signals: dict[str, list[Array]] = {name: [] for name in names}
     for mission in missions:
@@ -85,9 +85,9 @@ def sample_store(run: StoredRun, names: list[str]) -> Sampled:
     return Sampled([run.splits[m] for m in missions], time, signals)
 
 
-def store_page(run: StoredRun) -> Figure:
+def store_page(run: GeneratedStore) -> Figure:
     """Tracks, depths, currents, targets and inputs of a store; sensor errors if it has any."""
-    noisy = run.dataset.attrs["sensors"] != "ideal"
+    noisy = run.sensor_preset != "ideal"
     names = ["true_north", "true_east", "true_depth", "true_current_north", "true_current_east"]
     names += [name for name, _ in (*TARGETS, *INPUTS)]
     names += [f"{kind}_{name}" for name, _ in ERRORS for kind in ("true", "measured")]
@@ -114,7 +114,7 @@ def store_page(run: StoredRun) -> Figure:
     return figure
 
 
-def _headline(run: StoredRun) -> str:
+def _headline(run: GeneratedStore) -> str:
     return (
         f"{run.path.name}: preset {run.settings['preset']}, seed {run.seed}, {len(run)} missions, "
         f"{run.hours:.4g} h"

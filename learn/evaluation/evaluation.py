@@ -11,8 +11,7 @@ import numpy as np
 
 from learn.data.dataset import Mission, load_missions
 from learn.data.features import channels_of
-from learn.data.logs import SPEED, VEHICLE, is_real
-from learn.data.missions import open_missions
+from learn.data.logs import SPEED
 from learn.evaluation.log_score import score_logs
 from learn.evaluation.score import (
     GPS_CHANNELS,
@@ -27,7 +26,8 @@ from learn.navigation.baselines.base import Baseline, Estimate, check_estimate
 from learn.navigation.baselines.registry import BASELINES
 from learn.navigation.dead_reckoning import Array
 from twin.errors import StoreError
-from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+from twin.records.reader import MissionStore
+from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from learn.networks.predictor import Ensemble
@@ -113,8 +113,9 @@ def evaluate(
         finite (named).
     """
     names = tuple(BASELINES if baselines is None else baselines)
-    present, attributes = _describe(store)
-    vehicle = nominal_vehicle(attributes, store)
+    with MissionStore(store) as reader:
+        present, attributes = set(map(str, reader.dataset.data_vars)), dict(reader.attributes)
+        vehicle, logged = reader.vehicle, reader.logged
     missing = {
         name: f"the store has no channel {gone[0]}"
         for name in names
@@ -128,7 +129,7 @@ def evaluate(
         *(c for runner in runners.values() for c in runner.channels),
         *(c for c in GPS_CHANNELS if c in present),
     ]
-    if is_real(attributes):
+    if logged:
         wanted += [c for c in (SPEED,) if c in present]
         return _evaluate_logs(
             networks, store, split, wanted, runners, missing, attributes, vehicle, watch, period
@@ -213,27 +214,6 @@ def visible(mission: Mission) -> dict[str, Array]:
         for name, values in mission.signals.items()
         if not name.startswith("true_")
     }
-
-
-def nominal_vehicle(attributes: Mapping[str, Any], store: str | Path) -> Vehicle:
-    """The vehicle as its file says, from the MJCF text in the store; else the shipped glider.
-
-    Logs have no such file: the shipped vehicle that is nearest to them stands for it.
-    """
-    if is_real(attributes):
-        return load_vehicle(VEHICLE)
-    text = attributes.get("vehicle_mjcf")
-    if text is None:
-        return load_vehicle("glider")
-    return parse_vehicle(str(text), Path(store))
-
-
-def _describe(store: str | Path) -> tuple[set[str], dict[str, Any]]:
-    dataset = open_missions(store)
-    try:
-        return {str(name) for name in dataset.data_vars}, dict(dataset.attrs)
-    finally:
-        dataset.close()
 
 
 def _network_estimate(predictions: Mapping[str, tuple[Any, Any]]) -> Estimate:
