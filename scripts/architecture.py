@@ -28,7 +28,7 @@ BOXES = {
     "fossen": ("fossen", "independent model", "twin", 0, 1),
     "checks": ("checks", "the two models agree", "twin", 1, 1),
     "identify": ("identify", "parameters from logs", "twin", 2, 1),
-    "pictures": ("plot, render, suite", "figures, films, tasks", "twin", 3, 1),
+    "pictures": ("plot, render", "figures, films", "twin", 3, 1),
     "recipe": ("recipe", "what is drawn", "factory", 1, 0),
     "generation": ("flight, generation", "missions in parallel", "factory", 2, 0),
     "importing": ("importing", "logs of vehicles", "factory", 3, 0),

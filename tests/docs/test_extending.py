@@ -129,7 +129,7 @@ def test_each_command_took_the_kind_of_its_file(folder: Path) -> None:
 
 def test_what_they_wrote_holds_their_signals(folder: Path) -> None:
     jet = open_store(folder / "jet.zarr")
-    assert jet.attrs["current"].startswith("jet:")
+    assert json.loads(jet.attrs["scenario"])["current"]["kind"] == "jet"
     assert float(jet["true_current_east"].max()) == pytest.approx(0.3, abs=0.01)
     turbid = open_store(folder / "turbid.zarr")  # flown by worker processes
     assert turbid["measured_turbidity"].attrs["units"] == "NTU"
