@@ -1,4 +1,4 @@
-"""What every network is: inputs to one relative velocity, running free.
+"""Base of the networks: from input features to one velocity, without feedback of measured ones.
 
 A network sees inputs and its own state, never a velocity:
 

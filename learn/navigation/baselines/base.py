@@ -1,4 +1,4 @@
-"""What every way to estimate velocities gives and may see: one interface for all of them."""
+"""Base of the baselines: what a method that estimates velocities may read, and what it returns."""
 
 from __future__ import annotations
 
