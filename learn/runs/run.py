@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING, Any
 from learn.files import read_json, write_json
 from twin.errors import InputError, StoreError
 from twin.records.attributes import SAMPLE_PERIOD
-from twin.records.store import is_complete
 from twin.version import __version__
 
 if TYPE_CHECKING:
@@ -224,6 +223,8 @@ def read_description(folder: Path) -> dict[str, Any]:
     """`run.json` of a folder, finished or not; errors as `open_run`."""
     path = folder / DESCRIPTION
     if not path.is_file():
+        from twin.records.store import is_complete  # numpy, which help texts do without
+
         if is_complete(folder):
             raise InputError(
                 f"{folder} is a store, not a run; give the run first, then the store, as in "
