@@ -3,7 +3,7 @@
 
 PYTHON ?= python3
 BIN := .venv/bin
-BENCHMARKS := benchmarks/cli_startup.py benchmarks/physics_step.py benchmarks/current_sampling.py benchmarks/sensor_cost.py benchmarks/suite_step.py benchmarks/factory_speed.py benchmarks/layer_speed.py benchmarks/render_speed.py
+BENCHMARKS := benchmarks/cli_startup.py benchmarks/physics_step.py benchmarks/current_sampling.py benchmarks/sensor_cost.py benchmarks/suite_step.py benchmarks/factory_speed.py benchmarks/store_writing.py benchmarks/layer_speed.py benchmarks/render_speed.py
 
 .NOTPARALLEL:
 .PHONY: setup demo test lint check mutants bench gallery lock clean
@@ -36,7 +36,7 @@ bench: setup              ## measured costs, printed beside their yardsticks
 gallery: setup            ## the pictures of the README, from the commands shown beside them
 	@$(BIN)/python scripts/gallery.py README.md
 
-lock:                     ## constraints.txt anew, from the newest versions that pyproject.toml allows
+lock:                     ## constraints.txt again, from the newest versions that pyproject.toml allows
 	@scripts/lock.sh "$(PYTHON)"
 
 clean:                    ## the environment and the caches; data/, runs/ and demo/ stay

@@ -237,7 +237,7 @@ def _resumed(folder: Path | None) -> FitConfig | None:
 
 
 def _same_place(store: str | Path | None, base: FitConfig) -> str:
-    """The store as the settings have it: another way to the same place is no other store."""
+    """The store as the settings have it: another path to the same folder is the same store."""
     if store is None or Path(store).absolute() == Path(base.store).absolute():
         return base.store
     return str(store)

@@ -1,4 +1,4 @@
-"""Files: JSON that a kill cannot halve, and places that are checked before long work."""
+"""Files: JSON written whole or not at all, and output paths checked before long work."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def read_json(path: Path, remedy: str) -> dict[str, Any]:
     """A JSON object.
 
     Args:
-      remedy: what makes the file anew, for the error.
+      remedy: what makes the file again, for the error.
 
     Raises:
       StoreError: it is no JSON object.

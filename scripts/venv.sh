@@ -26,7 +26,7 @@ if ! "$python" -c 'import ensurepip, venv' 2>/dev/null; then
     fi
 fi
 
-# An environment left by an interrupted run, or made by an interpreter that is gone, is made anew.
+# An environment left by an interrupted run, or made by an interpreter that is gone, is made again.
 if ! .venv/bin/python -m pip --version >/dev/null 2>&1; then
     rm -rf .venv
     "$python" -m venv .venv

@@ -6,9 +6,10 @@ from, and an installed distribution adds its own under the seam's entry-point gr
     [project.entry-points."glider_twin.sensors"]
     turbidity = "my_package.turbidity:Turbidity"
 
-For kinds in a file of one's own that is no distribution, the environment variable
-`GLIDER_TWIN_PLUGINS` names Python files that call a seam's `register`, separated as in PATH. They
-are run once in each process, before a name is first looked up.
+For kinds in a single file, the environment variable `GLIDER_TWIN_PLUGINS` names Python files that
+call a seam's `register`, separated as in PATH. Each process runs them once, before it first looks a
+name up. Worker processes inherit the variable and so know the same kinds. Kinds that a program
+registers itself are handed over with `registered` and `adopt`.
 """
 
 from __future__ import annotations
@@ -28,6 +29,10 @@ from twin.errors import InputError, TwinError, UnknownName
 
 PLUGINS = "GLIDER_TWIN_PLUGINS"
 """Environment variable with the Python files of a user's own kinds."""
+PLUGIN_MODULE = "glider_twin_plugin_"
+"""Start of the names under which those files are known as modules."""
+PROGRAMS = ("__main__", "__mp_main__")
+"""Names of the file that Python was started with, here and in its worker processes."""
 
 Kind = TypeVar("Kind")
 
@@ -44,7 +49,8 @@ class Registry(Mapping[str, Kind]):
         *,
         group: str,
         shipped: Mapping[str, str] | None = None,
-        check: Callable[[str, Any], Kind],
+        check: Callable[[str, Any], Kind] | str,
+        check_shipped: bool = True,
         name: str = "name",
     ):
         """Make the registry of one seam.
@@ -53,15 +59,20 @@ class Registry(Mapping[str, Kind]):
           noun: what a kind is called in errors.
           group: of the entry points that add kinds.
           shipped: `package.module:attribute` by name.
-          check: returns the kind, or raises InputError that says what it lacks.
+          check: returns the kind, or raises InputError that says what it lacks. A text
+            `package.module:function` is imported when the first kind is checked.
+          check_shipped: whether shipped kinds are checked when they are loaded; without it only
+            the tests check them.
           name: attribute of a kind that holds its name, for `add`.
         """
         self.noun, self.group = noun, group
         self._places = dict(shipped or {})
         self._check = check
+        self._check_shipped = check_shipped
         self._name = name
         self.version = 0
         """Counts the kinds that came or went; what was built from fewer is out of date."""
+        self._registered: dict[str, Kind] = {}
         self._loaded: dict[str, Kind] = {}
 
     def add(self, kind: Any) -> Any:
@@ -74,28 +85,47 @@ class Registry(Mapping[str, Kind]):
         self.register(name, kind)
         return kind
 
-    def register(self, name: str, kind: Any) -> None:
-        """Add a kind of one's own for this process; the same one may be registered again.
+    def register(self, name: str, kind: Any = None) -> Any:
+        """Add a kind of one's own for this process; `@REGISTRY.register(name)` decorates it.
 
-        It comes before an installed distribution's of that name, which is usually the same one.
+        The same one may be registered again; a class or function that was defined again at the
+        same place, as when a notebook's cell is run twice, replaces the first. A kind of one's own
+        comes before an installed distribution's of that name, which is usually the same one.
 
         Raises:
           InputError: the name is taken by another kind, or the kind is only half there.
         """
-        if name in self._loaded or name in self._places:
-            if self[name] is kind:
-                return
+        if kind is None:
+            return functools.partial(self.register, name)
+        before = self._registered.get(name)
+        if before is kind or (name in self._places and self[name] is kind):
+            return kind
+        if name in self._places or (before is not None and not _same_place(before, kind)):
             raise InputError(f"{self.noun} {name!r} exists already: choose another name")
-        self._loaded[name] = self._check(name, kind)
+        self._registered[name] = kind  # the check may look it up by its name
+        try:
+            self._registered[name] = self.check(name, kind)
+        except BaseException:
+            del self._registered[name]
+            if before is not None:
+                self._registered[name] = before
+            raise
         self.version += 1
+        return kind
 
     def unregister(self, name: str) -> None:
         """Forget a kind that `register` added; raises UnknownName when there is none."""
-        if name in self._places or name not in self._loaded:
-            own = self._loaded.keys() - self._places.keys()
-            raise UnknownName(f"registered {self.noun}", name, own)
-        del self._loaded[name]
+        if name not in self._registered:
+            raise UnknownName(f"registered {self.noun}", name, self._registered)
+        del self._registered[name]
         self.version += 1
+
+    def check(self, name: str, kind: Any) -> Kind:
+        """The kind when it is complete; raises InputError that says what it lacks otherwise."""
+        if isinstance(self._check, str):
+            self._check = _imported(self._check)
+        check: Any = self._check
+        return check(name, kind)
 
     def code(self, name: str) -> int:
         """Number by which compiled code knows a kind, the same in every process."""
@@ -104,7 +134,51 @@ class Registry(Mapping[str, Kind]):
 
     def loaded(self) -> tuple[Kind, ...]:
         """The kinds that have been used or registered so far."""
-        return tuple(self._loaded.values())
+        return (*self._loaded.values(), *self._registered.values())
+
+    def registered(self) -> dict[str, Kind]:
+        """Kinds that another process has to be told of: those that neither a file named by
+        `GLIDER_TWIN_PLUGINS` nor an entry point registers there as well."""
+        return {name: kind for name, kind in self._registered.items() if not _from_plugin(kind)}
+
+    def adopt(self, kinds: Mapping[str, Any]) -> None:
+        """In another process: register what `registered` gave in the first one."""
+        run_plugins()
+        for name, kind in kinds.items():
+            if name not in self._registered:
+                self.register(name, kind)
+
+    def check_importable(self, name: str) -> None:
+        """Make sure that another process can import a kind.
+
+        Raises:
+          InputError: it is not found by its module's name, as one in a notebook.
+        """
+        kind = self.registered().get(name)
+        if kind is not None and not _importable(kind):
+            raise InputError(
+                f"{self.noun} {name!r} ({place_of(kind)}) cannot be imported by another process: "
+                f"put it at the top of a file and name the file in {PLUGINS}, or use 1 worker"
+            )
+
+    def place(self, name: str) -> str:
+        """`module:Name` of a kind that is not shipped, empty for a shipped one."""
+        return "" if name in self._places else place_of(self[name])
+
+    def unknown(self, name: str, place: str = "") -> UnknownName:
+        """The error for a name without a kind.
+
+        Args:
+          place: where a file says that the kind was, as `place` gave it.
+        """
+        module = place.partition(":")[0]
+        if module.startswith(PLUGIN_MODULE):
+            ways = f"name the file {module.removeprefix(PLUGIN_MODULE)}.py in {PLUGINS}"
+        elif module and module not in PROGRAMS:
+            ways = f"import {module}, which registers it"
+        else:
+            ways = f"name its file in {PLUGINS}, or install it with the entry point {self.group}"
+        return UnknownName(self.noun, name, self, hint=f"; for one of your own, {ways}")
 
     def shipped(self) -> tuple[str, ...]:
         """Names of the kinds that come with the package."""
@@ -116,29 +190,36 @@ class Registry(Mapping[str, Kind]):
 
     def __getitem__(self, name: str) -> Kind:
         run_plugins()
+        if name in self._registered:
+            return self._registered[name]
         if name not in self._loaded:
             if name in self._places:
-                module, _, attribute = self._places[name].partition(":")
-                kind = getattr(importlib.import_module(module), attribute)
+                kind = _imported(self._places[name])
             elif name in self._offered:
                 kind = self._from_entry_point(self._offered[name])
-                if name in self._loaded:  # its module has registered it
-                    return self._loaded[name]
+                if name in self._registered:  # its module has registered it
+                    return self._registered[name]
             else:
-                raise UnknownName(self.noun, name, self)
-            self._loaded[name] = self._check(name, kind)
+                raise self.unknown(name)
+            self._loaded[name] = kind  # the check may look it up by its name
+            if self._check_shipped or name not in self._places:
+                try:
+                    self._loaded[name] = self.check(name, kind)
+                except BaseException:
+                    del self._loaded[name]
+                    raise
         return self._loaded[name]
 
     def __iter__(self) -> Iterator[str]:
         run_plugins()
-        return iter(dict.fromkeys((*self._places, *self._loaded, *self._offered)))
+        return iter(dict.fromkeys((*self._places, *self._registered, *self._offered)))
 
     def __len__(self) -> int:
         return len(list(iter(self)))
 
     def __contains__(self, name: object) -> bool:
         run_plugins()
-        return name in self._places or name in self._loaded or name in self._offered
+        return name in self._places or name in self._registered or name in self._offered
 
     @functools.cached_property
     def _offered(self) -> dict[str, importlib.metadata.EntryPoint]:
@@ -169,6 +250,67 @@ def _origin(point: importlib.metadata.EntryPoint) -> str:
     return f"distribution {point.dist.name!r}" if point.dist else "an entry point"
 
 
+def _imported(place: str) -> Any:
+    module, _, attribute = place.partition(":")
+    return getattr(importlib.import_module(module), attribute)
+
+
+def place_of(kind: Any) -> str:
+    """`module:Name` of a class or function; of an object, its class's."""
+    found = kind if hasattr(kind, "__qualname__") else type(kind)
+    return f"{found.__module__}:{found.__qualname__}"
+
+
+def _same_place(one: Any, other: Any) -> bool:
+    """Whether two classes or functions are one that was defined twice."""
+    both = hasattr(one, "__qualname__") and hasattr(other, "__qualname__")
+    return both and place_of(one) == place_of(other)
+
+
+def _from_plugin(kind: Any) -> bool:
+    return place_of(kind).startswith(PLUGIN_MODULE)
+
+
+def _importable(kind: Any) -> bool:
+    """Whether a process that is started by this one finds a kind by its module and name."""
+    module, _, name = place_of(kind).partition(":")
+    if "<locals>" in name:
+        return False
+    if module == "__main__":
+        return hasattr(sys.modules[module], "__file__")
+    try:
+        return importlib.util.find_spec(module) is not None
+    except (ImportError, ValueError):
+        return False
+
+
+def check_class(noun: str, name: str, kind: Any, base: type, words: tuple[str, ...]) -> None:
+    """What a seam whose kinds are classes asks of each.
+
+    Args:
+      base: the class that it must derive from, with nothing left abstract.
+      words: attributes that must hold a text that is not empty.
+
+    Raises:
+      InputError: it is only half there, or its name is not an identifier.
+    """
+    if not name.isidentifier():
+        raise InputError(f"a {noun} needs a name of letters, digits and underscores, not {name!r}")
+    if not (isinstance(kind, type) and issubclass(kind, base)):
+        raise InputError(
+            f"{noun} {name!r} must be a class derived from {base.__module__}.{base.__name__}"
+        )
+    if missing := sorted(getattr(kind, "__abstractmethods__", ())):
+        raise InputError(f"{noun} {name!r} ({place_of(kind)}) lacks {', '.join(missing)}()")
+    for word in words:
+        text = getattr(kind, word, None)
+        if not (isinstance(text, str) and text.strip()):
+            raise InputError(
+                f"{noun} {name!r} ({place_of(kind)}) lacks {word}, a text of one line for tables "
+                "and messages"
+            )
+
+
 _plugins_ran: set[str] = set()
 
 
@@ -192,7 +334,7 @@ def run_plugins() -> None:
 def _run_plugin(path: Path) -> None:
     if not path.is_file():
         raise InputError(f"{PLUGINS} names {path}, which is not a file; correct the variable")
-    name = f"glider_twin_plugin_{path.stem}"
+    name = f"{PLUGIN_MODULE}{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
         raise InputError(f"{PLUGINS} names {path}, which is not a Python file (.py)")

@@ -1,4 +1,4 @@
-"""Public methods, as glider people use them, worked out anew on the samples of a log.
+"""Public methods, as glider people use them, worked out again on the samples of a log.
 
 - `kinematic`: w / sin(pitch + angle of attack), one constant angle (OceanGliders; Spray: 3 deg).
 - `SteadyModel`: forces in balance with two parameters fitted to the depth rate, trim and drag, and

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from factory.exporting.base import Exporter
-from factory.exporting.og1 import OG1
-from factory.exporting.parquet import PARQUET
 from twin.errors import InputError
 from twin.registry import Registry
 
@@ -12,7 +10,7 @@ from twin.registry import Registry
 def _check(name: str, kind: object) -> Exporter:
     if not isinstance(kind, Exporter):
         raise InputError(
-            f"{kind!r} cannot be registered as a export format: it must be a "
+            f"{kind!r} cannot be registered as an export format: it must be a "
             f"{Exporter.__module__}.{Exporter.__name__}"
         )
     if kind.name != name:
@@ -21,12 +19,15 @@ def _check(name: str, kind: object) -> Exporter:
 
 
 EXPORTERS: Registry[Exporter] = Registry(
-    "export format", group="glider_twin.exporters", check=_check
+    "export format",
+    group="glider_twin.exporters",
+    shipped={
+        "og1": "factory.exporting.og1:OG1",
+        "parquet": "factory.exporting.parquet:PARQUET",
+    },
+    check=_check,
 )
 """Every format that a store can be exported to, by name."""
 
 register = EXPORTERS.add
 """Add an exporter of one's own."""
-
-for _exporter in (OG1, PARQUET):
-    register(_exporter)

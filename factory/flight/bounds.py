@@ -1,4 +1,4 @@
-"""Bounds: a simulation that has left what is physically possible, though not the finite numbers."""
+"""Bounds: stops a simulation whose numbers are finite but physically impossible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Water: the current field and the density profile of one mission, from its parameters."""
+"""Mission water: the current field and the density profile of one mission, from its parameters."""
 
 from __future__ import annotations
 

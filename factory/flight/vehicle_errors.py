@@ -1,4 +1,4 @@
-"""Glider: the vehicle that is really out there, against the one that its guidance believes in."""
+"""Vehicle errors: the drawn vehicle that flies, and the nominal one that its guidance assumes."""
 
 from __future__ import annotations
 

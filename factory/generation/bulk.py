@@ -1,4 +1,4 @@
-"""Generate: all missions of a recipe into one store, resumable at any moment."""
+"""Bulk: all missions of a recipe into one store, resumable at any moment."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def generate(
     except OSError as error:
         raise StoreError(
             f"cannot write {error.filename or store}: {error.strerror or error}; finished missions "
-            "are kept: make room or a writable place, then go on with --resume"
+            "are kept: make room or a writable place, then continue with --resume"
         ) from error
     failed = sum(len(mission.failures) for mission in missions)
     return _summary(recipe, store, begun, flown=flown, failed=failed)

@@ -1,4 +1,4 @@
-"""Flown mission: what is kept about one besides its signals."""
+"""Flown mission: what is kept of a mission beside its signals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pool: worker processes that each fly one mission after the other.
+"""Workers: processes that each fly one mission after the other.
 
 Workers are forked once everything is imported and compiled, and before this process has threads.
 They take mission numbers from one pipe, whoever is free the next one, and keep what they make in

@@ -1,4 +1,4 @@
-"""Plot logs: a page on a deployment that a pilot reads: where, how deep, and how it flew."""
+"""Logs page: a page on a deployment that a pilot reads: where, how deep, and how it flew."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plot: one page that shows a person what a store holds."""
+"""Missions page: figures of what a store of simulated missions holds."""
 
 from __future__ import annotations
 

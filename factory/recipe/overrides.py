@@ -1,4 +1,4 @@
-"""Config: replaced distributions from a TOML file and from NAME=VALUE words."""
+"""Overrides: replaced distributions from a TOML file and from NAME=VALUE words."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def read_changes(path: Path | None, words: Sequence[str] = ()) -> dict[str, str 
         pitch_deg = "uniform(15, 35)"
 
     Raises:
-      InputError: the file cannot be read or is no such TOML, or a word has no =.
+      InputError: the file cannot be read or is not TOML of this form, or a word has no =.
     """
     changes = {} if path is None else _read_file(path)
     for word in words:

@@ -5,7 +5,7 @@ This is the one table of distributions. A row gives the parameter's name, its un
 entries by name; stores keep the table that was used, and every drawn value under the name with
 an underscore for the dot.
 
-Rows of the group `mission` below SEGMENT are drawn anew for every segment of a mission.
+Rows of the group `mission` below SEGMENT are drawn again for every segment of a mission.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Draw: the parameters of one mission, from the distributions and the mission's own seed.
+"""Sampling: the parameters of one mission, from the distributions and the mission's own seed.
 
 Every parameter has its own random stream below (seed, mission, attempt), keyed by its name. So a
 mission does not depend on the others or on who flies it, and a changed distribution leaves the

@@ -1,4 +1,4 @@
-"""Generated: a store of `factory generate` read back, with everything that made it."""
+"""Generated store: a store of `factory generate` read back, with everything that made it."""
 
 from __future__ import annotations
 

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from learn.networks.registry import NETWORKS
-from learn.registry import Registry
 from learn.runs.run import RUNS, free_name
 from learn.training.optimisers.registry import OPTIMISERS
 from twin.cli.console import Console, JsonOption
 from twin.cli.program import EXIT_OK
 from twin.errors import InputError, unknown_name
+from twin.registry import Registry
 
 if TYPE_CHECKING:
     from learn.runs.run import Run
@@ -159,7 +159,7 @@ class Fit(JsonOption):
             if given is None or given in allowed:
                 continue
             if isinstance(allowed, Registry):
-                raise InputError(allowed.unknown(given))
+                raise allowed.unknown(given)
             raise InputError(unknown_name(f"word for --{option}", given, allowed))
 
     def _folder(self) -> Path:

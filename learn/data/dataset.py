@@ -184,7 +184,7 @@ def thinning_step(have: float, want: float, store: str | Path) -> int:
     """Every which sample of a store gives one every `want` [s].
 
     Raises:
-      StoreError: the store has too few samples, or `want` is no multiple of its period.
+      StoreError: the store has too few samples, or `want` is not a multiple of its period.
     """
     step = round(want / have) if math.isfinite(want) else 0
     if step < 1 or abs(step * have - want) > TOLERANCE * have:
@@ -238,7 +238,7 @@ class Sequences:
 def sample_split(lengths: Iterable[int], seed: int) -> list[list[Floats]]:
     """The paper's division: each SAMPLE is training, validation or test with 70, 15, 15 %.
 
-    It leaks: samples half a second apart are nearly equal, so validation and test are no judges of
+    It leaks: samples half a second apart are nearly equal, so validation and test cannot judge
     unseen motion. It is here to reproduce the paper's figures, never to choose a network.
 
     Returns:

@@ -1,6 +1,6 @@
 """Features: what a network sees, by name, computed from what a vehicle measures or commands.
 
-No feature reads a `true_*` channel. Absolute heading is no feature at all: the water does not know
+No feature reads a `true_*` channel. Absolute heading is not a feature: the water does not know
 where north is, and a network that sees the heading learns the headings of its training missions.
 Absolute depth is one, `depth`, but no default: on few missions it works as a mission's signature.
 Where net buoyancy changes with depth (hull compressibility, stratification), `glide_speed` is the

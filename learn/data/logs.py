@@ -1,8 +1,8 @@
-"""Logs: what the missing values of a store of logs mean.
+"""Logs: which samples of a store of logs are missing, and how each gap is treated.
 
-A row is one dive. Truth is there only where a current profiler or a Doppler log was: elsewhere it
-is missing, and a missing value is no sample to learn from or to be judged by. In simulated stores
-a missing value stays an error.
+A row is one dive. Truth is there only where a current profiler or a Doppler log was. Elsewhere it
+is missing, and missing values are neither learned from nor scored. In simulated stores a missing
+value stays an error.
 """
 
 from __future__ import annotations

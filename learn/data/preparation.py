@@ -55,7 +55,7 @@ def prepare(
       seed: of the division by samples.
       mirror: let the training show every mission mirrored port to starboard too.
       period: [s] between samples, see `load_missions`.
-      scales: of a network whose training goes on; fitted anew without.
+      scales: of a network whose training goes on; fitted to the data without.
       held_out: rows of the store that are neither trained nor validated on. With any, the store's
         split is not asked: of the other rows every fourth validates, the rest train.
 

@@ -1,4 +1,4 @@
-"""Evaluate: networks, floor and baselines on the missions of a store, all by the same rules."""
+"""Evaluation: networks, floor and baselines on the missions of a store, all by the same rules."""
 
 from __future__ import annotations
 

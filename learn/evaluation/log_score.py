@@ -191,7 +191,7 @@ def score_logs(
       missions: all rows: those that are not judged lend their current to the next.
       chosen: which of them are judged.
       network, floor: names of the networks and of the floor, which is empty here: the true
-        velocities of a log are no track.
+        velocities of a log are not a track.
       predict: the networks' estimates of some rows.
       visible: channels of a row without truth.
       together: rows that are predicted at once.

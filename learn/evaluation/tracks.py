@@ -30,7 +30,7 @@ Arrays = Mapping[str, Numbers]
 
 CORRECTED = "_corrected"
 TRUTH_NAMES = ("floor",)
-"""Methods that use truth: they are no tracks that a vehicle could have."""
+"""Methods that use truth: these are not tracks that a vehicle could have."""
 
 
 class TrackCollector:
@@ -87,7 +87,7 @@ class TrackCollector:
 
 
 def check_ending(path: Path) -> None:
-    """Raise InputError for a file name whose ending is no known format."""
+    """Raise InputError for a file name whose ending is not a known format."""
     if path.suffix not in _WRITERS:
         raise InputError(
             f"track file {path}: the ending must be one of {', '.join(sorted(_WRITERS))}"

@@ -1,4 +1,4 @@
-"""What every network is: inputs to one relative velocity, running free.
+"""Base of the networks: from input features to one velocity, without feedback of measured ones.
 
 A network sees inputs and its own state, never a velocity:
 
@@ -20,8 +20,8 @@ from torch import Tensor, nn
 
 from learn.networks.config import SIZES, NetworkConfig
 from learn.networks.registry import NETWORKS
-from learn.registry import check_class, place_of
 from twin.errors import InputError
+from twin.registry import check_class, place_of
 
 LSTM_WEIGHTS = 8
 """Weights of an LSTM per pair of units, four gates from the layer below and from itself: the most
@@ -80,7 +80,7 @@ ROUNDING = 1e-4
 """Of float32 outputs near 1 by two ways to work them out."""
 
 
-def check_network(name: str, kind: type[Network]) -> None:
+def check_network(name: str, kind: type[Network]) -> type[Network]:
     """Try a kind on a few samples.
 
     Raises:
@@ -95,6 +95,7 @@ def check_network(name: str, kind: type[Network]) -> None:
         torch.manual_seed(0)
         if wrong := _wrong(kind(NetworkConfig(kind=name, **TRIED))):
             raise InputError(f"network {name!r} ({place_of(kind)}) is not whole: {wrong}")
+    return kind
 
 
 def _wrong(network: Network) -> str:

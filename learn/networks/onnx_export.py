@@ -176,13 +176,13 @@ class StepModel:
         if found != INPUTS or made != OUTPUTS:
             raise StoreError(
                 f"{path} has inputs {', '.join(found)} and outputs {', '.join(made)}; a step model "
-                f"has {', '.join(INPUTS)} and {', '.join(OUTPUTS)}; export it anew"
+                f"has {', '.join(INPUTS)} and {', '.join(OUTPUTS)}; export it again"
             )
         about = self._session.get_modelmeta().custom_metadata_map
         if about.get("layout") != str(LAYOUT):
             raise StoreError(
                 f"{path} has layout {about.get('layout')}, this program reads {LAYOUT}; "
-                "export it anew"
+                "export it again"
             )
         self.target: str = about["target"]
         self.features: tuple[str, ...] = tuple(json.loads(about["features"]))

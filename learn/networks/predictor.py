@@ -93,11 +93,11 @@ def load_predictor(stem: Path) -> Predictor:
     for path in (description_path, weights_path):
         if not path.is_file():
             raise StoreError(f"no network at {path}; train one with `learn fit`")
-    description = read_json(description_path, "bring it back from a copy, or train it anew")
+    description = read_json(description_path, "bring it back from a copy, or train it again")
     version = description.get("format")
     if version != FORMAT:
         raise StoreError(
-            f"{description_path} has format {version}, this program reads {FORMAT}; train it anew"
+            f"{description_path} has format {version}, this program reads {FORMAT}; train it again"
         )
     try:
         kind = description["network"]["kind"]
@@ -123,7 +123,7 @@ def load_predictor(stem: Path) -> Predictor:
             raise StoreError(
                 f"{description_path} is damaged: normalisation.{name} has {len(values)} numbers "
                 f"for {len(normalisation.features)} features; bring it back from a copy, or train "
-                "it anew"
+                "it again"
             )
         if not all(isinstance(v, float | int) and math.isfinite(v) for v in values):
             raise StoreError(f"{description_path} is damaged: normalisation.{name} is not finite")

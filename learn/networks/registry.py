@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from learn.registry import Registry
+from twin.registry import Registry
 
 NETWORKS: Registry[Any] = Registry(
     "network",
-    "glider_twin.networks",
-    {
+    group="glider_twin.networks",
+    shipped={
         "elman": "learn.networks.elman:Elman",
         "lstm": "learn.networks.lstm:Lstm",
         "gru": "learn.networks.gru:Gru",
@@ -17,5 +17,6 @@ NETWORKS: Registry[Any] = Registry(
         "mlp": "learn.networks.mlp:Memoryless",
     },
     check="learn.networks.base:check_network",
+    check_shipped=False,
 )
 """Every kind of network, a subclass of `learn.networks.base.Network`."""

@@ -1,4 +1,4 @@
-"""Build: the page of a run, or of an evaluation on another store."""
+"""Report: the page of a run, or of an evaluation on another store."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Card: what a run's networks are and came from, how good they are, and what they are not.
+"""Model card: what a run's networks are, their training data, how good they are, their limits.
 
 Markdown with a YAML head, as model hubs read it.
 """

@@ -6,7 +6,7 @@ from learn.navigation.baselines.registry import BASELINES
 from twin.plot.style import ESTIMATE, GUIDE, PALETTE, TRUTH
 
 TITLES = {"network": "networks", "floor": "floor: true surge and sway"}
-"""What people read, of what is no baseline."""
+"""What people read, of methods that are not baselines."""
 COLOURS = {"truth": TRUTH, "network": ESTIMATE, "floor": GUIDE}
 
 KNOWLEDGE_TITLES = {

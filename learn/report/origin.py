@@ -1,4 +1,4 @@
-"""Origin: what a run's description says that its networks were made from, in words."""
+"""Origin: which missions or logs a run's networks were trained on, in words."""
 
 from __future__ import annotations
 

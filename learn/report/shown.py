@@ -1,4 +1,4 @@
-"""Shown: the few missions of an evaluation that a report draws."""
+"""Shown missions: the few missions of an evaluation that a report draws."""
 
 from __future__ import annotations
 

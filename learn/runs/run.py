@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING, Any
 from learn.files import read_json, write_json
 from twin.errors import InputError, StoreError
 from twin.records.attributes import SAMPLE_PERIOD
-from twin.records.store import is_complete
 from twin.version import __version__
 
 if TYPE_CHECKING:
@@ -162,7 +161,7 @@ class Run:
         path = self.folder / EVALUATION
         if not path.is_file():
             return None
-        remedy = f"`learn fit --name {self.name} --resume` writes it anew"
+        remedy = f"`learn fit --name {self.name} --resume` writes it again"
         found = read_json(path, remedy)
         figures = tuple(summarise_scores(()))
         _need(found, ("store", "split", *figures, "floor", "baselines"), path, remedy)
@@ -184,7 +183,7 @@ class Run:
         except TypeError as error:
             raise StoreError(
                 f"{self.folder / DESCRIPTION} is damaged: its error_model is not one ({error}); "
-                f"`learn fit --name {self.name} --resume` fits it anew"
+                f"`learn fit --name {self.name} --resume` fits it again"
             ) from error
 
     def remember(self, **entries: object) -> Run:
@@ -206,7 +205,7 @@ def open_run(path: str | Path) -> Run:
       path: the folder or the name.
 
     Raises:
-      InputError: there is no such folder, or it is no run.
+      InputError: there is no such folder, or it is not a run.
       StoreError: it is unfinished, damaged or of another version.
     """
     folder = Path(path)
@@ -215,7 +214,7 @@ def open_run(path: str | Path) -> Run:
     description = read_description(folder)
     if not description.get("complete"):
         raise StoreError(
-            f"run {folder} is not finished; go on with `learn fit --name {folder.name} --resume`"
+            f"run {folder} is not finished; continue with `learn fit --name {folder.name} --resume`"
         )
     return Run(folder, description)
 
@@ -224,6 +223,8 @@ def read_description(folder: Path) -> dict[str, Any]:
     """`run.json` of a folder, finished or not; errors as `open_run`."""
     path = folder / DESCRIPTION
     if not path.is_file():
+        from twin.records.store import is_complete  # numpy, which help texts do without
+
         if is_complete(folder):
             raise InputError(
                 f"{folder} is a store, not a run; give the run first, then the store, as in "
@@ -233,14 +234,14 @@ def read_description(folder: Path) -> dict[str, Any]:
             f"{folder} is not a run (no {DESCRIPTION} there nor in {RUNS / folder}); make one: "
             "`learn fit`"
         )
-    description = read_json(path, "bring it back from a copy, or fit the run anew")
+    description = read_json(path, "bring it back from a copy, or fit the run again")
     try:
         version = int(description["format"])
     except (ValueError, KeyError, TypeError) as error:
         raise StoreError(f"{path} is damaged: {type(error).__name__} {error}") from error
     if version != FORMAT:
-        raise StoreError(f"{path} has format {version}, this program reads {FORMAT}; fit it anew")
-    remedy = "bring it back from a copy, or fit the run anew"
+        raise StoreError(f"{path} has format {version}, this program reads {FORMAT}; fit it again")
+    remedy = "bring it back from a copy, or fit the run again"
     _need(description, ("settings", "store", "versions", "created"), path, remedy)
     _need(description["settings"], SETTINGS, path, remedy)
     return description

@@ -1,4 +1,4 @@
-"""Finishing: what follows the training of a run: error model, evaluations, page and card."""
+"""Finishing: what is done after the training of a run: error model, evaluations, page and card."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, hi
 def _ablation(run: Run) -> dict[str, Any]:
     """What `ablation.json` holds; empty without one."""
     path = run.folder / ABLATION
-    remedy = f"`learn fit --name {run.name} --resume --ablation` writes it anew"
+    remedy = f"`learn fit --name {run.name} --resume --ablation` writes it again"
     return read_json(path, remedy) if path.is_file() else {}
 
 

@@ -1,4 +1,4 @@
-"""Folds: leave one dive out, train on the others, judge the dive by what never saw it."""
+"""Folds: networks trained without one dive at a time, each judged on that dive."""
 
 from __future__ import annotations
 

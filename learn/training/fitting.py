@@ -1,4 +1,4 @@
-"""Fit: train the networks of a run, side by side in processes of one thread each."""
+"""Fitting: train the networks of a run, side by side in processes of one thread each."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def fit(
     A start that fails, or is interrupted before anything is trained, leaves what was there.
 
     Args:
-      resume: go on with an unfinished run of the same settings; start it if there is none.
+      resume: continue an unfinished run of the same settings; start it if there is none.
       replace: put the new run in the place of an old one.
       workers: processes; 1 trains in this one.
       watch: sees every validation.
@@ -172,8 +172,8 @@ def _check_sources(config: FitConfig, workers: int) -> str:
     """
     pick_device(config.training.device)
     if workers > 1:
-        NETWORKS.check_elsewhere(config.network.kind)
-        OPTIMISERS.check_elsewhere(config.training.optimiser)
+        NETWORKS.check_importable(config.network.kind)
+        OPTIMISERS.check_importable(config.training.optimiser)
     if config.start is not None:
         for ensemble in open_run(config.start).networks().values():
             if ensemble.members[0].features != config.features:
@@ -185,7 +185,7 @@ def _check_sources(config: FitConfig, workers: int) -> str:
 
 
 def _check_same(config: FitConfig, found: Mapping[str, Any], content: str, folder: Path) -> None:
-    """Refuse to go on with a run under other settings or on other data."""
+    """Refuse to continue a run under other settings or on other data."""
     if changes := FitConfig.of(found["settings"], folder).differences(config):
         raise InputError(
             f"run {folder} was started with {'; '.join(changes)}: leave these options out to go on "
@@ -194,7 +194,7 @@ def _check_same(config: FitConfig, found: Mapping[str, Any], content: str, folde
     if found.get(CONTENT, content) != content:
         raise InputError(
             f"store {config.store} is not the one that run {folder} was started on, its missions "
-            "differ: bring that one back, or start anew with --overwrite"
+            "differ: bring that one back, or start over with --overwrite"
         )
 
 

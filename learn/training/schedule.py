@@ -55,7 +55,7 @@ class TrainingConfig:
 
     def __post_init__(self) -> None:
         if self.optimiser not in OPTIMISERS:
-            raise InputError(OPTIMISERS.unknown(self.optimiser))
+            raise OPTIMISERS.unknown(self.optimiser)
         if self.device not in DEVICES:
             raise InputError(unknown_name("training device", self.device, DEVICES))
         for name in ("seconds", "rate", "warmup", "clip", "weight_decay"):

@@ -327,7 +327,7 @@ class Trainer:
         if theirs != ours:
             raise StoreError(
                 f"checkpoint {self.checkpoint} was made with other settings "
-                f"({_difference(theirs, ours)}); give the same ones, or remove it to start anew"
+                f"({_difference(theirs, ours)}); give the same ones, or remove it to start over"
             )
         self.history = [Report(*row) for row in saved["history"]]
         self.best, self.best_state = saved["best"], saved["best_state"]

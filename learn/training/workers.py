@@ -123,5 +123,5 @@ def _death(worker: _Worker, folder: Path) -> TwinError:
     worker.process.join()
     return TwinError(
         f"the process that trains {worker.job.name} ended with code {worker.process.exitcode} "
-        f"(out of memory?); go on with `learn fit --name {folder.name} --resume`"
+        f"(out of memory?); continue with `learn fit --name {folder.name} --resume`"
     )

@@ -224,7 +224,7 @@ def parse_rows(text: str) -> list[int] | None:
     """Mission numbers of a text such as "0-11,14"; None for "all".
 
     Raises:
-      InputError: it is no such text.
+      InputError: the text does not follow the form.
     """
     from twin.errors import InputError
 

@@ -1,4 +1,4 @@
-"""An independent 6-DOF glider model after Fossen: the judge of the MuJoCo twin.
+"""An independent 6-DOF glider model after Fossen: an independent check of the MuJoCo twin.
 
 It shares the vehicle's parameters and the current sampler with the twin, and no equation.
 """

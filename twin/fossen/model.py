@@ -1,4 +1,4 @@
-"""FossenModel: simulate and trim a vehicle with Fossen's equations, without MuJoCo."""
+"""The Fossen model: simulate and trim a vehicle with Fossen's equations, without MuJoCo."""
 
 from __future__ import annotations
 

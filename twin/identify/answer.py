@@ -1,4 +1,4 @@
-"""Identification: what a fit says about a vehicle and each of its parameters."""
+"""Answer: what a fit says about a vehicle and each of its parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Calibration: a vehicle's parameters together with what its log needs to be read right.
+"""Calibration: a vehicle's parameters together with the errors of its sensors and hull.
 
 A log sees the vehicle through sensors that are mounted askew and a hull that shrinks in the cold.
 Both stand beside the vehicle's own parameters here and are written into the same MJCF file.

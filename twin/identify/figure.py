@@ -1,4 +1,4 @@
-"""Figure: what an identified vehicle leaves unexplained, over depth, time and chance."""
+"""Figure: residuals of an identified vehicle over depth, over time and as a distribution."""
 
 from __future__ import annotations
 

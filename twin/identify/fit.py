@@ -32,7 +32,7 @@ then says as much as what was known before."""
 ALWAYS = ("neutral_density", "drag")
 """Without these two nothing flies as the log does: never kept at nominal."""
 PASSES = 3
-"""Fits between which weights, deviation and autocorrelation time are taken anew."""
+"""Fits between which weights, deviation and autocorrelation time are taken again."""
 COARSE: dict[str, Any] = {"max_nfev": 8, "xtol": 1e-2, "ftol": 1e-2}
 FINE: dict[str, Any] = {"max_nfev": 12, "xtol": 1e-4, "ftol": 1e-5, "x_scale": "jac"}
 """Ends of a search: offsets are in spreads, and a deviation is hardly below a hundredth of one."""

@@ -1,4 +1,4 @@
-"""Log: what identification reads of each mission of a store, checked and filtered."""
+"""Logged missions: what identification reads of each mission of a store, checked and filtered."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pitch: what turns the nose of a glider, and where to start when a twin is to pitch as a log does.
+"""Pitch: the moments that set a glider's pitch, and a first guess of its trim from a log.
 
 At rest about the pitch axis the moments of weight, of the pumped volume and of the water balance
 (body axes forward-starboard-down about the centre of buoyancy, Fossen 2011, section 4.1):
@@ -34,7 +34,7 @@ gravity lies 6 mm low in 65 kg."""
 INDEPENDENT = 300.0
 """[s] of steady flight that count as one observation."""
 LEAST_SHARE = 0.2
-"""Of the nominal righting arm: less is no glider."""
+"""Of the nominal righting arm: with less it would not glide stably."""
 
 
 def righting_arm(calibration: Calibration) -> float:

@@ -1,4 +1,4 @@
-"""Problem: what a vehicle's parameters leave unexplained in its logs.
+"""Problem: residuals between logs and a vehicle with given parameters, to be minimised.
 
 Compared are the depth rate at every sample under water and, where a store has fixes, the
 depth-averaged current of each mission with that of the mission before, which a wrong angle of

@@ -1,4 +1,4 @@
-"""Flight: the translation of a glider whose attitude is known, from its buoyancy and its drag.
+"""Translation: the velocity of a glider whose attitude is known, from its buoyancy and its drag.
 
 A log says how the glider was turned at every moment; what it does not say is how fast it moved.
 With the attitude as input only three equations of the twin remain (Fossen 2011, eq. 6.114):

@@ -1,4 +1,4 @@
-"""Parameters: what can be estimated from a log, in which unit, and what is known before.
+"""Unknowns: which parameters can be estimated from a log, in which unit, and what is known before.
 
 Each parameter has a nominal value (the vehicle file's) and a spread, the standard deviation of
 what such vehicles are known to differ by. Drag is the size of all coefficients: lift and induced

@@ -1,4 +1,4 @@
-"""Way: how a vehicle goes down or up in a steady manner, by weight, by propeller or by both.
+"""Steady way down or up: its pitch and speed, and the positions of the parts that hold it.
 
 Also the checks of a segment's values against the vehicle that is to fly it.
 """

@@ -1,4 +1,4 @@
-"""Ballast: how a vehicle was weighed for the water that it flies in."""
+"""Ballast: the mass at which a vehicle is neutral in the water that it flies in."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Model: a vehicle made into the MuJoCo model that the native water acts on."""
+"""MuJoCo model: a vehicle made into the MuJoCo model that the native water acts on."""
 
 from __future__ import annotations
 

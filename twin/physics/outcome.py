@@ -1,4 +1,4 @@
-"""Outcome: how a simulation ended, and its log as a trajectory."""
+"""Outcome: why a simulation ended, and its log as a trajectory."""
 
 from __future__ import annotations
 

@@ -295,7 +295,7 @@ class Simulation:
 def stagger(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Move the velocities half a step back in time, where a time-centred run keeps them.
 
-    Evaluates the forward dynamics once and then clears `userdata`: guidance and log begin anew.
+    Evaluates the forward dynamics once and then clears `userdata`: guidance and log begin again.
     """
     command = data.ctrl.copy()
     mujoco.mj_forward(model, data)

@@ -1,4 +1,4 @@
-"""Tables: what a scenario's native code reads, gathered before its model is compiled.
+"""Tables: the numbers of a scenario that native code reads, gathered before the model is compiled.
 
 The tables travel inside the model (`twin.physics.native.block`), so their sizes must be known when
 it is compiled; a fleet gives all its models the size of the largest.

@@ -1,4 +1,4 @@
-"""Log: what a vehicle at sea measured during one dive, for stores without simulated truth."""
+"""Logged dive: what a vehicle at sea measured in one dive, for stores without simulated truth."""
 
 from __future__ import annotations
 

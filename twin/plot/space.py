@@ -36,7 +36,7 @@ def space_axes(figure: Figure, *, floor: float, unit: str, top: float) -> Any:
       matplotlib's Axes3D, which takes east, north and depth in this order.
     """
     figure.set_layout_engine("none")  # it does not know how far the labels of 3-D axes reach
-    # the blank above the box reaches beyond `top`, under the legend, and is no white stripe
+    # the blank above the box reaches beyond `top`, under the legend, and is not a white stripe
     height = (top - BOTTOM) / (1.0 - BLANK)
     axes: Any = figure.add_axes((0.0, BOTTOM, RIGHT, height), projection="3d")
     axes.set_zlim(floor, 0.0)

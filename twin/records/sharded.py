@@ -48,7 +48,7 @@ _MEMBERS = (
 
 @dataclass(frozen=True)
 class SmallArray:
-    """An array that is no signal: a coordinate, or one value or a few of each mission."""
+    """An array that is not a signal: a coordinate, or one value or a few of each mission."""
 
     values: NDArray[Any]
     dimensions: tuple[str, ...]

@@ -273,7 +273,7 @@ def gone_arrays(dataset: xr.Dataset, path: str | Path) -> list[str]:
 def check_arrays(dataset: xr.Dataset, path: str | Path) -> None:
     """Raise StoreError that names the first of `gone_arrays`, when there is one."""
     for name in gone_arrays(dataset, path)[:1]:
-        raise StoreError(f"store {path} is damaged: its array {name} is gone; make it anew")
+        raise StoreError(f"store {path} is damaged: its array {name} is gone; make it again")
 
 
 def _samples(one: xr.Dataset, path: str | Path, mission: int) -> int:
@@ -296,12 +296,12 @@ def read_array(dataset: xr.Dataset, name: str, path: str | Path) -> np.ndarray:
       StoreError: its files are gone or cannot be decoded.
     """
     if not (Path(path) / name / METADATA).is_file():
-        raise StoreError(f"store {path} is damaged: its array {name} is gone; make it anew")
+        raise StoreError(f"store {path} is damaged: its array {name} is gone; make it again")
     try:
         return np.asarray(dataset[name].values)
     except Exception as error:  # whatever a decoder raises means damaged files
         why = " ".join(str(error).split()) or type(error).__name__
         raise StoreError(
-            f"store {path} is damaged: its array {name} cannot be read ({why}); make it anew, or "
+            f"store {path} is damaged: its array {name} cannot be read ({why}); make it again, or "
             "bring back its files from a copy"
         ) from error

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 class Flight(Protocol):
-    """What a viewer shows; both kinds go back in time, a simulation by flying anew."""
+    """What a viewer shows; both kinds go back in time, a simulation by flying again."""
 
     def at(self, time: float) -> Poses:
         """One row: the pose at a mission time [s]."""

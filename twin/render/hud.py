@@ -46,7 +46,7 @@ class Hud:
         self._draw_cursor(frame, index)
 
     def _marks(self, index: int, view: View) -> list[labels.Mark]:
-        """Labels of the scene; worked out anew only when the camera has moved."""
+        """Labels of the scene; worked out again only when the camera has moved."""
         stage = self._stage
         if stage.chase:
             return labels.ladder_marks(self._canvas, stage.ladder(self._poses, index), view)

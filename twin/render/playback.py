@@ -1,4 +1,4 @@
-"""Replay: a trajectory at the times of the frames, gaps closed and ready to draw."""
+"""Playback: a trajectory at the times of the frames, gaps closed and ready to draw."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Layout: how metres become display units, and the block of water that is shown.
+"""Scene geometry: how metres become display units, and the block of water that is shown.
 
 A picture that spans kilometres would show a 2 m glider as nothing. So the glider keeps its size of
 about 2 display units and the sea shrinks around it: one horizontal scale, and one vertical scale

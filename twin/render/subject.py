@@ -1,4 +1,4 @@
-"""Source: a stored mission as the subject of a picture."""
+"""Subject: the stored mission that a picture shows."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def word(
 def _compose(text: str, size: int, bold: bool, margin: int, stroke: int) -> Wide:
     """Coverage of a word, (height, width, 1), from letters that were drawn before.
 
-    The readouts change with every frame, and drawing ten letters anew costs more than the rest of
+    The readouts change with every frame, and drawing ten letters again costs more than the rest of
     the display.
     """
     letters = [_letter(letter, size, bold, margin, stroke) for letter in text]

@@ -1,4 +1,4 @@
-"""Encoders: where the vehicle's moving parts say they are."""
+"""Encoders: the measured positions of the vehicle's moving parts."""
 
 from __future__ import annotations
 

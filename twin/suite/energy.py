@@ -1,4 +1,4 @@
-"""Energy: make way on a course and spend little."""
+"""Energy: travel far on a course with little energy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Requirement: dm_control, which Python 3.13 and newer must install in a way of its own."""
+"""Requirement: dm_control, which needs its own command to install from Python 3.13 on."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ def read_parts(reader: MjcfReader) -> tuple[Part, ...]:
     a battery's, and one at a site a pump.
 
     Raises:
-      VehicleError: an actuator that is no part, or without what its kind needs.
+      VehicleError: an actuator that is not a part, or without what its kind needs.
     """
     parts: list[Part] = []
     for actuator in reader.actuators():

@@ -15,7 +15,7 @@ _DEEP = 10.0
 _BELOW = 5.0
 """[m] Sensors are judged under water."""
 _FEWEST = 20
-"""Samples without which a standstill is no proof."""
+"""Samples without which a standstill proves nothing."""
 _STEADY = ("measured_pitch", "measured_heading")
 """Channels that never stay the same to the last digit over a dive."""
 _STANDS, _PITCHED = 300.0, 10.0

@@ -6,11 +6,6 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from factory.importing.formats.base import Importer
-from factory.importing.formats.lrauv import LRAUV
-from factory.importing.formats.og1 import OG1
-from factory.importing.formats.seaexplorer import SEAEXPLORER
-from factory.importing.formats.seaglider import SEAGLIDER
-from factory.importing.formats.slocum import SLOCUM
 from twin.errors import InputError
 from twin.registry import Registry
 
@@ -26,14 +21,22 @@ def _check(name: str, kind: object) -> Importer:
     return kind
 
 
-IMPORTERS: Registry[Importer] = Registry("kind of log", group="glider_twin.importers", check=_check)
+IMPORTERS: Registry[Importer] = Registry(
+    "kind of log",
+    group="glider_twin.importers",
+    shipped={
+        "slocum": "factory.importing.formats.slocum:SLOCUM",
+        "seaglider": "factory.importing.formats.seaglider:SEAGLIDER",
+        "seaexplorer": "factory.importing.formats.seaexplorer:SEAEXPLORER",
+        "og1": "factory.importing.formats.og1:OG1",
+        "lrauv": "factory.importing.formats.lrauv:LRAUV",
+    },
+    check=_check,
+)
 """Every kind of log that can be imported, by name."""
 
 register = IMPORTERS.add
 """Add an importer of one's own."""
-
-for _importer in (SLOCUM, SEAGLIDER, SEAEXPLORER, OG1, LRAUV):
-    register(_importer)
 
 
 def likely_kind(names: Iterable[str]) -> str | None:

@@ -39,7 +39,7 @@ class Table:
 
     path: Path
     columns: Mapping[str, Array]
-    """Numbers; texts that are no numbers are in `texts`."""
+    """Numbers; texts that are not numbers are in `texts`."""
     texts: Mapping[str, NDArray[Any]] = dataclasses.field(default_factory=dict)
 
     def has(self, *names: str) -> bool:
@@ -213,7 +213,7 @@ def unix_seconds(time: Array, subject: str, tally: Tally) -> Array:
     """Times in unix seconds, whatever of ms, us, ns, days or MATLAB days they were in; counted.
 
     Raises:
-      InputError: the numbers are no times of a log.
+      InputError: the numbers cannot be times of a log.
     """
     good = time[np.isfinite(time)]
     if not good.size:

@@ -26,7 +26,7 @@ class Reach:
     """What an angle of a glider can be, and what it usually is. All in radian."""
 
     largest: float
-    """Values beyond it are no such angle."""
+    """Values beyond it cannot be this angle."""
     usual: float
     """More than a tenth of the values beyond it: they are degrees."""
 
@@ -66,7 +66,7 @@ def to_degrees(
 ) -> Array:
     """Native radian in degrees. A column that is in degrees already is taken as it is, counted.
 
-    Values that are no angle of the kind are NaN, counted, and have no say in the unit.
+    Values that cannot be such an angle become NaN, are counted, and do not decide the unit.
 
     Args:
       kind: a key of `REACH`.

@@ -22,7 +22,7 @@ class Limits:
 
     low: float
     high: float
-    """Values outside low..high are no measurements (sentinels, sensor off)."""
+    """Values outside low..high are not measurements (sentinels, sensor off)."""
     rate: float = float("inf")
     """Fastest possible change per second."""
     jump: float = float("inf")

@@ -27,7 +27,7 @@ class DiveRules:
     """[m] Such a fix is used when it has moved by less from the last one at the surface: as much
     as two fixes differ anyway. 0 uses none of them, so that rows start at the surface."""
     coast_speed: float = 3.5
-    """[m/s] Three and more steps at one velocity above this are no drift: the receiver coasts."""
+    """[m/s] Three and more steps at one velocity above this are not drift: the receiver coasts."""
     fix_speed: float = 4.0
     """[m/s] Fixes that need a faster drift are wrong."""
     fix_noise: float = 100.0

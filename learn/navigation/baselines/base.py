@@ -1,4 +1,4 @@
-"""What every way to estimate velocities gives and may see: one interface for all of them."""
+"""Base of the baselines: what a method that estimates velocities may read, and what it returns."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.navigation.dead_reckoning import Array, Signals, depth_rate
-from learn.registry import check_class, place_of
 from twin.errors import InputError, unknown_name
 from twin.records.schema import VARIABLES
+from twin.registry import check_class, place_of
 from twin.vehicle.vehicle import Vehicle
 
 Mask = NDArray[np.bool_]
@@ -78,7 +78,7 @@ class Baseline(abc.ABC):
         """
 
 
-def check_baseline(name: str, kind: type[Baseline]) -> None:
+def check_baseline(name: str, kind: type[Baseline]) -> type[Baseline]:
     """Make sure that a baseline says what it must.
 
     Raises:
@@ -98,6 +98,7 @@ def check_baseline(name: str, kind: type[Baseline]) -> None:
             raise InputError(f"{where} reads {channel}: a baseline must not see the truth")
     if kind.colour and kind.colour not in PALETTE:
         raise InputError(f"{where} has {unknown_name('colour', kind.colour, PALETTE)}")
+    return kind
 
 
 def check_estimate(name: str, estimate: Any, samples: int) -> Estimate:

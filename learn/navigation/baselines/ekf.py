@@ -1,4 +1,4 @@
-"""EKF: an extended Kalman filter on the dynamic model, the observer that the paper argues against.
+"""EKF: an extended Kalman filter on the dynamic model.
 
 State (surge, sway, heave [m/s], depth [m], error of the net buoyancy mass [kg]). Prediction
 integrates the momentum equation of the nominal vehicle (Fossen 2011, chapter 8; the coefficient

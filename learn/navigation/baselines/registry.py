@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from learn.registry import Registry
+from twin.registry import Registry
 
 BASELINES: Registry[Any] = Registry(
     "baseline",
-    "glider_twin.baselines",
-    {
+    group="glider_twin.baselines",
+    shipped={
         "pitch_plus_alpha": "learn.navigation.baselines.pitch_plus_alpha:PitchPlusAlpha",
         "steady_flight": "learn.navigation.baselines.steady_flight:SteadyFlight",
         "onboard": "learn.navigation.baselines.onboard:Onboard",
@@ -17,6 +17,7 @@ BASELINES: Registry[Any] = Registry(
         "dvl": "learn.navigation.baselines.dvl:Dvl",
     },
     check="learn.navigation.baselines.base:check_baseline",
+    check_shipped=False,
 )
 """Every baseline, a subclass of `learn.navigation.baselines.base.Baseline`, by the name that tables
 use."""

@@ -7,9 +7,9 @@ from typing import ClassVar
 
 from matplotlib.figure import Figure
 
-from learn.registry import check_class, place_of
 from learn.report.contents import Contents
 from twin.errors import InputError, unknown_name
+from twin.registry import check_class, place_of
 
 SECTIONS = ("velocities", "dead_reckoning", "over_ground", "tracks", "uncertainty", "training")
 """Places on the page, in its order."""
@@ -34,7 +34,7 @@ class ReportFigure(abc.ABC):
         """What a reader sees in it, in whole sentences."""
 
 
-def check_figure(name: str, kind: type[ReportFigure]) -> None:
+def check_figure(name: str, kind: type[ReportFigure]) -> type[ReportFigure]:
     """Make sure that a figure says what it must.
 
     Raises:
@@ -46,3 +46,4 @@ def check_figure(name: str, kind: type[ReportFigure]) -> None:
             f"report figure {name!r} ({place_of(kind)}): "
             f"{unknown_name('section', kind.section, SECTIONS)}"
         )
+    return kind

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from learn.registry import Registry
+from twin.registry import Registry
 
 _HERE = "learn.report.figures"
 
 REPORT_FIGURES: Registry[Any] = Registry(
     "report figure",
-    "glider_twin.report_figures",
-    {
+    group="glider_twin.report_figures",
+    shipped={
         "velocities": f"{_HERE}.velocities:Velocities",
         "distribution": f"{_HERE}.distribution:Distribution",
         "dives": f"{_HERE}.dives:Dives",
@@ -23,5 +23,6 @@ REPORT_FIGURES: Registry[Any] = Registry(
         "learning": f"{_HERE}.learning:Learning",
     },
     check=f"{_HERE}.base:check_figure",
+    check_shipped=False,
 )
 """Every figure, a subclass of `learn.report.figures.base.ReportFigure`; its name is its file's."""

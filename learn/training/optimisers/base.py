@@ -10,10 +10,10 @@ from typing import Any, ClassVar, Protocol
 import torch
 from torch import Tensor, nn
 
-from learn.registry import check_class, place_of
 from learn.training.schedule import TrainingConfig
 from twin.errors import InputError
 from twin.preload import preload_triton
+from twin.registry import check_class, place_of
 
 Objective = Callable[[Tensor], tuple[float, Tensor]]
 """From parameters (n,) to the error and its gradient (n,)."""
@@ -86,7 +86,7 @@ STEPS = 8
 """Of the trial: SOAP's first one only looks."""
 
 
-def check_optimiser(name: str, kind: type[Optimiser]) -> None:
+def check_optimiser(name: str, kind: type[Optimiser]) -> type[Optimiser]:
     """Try a kind on a line through points.
 
     Raises:
@@ -108,6 +108,7 @@ def check_optimiser(name: str, kind: type[Optimiser]) -> None:
         wrong = _minibatch(trial) if isinstance(trial, MinibatchOptimiser) else _full_batch(trial)
     if wrong:
         raise InputError(f"optimiser {name!r} ({place_of(kind)}) is not whole: {wrong}")
+    return kind
 
 
 def _minibatch(kind: MinibatchOptimiser) -> str:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from learn.registry import Registry
+from twin.registry import Registry
 
 OPTIMISERS: Registry[Any] = Registry(
     "optimiser",
-    "glider_twin.optimisers",
-    {
+    group="glider_twin.optimisers",
+    shipped={
         "soap": "learn.training.optimisers.soap:SoapOptimiser",
         "adam": "learn.training.optimisers.adam:AdamOptimiser",
         "scg": "learn.training.optimisers.scg:ScgOptimiser",
     },
     check="learn.training.optimisers.base:check_optimiser",
+    check_shipped=False,
 )
 """Every optimiser, a subclass of one of those of `learn.training.optimisers.base`."""

@@ -310,7 +310,7 @@ def test_an_array_that_is_gone_is_named(
     shutil.rmtree(cut / "measured_pitch")
     code, _, err = call(capsys, words[0], cut, *words[1:])
     assert code == 2
-    assert err.strip().endswith("is damaged: its array measured_pitch is gone; make it anew")
+    assert err.strip().endswith("is damaged: its array measured_pitch is gone; make it again")
     (cut / "zarr.json").write_text("{broken")
     code, _, err = call(capsys, words[0], cut, *words[1:])
     assert code == 2

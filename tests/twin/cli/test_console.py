@@ -72,7 +72,7 @@ class Glide(JsonOption):
             "failed": lambda: 1,
             "steady": lambda: _raise(NoSteadyState("no steady glide\n  at all")),
             "bug": lambda: _raise(ZeroDivisionError("division by zero")),
-            "interrupt": lambda: _raise(KeyboardInterrupt("go on with --resume")),
+            "interrupt": lambda: _raise(KeyboardInterrupt("continue with --resume")),
             "missing": lambda: _raise(FileNotFoundError(2, "No such file or directory", "m.toml")),
             "full": lambda: _raise(OSError(28, "No space left on device", "run.zarr")),
         }
@@ -128,7 +128,7 @@ def program(monkeypatch: pytest.MonkeyPatch) -> Program:
         (
             ["glide", "--net-mass", "1", "--fail", "interrupt"],
             130,
-            "error: interrupted: go on with --resume",
+            "error: interrupted: continue with --resume",
         ),
         (["glide", "--net-mass", "1", "--fail", "missing"], 2, "m.toml: No such file"),
         (["glide", "--net-mass", "1", "--fail", "full"], 1, "run.zarr: No space left"),

@@ -64,7 +64,7 @@ def state_of(table, data):
 
 @inline
 def _inside(part, words):
-    """Whether a table lies inside the block; false for numbers that are no sizes."""
+    """Whether a table lies inside the block; false for numbers that cannot be sizes."""
     return part["start"] >= 0.0 and part["size"] >= 0.0 and part["start"] + part["size"] <= words
 
 

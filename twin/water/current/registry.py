@@ -4,6 +4,10 @@ The shipped kinds register themselves when `twin.water.current` is imported. A k
 distribution is found through its entry point in the group `glider_twin.currents`, named as the
 kind and naming its class; it is loaded when its name is first asked for. A file named by
 `GLIDER_TWIN_PLUGINS` registers its kinds itself.
+
+It is not a `twin.registry.Registry` because a kind here is a class together with the number that
+stands for it in compiled programs: no two kinds may share one, and a new kind makes samplers
+compile again.
 """
 
 from __future__ import annotations

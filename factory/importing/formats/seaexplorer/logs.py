@@ -4,7 +4,7 @@ Native: degrees, magnetic heading with the declination beside it, depth in m, po
 ddmm.mmm, ballast in cm3 (+ = lighter), pitch mass in mm forward, roll mass in degree (+ rolls to
 starboard). A position is a GPS fix only in state 116 (at the surface, transmitting) and when it
 differs from the row before: the log repeats the last one. Beam velocities of a payload's AD2CP
-are no velocity through the water without the transform and a reference layer: they are left out.
+are not a velocity through the water without the transform and a reference layer: they are left out.
 """
 
 from __future__ import annotations

@@ -1,0 +1,180 @@
+"""The picture and the table of seams in docs/architecture.md: `python scripts/architecture.py`.
+
+The picture is written to docs/architecture.png; the table is printed, and a test compares it with
+the page.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+WHITE, INK = "#ffffff", "#1d2733"
+BANDS = {"twin": "#e3eef9", "factory": "#e6f4e8", "learn": "#fbeedd"}
+WIDTH, HEIGHT, STEP = 1.72, 0.52, 2.08
+"""Of the boxes, and from column to column."""
+ROWS = {"twin": (6.2, 5.3, 4.4), "factory": (3.0,), "learn": (1.6,)}
+BANDS_Y = {"twin": (4.2, 7.1), "factory": (2.8, 3.95), "learn": (1.4, 2.55)}
+
+BOXES = {
+    "vehicle": ("vehicle", "hull law, parts (MJCF)", "twin", 0, 0),
+    "water": ("water", "density, currents", "twin", 1, 0),
+    "mission": ("mission", "segments, guidance", "twin", 2, 0),
+    "physics": ("physics", "MuJoCo, native water", "twin", 3, 0),
+    "sensors": ("sensors", "errors, seeded noise", "twin", 4, 0),
+    "fossen": ("fossen", "independent model", "twin", 0, 1),
+    "checks": ("checks", "the two models agree", "twin", 1, 1),
+    "identify": ("identify", "parameters from logs", "twin", 2, 1),
+    "pictures": ("plot, render", "figures, films", "twin", 3, 1),
+    "recipe": ("recipe", "what is drawn", "factory", 1, 0),
+    "generation": ("flight, generation", "missions in parallel", "factory", 2, 0),
+    "importing": ("importing", "logs of vehicles", "factory", 3, 0),
+    "exporting": ("exporting, inspect", "OG1, Parquet, verify", "factory", 4, 0),
+    "data": ("data", "features, sequences", "learn", 0, 0),
+    "networks": ("networks, training", "surge and sway", "learn", 1, 0),
+    "navigation": ("navigation", "tracks, baselines", "learn", 2, 0),
+    "evaluation": ("evaluation", "errors by method", "learn", 3, 0),
+    "report": ("report, runs", "page, model card", "learn", 4, 0),
+}
+"""Name: what stands in the box, its package, its column and its row."""
+FLOWS = (
+    ("mission", "physics"), ("physics", "sensors"),
+    ("fossen", "checks"), ("recipe", "generation"), ("data", "networks"),
+    ("networks", "navigation"), ("navigation", "evaluation"), ("evaluation", "report"),
+)  # fmt: skip
+"""The way of the data from box to box. Both ways of `records` follow."""
+INTO_RECORDS = ("sensors", "generation", "importing")
+OUT_OF_RECORDS = ("identify", "pictures", "exporting", "data")
+
+
+@dataclasses.dataclass(frozen=True)
+class Seam:
+    """Where kinds of one sort go."""
+
+    what: str
+    registry: str
+    """`module:NAME`"""
+    base: str
+    page: str
+    """page and anchor in docs/"""
+
+
+SEAMS = (
+    Seam("current", "twin.water.current.registry:ENTRY_POINTS", "twin.water.current.Current",
+         "currents.md#a-kind-of-your-own"),
+    Seam("sensor", "twin.sensors.registry:SENSORS", "twin.sensors.Sensor",
+         "sensors.md#a-sensor-of-your-own"),
+    Seam("vehicle part", "twin.vehicle.parts.registry:PARTS", "twin.vehicle.parts.Part",
+         "extending.md#a-vehicle-part"),
+    Seam("hull law", "twin.vehicle.laws.registry:LAWS", "twin.vehicle.laws.HullLaw",
+         "extending.md#a-hull-law"),
+    Seam("mission segment", "twin.mission.segments.registry:SEGMENTS",
+         "twin.mission.segments.Segment", "extending.md#a-mission-segment"),
+    Seam("figure", "twin.plot.registry:FIGURES", "twin.plot.FigureKind", "render.md#twin-plot"),
+    Seam("control task", "twin.suite.registry:TASKS", "twin.suite.task.GliderTask",
+         "dm_control.md"),
+    Seam("importer", "factory.importing.formats.registry:IMPORTERS",
+         "factory.importing.Importer", "real.md#import"),
+    Seam("exporter", "factory.exporting.registry:EXPORTERS", "factory.exporting.Exporter",
+         "factory.md#exports"),
+    Seam("network", "learn.networks.registry:NETWORKS", "learn.Network",
+         "learn.md#one-of-your-own"),
+    Seam("optimiser", "learn.training.optimisers.registry:OPTIMISERS",
+         "learn.MinibatchOptimiser", "learn.md#one-of-your-own"),
+    Seam("baseline", "learn.navigation.baselines.registry:BASELINES", "learn.Baseline",
+         "extending.md#a-baseline"),
+    Seam("figure of the report", "learn.report.figures.registry:REPORT_FIGURES",
+         "learn.ReportFigure", "learn.md#one-of-your-own"),
+)  # fmt: skip
+
+
+def found(place: str) -> Any:
+    """The object at `module:NAME`."""
+    module, _, name = place.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
+def seam_table() -> str:
+    """Every seam as a markdown table, from the registries."""
+    rows = [
+        "| a new | goes into | derives from | entry points | example |",
+        "|---|---|---|---|---|",
+    ]
+    for seam in SEAMS:
+        module = seam.registry.partition(":")[0]
+        registry = found(seam.registry)
+        base = seam.base.rpartition(".")
+        assert found(f"{base[0]}:{base[2]}")
+        folder = module.rpartition(".")[0].replace(".", "/")
+        group = registry if isinstance(registry, str) else registry.group
+        page = seam.page.partition("#")[0]
+        rows.append(
+            f"| {seam.what} | `{folder}/` | `{seam.base}` | `{group}` | [{page}]({seam.page}) |"
+        )
+    return "\n".join(rows) + "\n"
+
+
+def draw(path: Path) -> None:
+    """Write the picture."""
+    from matplotlib.figure import Figure
+    from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
+
+    figure = Figure(figsize=(10.6, 5.9), facecolor=WHITE)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set(xlim=(0, 10.6), ylim=(1.3, 7.2))
+    axes.axis("off")
+
+    def box(x: float, y: float, width: float, height: float, colour: str, edge: str) -> None:
+        style = "round,pad=0,rounding_size=0.08"
+        axes.add_patch(
+            FancyBboxPatch((x, y), width, height, style, facecolor=colour, edgecolor=edge)
+        )
+
+    def label(x: float, y: float, title: str, text: str) -> None:
+        axes.text(x, y + 0.34, title, ha="center", va="center", size=10, weight="bold", color=INK)
+        axes.text(x, y + 0.14, text, ha="center", va="center", size=8, color=INK)
+
+    def arrow(start: tuple[float, float], end: tuple[float, float]) -> None:
+        axes.add_patch(
+            FancyArrowPatch(
+                start, end, arrowstyle="-|>", mutation_scale=12, color=INK, linewidth=1.2,
+                shrinkA=1, shrinkB=1,
+            )
+        )  # fmt: skip
+
+    for name, (low, high) in BANDS_Y.items():
+        box(0.07, low, 10.46, high - low, BANDS[name], "none")
+        axes.text(0.2, high - 0.14, name, va="center", size=10, style="italic", color=INK)
+    places = {}
+    for key, (title, text, package, column, row) in BOXES.items():
+        x, y = 0.25 + STEP * column, ROWS[package][row]
+        places[key] = (x, y)
+        box(x, y, WIDTH, HEIGHT, WHITE, INK)
+        label(x + WIDTH / 2, y, title, text)
+    bar = ROWS["twin"][2]
+    box(0.25, bar, 4 * STEP + WIDTH, HEIGHT, WHITE, INK)
+    label(
+        5.3,
+        bar,
+        "records",
+        "one schema, one table of limits, one store from the water to the network",
+    )
+    for one, other in FLOWS:
+        (x0, y0), (x1, y1) = places[one], places[other]
+        arrow((x0 + WIDTH, y0 + HEIGHT / 2), (x1, y1 + HEIGHT / 2))
+    for key in ("water", "mission"):
+        x, y = places[key][0] - (STEP - WIDTH) / 2, places[key][1] + HEIGHT / 2
+        axes.text(x, y, "+", ha="center", va="center", size=14, color=INK)
+    for key in (*INTO_RECORDS, *OUT_OF_RECORDS):
+        x, y = places[key][0] + WIDTH / 2, places[key][1]
+        ends = [(x, bar + HEIGHT), (x, y)] if y > bar else [(x, bar), (x, y + HEIGHT)]
+        arrow(*(ends[::-1] if key in INTO_RECORDS else ends))
+    figure.savefig(path, dpi=150, metadata={"Software": None})
+
+
+if __name__ == "__main__":
+    draw(ROOT / "docs" / "architecture.png")
+    print(seam_table())

@@ -1,0 +1,144 @@
+"""Every kind of one's own that docs/extending.md shows: its file and its command, as written."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from examples import ROOT, needs_docs
+from logs import Flight, example, write_csv
+
+import learn
+from twin.errors import InputError
+from twin.records.store import open_store
+from twin.registry import PLUGINS
+
+pytestmark = needs_docs
+
+FILE = re.compile(r"^```(?:python|toml) file=([\w.]+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+SHELL = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+FLIGHT = Flight()
+
+# One process runs every command, so that the vehicle with its own part and law is compiled once.
+DRIVER = """
+import importlib, json, runpy, sys
+
+if __name__ == "__main__":
+    for program, *words in json.load(open("commands.json")):
+        if program == "python":
+            runpy.run_path(*words)
+            continue
+        code = importlib.import_module(f"{program}.__main__").PROGRAM.main(words)
+        if code:
+            sys.exit(f"{program} {' '.join(words)}: exit code {code}")
+"""
+
+
+def page(name: str = "extending.md") -> str:
+    return (ROOT / "docs" / name).read_text(encoding="utf-8")
+
+
+def fenced(name: str, mark: str) -> str:
+    """The one Python example of a page that contains `mark`."""
+    blocks = re.findall(r"^```python[^\n]*\n(.*?)^```", page(name), re.MULTILINE | re.DOTALL)
+    (text,) = [block for block in blocks if mark in block]
+    return text
+
+
+def files() -> dict[str, str]:
+    """Text of each file of the page, and of the pages that it leads to."""
+    return {
+        **dict(FILE.findall(page())),
+        "jet.py": fenced("currents.md", "class Jet"),
+        "turbidity.py": fenced("sensors.md", "class Turbidity"),
+        "leaky.py": fenced("learn.md", "class Leaky"),
+        "speed_histogram.py": fenced("render.md", "FigureKind("),
+        "my_logs.py": example(page("real.md"), "my_logs.py"),
+        "my_format.py": example(page("factory.md"), "my_format.py"),
+    }
+
+
+def commands() -> list[tuple[str, list[str]]]:
+    """Plugin files and words of each command of the page, in its order."""
+    found = []
+    for block in SHELL.findall(page()):
+        for line in block.replace("\\\n", " ").splitlines():
+            words = shlex.split(line)
+            plugins = words.pop(0).partition("=")[2] if words[0].startswith(PLUGINS) else ""
+            found.append((plugins, words))
+    return found
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the page's files, in which its commands have run."""
+    folder = tmp_path_factory.mktemp("own")
+    for name, text in files().items():
+        (folder / name).write_text(text)
+    _write_log(folder)
+    plugins = {name for names, _ in commands() for name in names.split(os.pathsep) if name}
+    (folder / "commands.json").write_text(json.dumps([words for _, words in commands()]))
+    (folder / "driver.py").write_text(DRIVER)
+    done = subprocess.run(
+        [sys.executable, "driver.py"],
+        cwd=folder,
+        env={
+            **os.environ,
+            "PYTHONPATH": str(ROOT),
+            "OMP_NUM_THREADS": "1",
+            PLUGINS: os.pathsep.join(sorted(plugins)),
+        },
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    (folder / "output.txt").write_text(done.stdout)
+    return folder
+
+
+def _write_log(folder: Path) -> None:
+    """A log with the columns that the importer of docs/real.md reads."""
+    state = FLIGHT.state(FLIGHT.time)
+    columns = {"time": FLIGHT.time, "my_depth": state["depth"], "my_pitch": state["pitch"]}
+    write_csv(folder / "log.csv", columns)
+
+
+def test_every_plugin_of_a_command_is_a_file_of_the_page() -> None:
+    named = {name for names, _ in commands() for name in names.split(os.pathsep) if name}
+    assert named == {name for name in files() if name.endswith(".py")} - {"own_vehicle.py"}
+
+
+def test_each_command_took_the_kind_of_its_file(folder: Path) -> None:
+    output = (folder / "output.txt").read_text()
+    assert "all within the limits" in output  # of `twin check`: both codes of part and law agree
+    assert "flew 'drifting'" in output
+    assert "constant speed" in (folder / "runs" / "own" / "report" / "index.html").read_text()
+    assert (folder / "histogram.png").stat().st_size > 0
+    lines = (folder / "counts.csv").read_text().splitlines()
+    assert len(lines) == open_store(folder / "turbid.zarr").sizes["mission"]
+
+
+def test_what_they_wrote_holds_their_signals(folder: Path) -> None:
+    jet = open_store(folder / "jet.zarr")
+    assert json.loads(jet.attrs["scenario"])["current"]["kind"] == "jet"
+    assert float(jet["true_current_east"].max()) == pytest.approx(0.3, abs=0.01)
+    turbid = open_store(folder / "turbid.zarr")  # flown by worker processes
+    assert turbid["measured_turbidity"].attrs["units"] == "NTU"
+    assert np.isfinite(turbid["measured_turbidity"].values[0, :100]).all()
+    assert open_store(folder / "mine.zarr").sizes["mission"] == FLIGHT.dives
+
+
+def test_networks_of_plugin_files_train_in_worker_processes(folder: Path) -> None:
+    description = json.loads((folder / "runs" / "own" / "surge-0.json").read_text())
+    assert description["network"]["kind"] == "leaky"
+    with pytest.raises(InputError, match=r"name the file leaky\.py in GLIDER_TWIN_PLUGINS$"):
+        learn.evaluate(folder / "runs" / "own", folder / "turbid.zarr")

@@ -1,0 +1,303 @@
+"""The rules of docs/architecture.md, over the source as it stands: imports, folders, names."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import re
+from collections import defaultdict
+from functools import cache
+from pathlib import Path
+
+import pytest
+from examples import ROOT, needs_docs
+
+PACKAGES = ("twin", "factory", "learn")
+TOP_LEVEL = {
+    "twin": {
+        "__init__", "__main__", "errors", "extras", "facade", "frames", "geodesy", "lazy",
+        "preload", "registry", "version",
+    },
+    "factory": {"__init__", "__main__", "facade"},
+    "learn": {"__init__", "__main__", "api", "files"},
+}  # fmt: skip
+"""Modules beside the folders of each package; everything else goes into a folder."""
+
+FLIPS = {
+    "twin.frames": "the constants themselves",
+    "twin.vehicle.mjcf": "vehicle files are MJCF",
+    "twin.vehicle.vehicle": "vehicle files are MJCF",
+    "twin.vehicle.laws.ellipsoid": "the law is MuJoCo's, in the axes of its geoms",
+    "twin.identify.vehicle_file": "vehicle files are MJCF",
+    "twin.physics.mujoco_model": "the model is MuJoCo's",
+    "twin.physics.simulation": "the state is MuJoCo's",
+    "twin.physics.settle": "the state is MuJoCo's",
+    "twin.physics.log_signals": "the state is MuJoCo's",
+    "twin.suite.physics": "dm_control reads MuJoCo's state",
+    "twin.render.camera": "scenes are MuJoCo's",
+    "twin.render.flight": "scenes are MuJoCo's",
+    "twin.render.playback": "scenes are MuJoCo's",
+    "twin.render.scene_geometry": "scenes are MuJoCo's",
+    "twin.render.shapes": "scenes are MuJoCo's",
+}
+"""Modules outside the native plant that turn z-up axes into north-east-down, and why."""
+
+ACTUATORS = {"shift", "rotation", "pump", "battery", "rudder", "propeller"}
+NAMES_ACTUATORS = {
+    "twin.vehicle": "parts are defined and found here",
+    "twin.mission": "mission files have keys of them, and guidance asks for their kinds",
+    "twin.commands.trim": "options of the command",
+    "twin.identify": "a glider's pump and battery are what is identified",
+    "twin.records": "standard names and limits of signals",
+    "twin.sensors": "the deviation that a battery makes in a compass, and its encoders",
+    "twin.physics.steady_motion": "figures of a steady glide",
+    "twin.physics.settle": "the glide that a search starts from",
+    "twin.physics.simulation": "the pitching battery's mass",
+    "twin.fossen": "the trim's positions; a rotation matrix",
+    "twin.checks": "published positions",
+    "twin.suite": "energy of pumps and propellers, and a pilot for gliders",
+    "twin.plot.logged_dive": "signals of logs",
+    "factory.importing": "formats of real vehicles' logs",
+    "factory.exporting": "names in export formats",
+    "factory.recipe": "what is drawn for a glider",
+    "factory.flight": "errors of a glider's own trim",
+    "factory.inspect": "figures of what was drawn",
+    "learn.data.features": "signals that networks see",
+    "learn.navigation.baselines": "a glider's equations of motion",
+    "learn.report.figures.training_data": "signals of a mission",
+}  # fmt: skip
+"""Packages and modules that may name an actuator, and why; others ask the vehicle for its parts."""
+OTHER_MEANINGS = {
+    "twin.physics.native": "rotation is a matrix",
+    "twin.water.current": "rotation of a grid's axes, shift of its time",
+    "twin.render.motion": "shift of a mesh",
+    "learn.networks.vector_kernels": "shift of a buffer",
+    "learn.data.preparation": "shift and scale of a normalisation",
+}
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """Path of every module by its name; a package has the name of its folder."""
+    found = {}
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+            found[name.removesuffix(".__init__")] = path
+    return found
+
+
+@cache
+def tree(module: str) -> ast.Module:
+    return ast.parse(modules()[module].read_text(encoding="utf-8"))
+
+
+def imported(module: str) -> set[str]:
+    """Modules of the project that a module imports anywhere, for type checkers too."""
+    found = set()
+    for node in ast.walk(tree(module)):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{module} imports relatively"
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        for name in names:
+            while name and name not in modules():
+                name = name.rpartition(".")[0]
+            if name and name != module:
+                found.add(name)
+    return found
+
+
+@cache
+def graph() -> dict[str, set[str]]:
+    return {module: imported(module) for module in modules()}
+
+
+def circle(edges: dict[str, set[str]]) -> list[str]:
+    """Modules of one circle of imports, empty when there is none."""
+    done: set[str] = set()
+    path: list[str] = []
+
+    def walk(module: str) -> list[str]:
+        if module in path:
+            return path[path.index(module) :]
+        if module in done:
+            return []
+        path.append(module)
+        for other in sorted(edges.get(module, ())):
+            if found := walk(other):
+                return found
+        path.pop()
+        done.add(module)
+        return []
+
+    for module in edges:
+        if found := walk(module):
+            return found
+    return []
+
+
+def two_ways(edges: dict[str, set[str]], folder: dict[str, str]) -> list[str]:
+    """Pairs of folders, neither inside the other, that import each other."""
+    between = defaultdict(set)
+    for module, others in edges.items():
+        for other in others:
+            between[folder[module]].add(folder[other])
+    return [
+        f"{one} <-> {other}"
+        for one in sorted(between)
+        for other in sorted(between[one])
+        if one < other and one in between.get(other, ()) and not other.startswith(f"{one}.")
+    ]
+
+
+def words(module: str) -> set[str]:
+    """Parts of every name and text in a module's code; docstrings are not code."""
+    texts = {
+        id(node.value)
+        for node in ast.walk(tree(module))
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    }
+    names: list[str] = []
+    for node in ast.walk(tree(module)):
+        for field in ("id", "attr", "arg", "name"):
+            if isinstance(value := getattr(node, field, None), str):
+                names.append(value)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in texts:
+            names += re.findall(r"\w+", node.value)
+    return {word for name in names for word in name.lower().split("_")}
+
+
+def within(module: str, places: dict[str, str]) -> bool:
+    return any(module == place or module.startswith(f"{place}.") for place in places)
+
+
+def test_learn_uses_factory_and_factory_uses_twin() -> None:
+    for module, others in graph().items():
+        rank = PACKAGES.index(module.partition(".")[0])
+        for other in others:
+            assert PACKAGES.index(other.partition(".")[0]) <= rank, f"{module} imports {other}"
+
+
+def test_no_circle_of_files() -> None:
+    assert circle(graph()) == []
+    assert circle({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c"]
+
+
+def test_no_two_folders_import_each_other() -> None:
+    folder = {
+        name: name if path.name == "__init__.py" else name.rpartition(".")[0]
+        for name, path in modules().items()
+    }
+    assert two_ways(graph(), folder) == []
+    edges = {"a.x": {"b.y"}, "b.z": {"a.x"}}
+    assert two_ways(edges, {"a.x": "a", "b.y": "b", "b.z": "b"}) == ["a <-> b"]
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_top_levels_hold_folders_and_little_else(package: str) -> None:
+    assert {path.stem for path in (ROOT / package).glob("*.py")} == TOP_LEVEL[package]
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_module_has_the_name_of_a_public_function(package: str) -> None:
+    """`twin.simulate` must stay the function, whatever was imported before."""
+    public = set(dir(__import__(package)))
+    beside = {path.stem for path in (ROOT / package).iterdir()} - {"errors"}
+    assert not public & beside
+
+
+def test_axes_flip_in_known_places() -> None:
+    flips = {
+        module
+        for module in modules()
+        if {"FLIP", "flip"} & {n.partition("_")[0] for n in _names(module)}
+        and not module.startswith("twin.physics.native")
+    }
+    assert flips <= set(FLIPS)
+
+
+def _names(module: str) -> set[str]:
+    return {
+        alias.name
+        for node in ast.walk(tree(module))
+        if isinstance(node, ast.ImportFrom) and node.module == "twin.frames"
+        for alias in node.names
+    }
+
+
+def test_actuators_are_named_where_they_belong() -> None:
+    """Everything else asks a vehicle or a trajectory for its parts."""
+    for module in modules():
+        if not within(module, NAMES_ACTUATORS) and not within(module, OTHER_MEANINGS):
+            assert not words(module) & ACTUATORS, module
+
+
+def test_every_place_that_may_name_an_actuator_exists() -> None:
+    for place in (*NAMES_ACTUATORS, *OTHER_MEANINGS, *FLIPS):
+        assert place in modules(), place
+
+
+# --- the page ---------------------------------------------------------------------------------
+
+
+def page() -> str:
+    return (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+
+
+def script():
+    spec = importlib.util.spec_from_file_location(
+        "architecture_script", ROOT / "scripts" / "architecture.py"
+    )
+    module = importlib.util.module_from_spec(spec)
+    import sys
+
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@needs_docs
+def test_the_table_of_seams_is_that_of_the_registries() -> None:
+    assert script().seam_table() in page()
+
+
+@needs_docs
+def test_every_registry_is_a_seam_of_the_table() -> None:
+    registries = set()
+    for module in modules():
+        for node in ast.walk(tree(module)):
+            target = getattr(node, "target", None)
+            if isinstance(node, ast.AnnAssign) and ast.unparse(node.annotation).startswith("Reg"):
+                registries.add(f"{module}:{ast.unparse(target)}")
+    listed = {seam.registry for seam in script().SEAMS}
+    assert {place for place in registries if "." in place} <= listed
+    assert len(listed) == len(registries) + 1  # currents keep a table with numbers of their own
+
+
+@needs_docs
+def test_the_tree_of_the_page_has_every_folder() -> None:
+    folders = {
+        f"{package}/{path.name}/"
+        for package in PACKAGES
+        for path in (ROOT / package).iterdir()
+        if (path / "__init__.py").is_file()
+    }
+    assert set(re.findall(r"^    (\w+/\w+/)", page(), re.MULTILINE)) == folders
+
+
+@needs_docs
+@pytest.mark.parametrize("name", ["architecture.md", "extending.md"])
+def test_tests_and_pages_that_a_page_names_exist(name: str) -> None:
+    text = (ROOT / "docs" / name).read_text(encoding="utf-8")
+    for place in re.findall(r"`(tests/[\w/.]+)`", text):
+        assert (ROOT / place).exists(), place
+    for link in re.findall(r"\]\((\w[\w./-]*?)(#[\w-]+)?\)", text):
+        target = ROOT / "docs" / link[0]
+        assert target.exists(), link
+        if link[1]:
+            heads = re.findall(r"^#+ (.+)$", target.read_text(encoding="utf-8"), re.MULTILINE)
+            anchors = {re.sub(r"[^\w\- ]", "", h).strip().lower().replace(" ", "-") for h in heads}
+            assert link[1][1:] in anchors, link
