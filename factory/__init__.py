@@ -15,15 +15,14 @@ from twin.lazy import attach
 if TYPE_CHECKING:
     from factory.facade import generate as generate
     from factory.facade import import_logs as import_logs
+    from factory.facade import parameters as parameters
     from factory.generation.bulk import Summary as Summary
-    from factory.recipe.parameters import PARAMETERS as PARAMETERS
     from factory.recipe.presets import PRESETS as PRESETS
     from factory.stores.stored import StoredRun as StoredRun
     from factory.stores.stored_logs import StoredLogs as StoredLogs
     from factory.stores.stored_logs import open_stored as open  # noqa: F401
 
 _PLACES = {
-    "PARAMETERS": "factory.recipe.parameters:PARAMETERS",
     "PRESETS": "factory.recipe.presets:PRESETS",
     "StoredLogs": "factory.stores.stored_logs:StoredLogs",
     "StoredRun": "factory.stores.stored:StoredRun",
@@ -31,6 +30,7 @@ _PLACES = {
     "generate": "factory.facade:generate",
     "import_logs": "factory.facade:import_logs",
     "open": "factory.stores.stored_logs:open_stored",
+    "parameters": "factory.facade:parameters",
 }
 """Where each public name is."""
 

@@ -5,6 +5,7 @@ They are wide: what lies outside is a simulation that has run away, damage, or a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -30,6 +31,9 @@ NAME_BOUNDS = {
 TRACK_BOUND = 1e6
 """[m] for tracks: 1000 km in one mission"""
 
+ANY_VALUE = (-math.inf, math.inf)
+"""of units of parts of one's own that say no limits"""
+
 
 class Impossible(TwinError):
     """A simulation stayed finite and still left the possible, at `time_s`."""
@@ -48,7 +52,9 @@ def bounds(name: str) -> tuple[float, float]:
         if name.endswith(ending):
             return limits
     unit = variable.units
-    return (-TRACK_BOUND, TRACK_BOUND) if unit == "m" else UNIT_BOUNDS[unit]
+    if unit == "m":
+        return (-TRACK_BOUND, TRACK_BOUND)
+    return UNIT_BOUNDS.get(unit, ANY_VALUE)
 
 
 def check_possible(truth: Mapping[str, Array], time: Array) -> None:

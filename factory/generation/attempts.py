@@ -9,7 +9,6 @@ from factory.flight.bounds import Impossible
 from factory.flight.fly import Flight, fly
 from factory.generation.chunk import encode, stored_values
 from factory.generation.mission_record import Failure, Record
-from factory.recipe.parameters import PARAMETERS
 from factory.recipe.recipe import Recipe
 from factory.recipe.sampling import sensor_seed
 from twin.errors import (
@@ -72,7 +71,7 @@ def produce(recipe: Recipe, mission: int) -> tuple[Record, dict[str, bytes]]:
 def to_narrow(recipe: Recipe, reason: str) -> str:
     """Which distributions to narrow: those that the reason speaks of, else those replaced."""
     words = set(re.findall(r"\w+", reason))
-    named = [name for name in PARAMETERS if name.partition(".")[2] in words] or [*recipe.changes]
+    named = [name for name in recipe.table if name.partition(".")[2] in words] or [*recipe.changes]
     if not named:
         return f"preset {recipe.preset!r} does not suit vehicle {recipe.vehicle.name!r}"
     now = ", ".join(f"{name} (now {recipe.distributions[name].text()})" for name in named)

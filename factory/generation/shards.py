@@ -25,7 +25,7 @@ from factory.generation.store_layout import (
     split_attributes,
 )
 from factory.recipe.distribution import Choice, Fixed, Value
-from factory.recipe.parameters import PARAMETERS, Parameter
+from factory.recipe.parameter import Parameter
 from factory.recipe.recipe import Recipe, sha256
 from factory.recipe.sampling import KINDS
 from twin.errors import StoreError
@@ -135,7 +135,7 @@ def small_arrays(recipe: Recipe, records: Sequence[Record]) -> dict[str, Small]:
             {"units": "1", "long_name": "attempts that failed before this one"},
         ),
     }
-    for name, parameter in PARAMETERS.items():
+    for name, parameter in recipe.table.items():
         array = _parameter_array(recipe, name, parameter, records, longest)
         if array is not None:
             small[parameter.variable] = array
@@ -210,7 +210,7 @@ def attributes(recipe: Recipe, records: Sequence[Record], history: str) -> dict[
     ]
     now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     return {
-        "source": f"simulation, {recipe.vehicle.name} glider in MuJoCo",
+        "source": f"simulation, vehicle {recipe.vehicle.name} in MuJoCo",
         "preset": recipe.preset,
         "seed": recipe.seed,
         "hours": recipe.plan.hours,

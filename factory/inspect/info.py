@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from factory.generation.checkpoint import Journal
-from factory.recipe.parameters import PARAMETERS
 from factory.recipe.plan import SPLITS
 from factory.stores.stored import StoredRun
 from factory.stores.stored_logs import StoredLogs
@@ -41,7 +40,7 @@ def unfinished(path: Path) -> Unfinished | None:
 def drawn_rows(run: StoredRun) -> list[dict[str, object]]:
     """One row for each drawn parameter: its distribution beside what was drawn."""
     rows: list[dict[str, object]] = []
-    for name, parameter in PARAMETERS.items():
+    for name, parameter in run.table.items():
         if parameter.variable not in run.dataset:
             continue
         values = run.small(parameter.variable).ravel()

@@ -17,7 +17,8 @@ from factory.generation.mission_record import Failure
 from factory.generation.shards import SENSOR_PREFIX, UNUSED_CODE
 from factory.recipe.distribution import Distribution, Fixed, Value, parse_distribution
 from factory.recipe.given_current import GivenCurrent, stored_current
-from factory.recipe.parameters import PARAMETERS, Parameter
+from factory.recipe.parameter import Parameter
+from factory.recipe.parameters import Table, parameter_table
 from factory.recipe.plan import SPLITS
 from factory.recipe.sampling import Parameters
 from twin.errors import StoreError
@@ -158,6 +159,11 @@ class StoredRun(Stored):
         return parse_vehicle(str(self.dataset.attrs["vehicle_mjcf"]), Path(f"{name}.xml"))
 
     @functools.cached_property
+    def table(self) -> Table:
+        """Every parameter of missions of the vehicle."""
+        return parameter_table(self.vehicle)
+
+    @functools.cached_property
     def suite(self) -> SensorSuite:
         """The sensors, from their settings in the store."""
         return SensorSuite.from_settings(self.settings["sensors"])
@@ -180,7 +186,7 @@ class StoredRun(Stored):
         Raises:
           StoreError: the factory that made the store knew other parameters.
         """
-        changed = sorted(self.distributions.keys() ^ PARAMETERS.keys())
+        changed = sorted(self.distributions.keys() ^ self.table.keys())
         if changed:
             raise StoreError(
                 f"store {self.path} was made by a factory with other parameters "
@@ -189,7 +195,7 @@ class StoredRun(Stored):
             )
         values: dict[str, Value] = {}
         columns: dict[str, list[Value]] = {}
-        for name, parameter in PARAMETERS.items():
+        for name, parameter in self.table.items():
             if name == "mission.duration_h":
                 continue
             if parameter.per_segment:

@@ -6,6 +6,8 @@ since sensors have noise and saturate: what lies outside is damage, a sentinel o
 
 from __future__ import annotations
 
+import math
+
 from twin.records.schema import VARIABLES
 
 UNIT_BOUNDS = {
@@ -31,4 +33,6 @@ def bounds(name: str) -> tuple[float, float]:
         if name.endswith(ending):
             return limits
     unit = variable.units
-    return (-TRACK_BOUND, TRACK_BOUND) if unit == "m" else UNIT_BOUNDS[unit]
+    if unit == "m":
+        return (-TRACK_BOUND, TRACK_BOUND)
+    return UNIT_BOUNDS.get(unit, (-math.inf, math.inf))

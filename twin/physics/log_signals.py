@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.frames import flip_quaternion, flip_vector, quaternion_to_euler, quaternion_to_matrix
+from twin.physics.part_signals import declare_parts, state_columns
 from twin.records.trajectory import Trajectory, sample_times
 from twin.vehicle.vehicle import Vehicle
 
@@ -43,6 +44,7 @@ def from_log(
     force = specific_force(to_ned, acceleration, rates, spin, vehicle)
     degrees = np.rad2deg
     signals: dict[str, Array] = {}
+    declare_parts(vehicle)
 
     def put(prefix: str, names: str, values: Array) -> None:
         for name, column in zip(names.split(), values.T, strict=True):
@@ -68,7 +70,13 @@ def from_log(
     time = rows["time"].copy()
     if sample_period is not None:
         time = sample_times(len(rows), sample_period)
-    return Trajectory(time=time, signals=signals, states=states, **fields)
+    return Trajectory(
+        time=time,
+        signals=signals,
+        states=states,
+        state_columns=state_columns(vehicle),
+        **fields,
+    )
 
 
 def specific_force(

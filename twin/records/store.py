@@ -24,12 +24,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 STATE, STATES, N_SAMPLES = "state", "simulation_state", "n_samples"
-STATE_COLUMNS = (
-    *("x", "y", "z", "qw", "qx", "qy", "qz", "battery_shift", "battery_rotation"),
-    *("vx", "vy", "vz", "wx", "wy", "wz", "battery_shift_rate", "battery_rotation_rate"),
-    *("act_shift", "act_rotation", "act_pump", "ctrl_shift", "ctrl_rotation", "ctrl_pump"),
-)
-"""Columns of `simulation_state`: qpos, qvel, act, ctrl (x north, y west, z up; SI, rad, cm3)."""
 
 UNFINISHED = ".generating"
 """Folder inside a store that the factory has begun and not completed."""
@@ -43,7 +37,7 @@ GLOBAL_ATTRIBUTES = {
     "Conventions": "CF-1.11",
     SCHEMA: "glider-twin missions",
     "schema_version": SCHEMA_VERSION,
-    "title": "Simulated underwater glider missions",
+    "title": "Simulated underwater vehicle missions",
     "comment": "Simulated data. NED frame with its origin at each mission's start; body axes "
     "forward, starboard, down about the centre of buoyancy.",
 }
@@ -55,7 +49,11 @@ def mission_dataset(
     parameters: Sequence[Mapping[str, float]] | None = None,
     attributes: Mapping[str, Any] | None = None,
 ) -> xr.Dataset:
-    """The trajectories as one dataset of the schema, padded with NaN to the longest."""
+    """The trajectories as one dataset of the schema, padded with NaN to the longest.
+
+    Raises:
+      StoreError: they are of vehicles with other parts, whose states have other columns.
+    """
     import xarray as xr
 
     longest = max(len(t.time) for t in trajectories)
@@ -82,7 +80,14 @@ def mission_dataset(
             if name in trajectory.signals:
                 values[i, : len(trajectory.time)] = trajectory.signals[name]
         variables[name] = ((MISSION, TIME), values, entry.attributes())
-    states = np.full((len(trajectories), longest, len(STATE_COLUMNS)), np.nan)
+    columns = trajectories[0].state_columns
+    for trajectory in trajectories:
+        if trajectory.state_columns != columns:
+            raise StoreError(
+                "trajectories of vehicles with other parts cannot share a store: their states are "
+                f"{' '.join(columns)} and {' '.join(trajectory.state_columns)}"
+            )
+    states = np.full((len(trajectories), longest, trajectories[0].states.shape[1]), np.nan)
     for i, trajectory in enumerate(trajectories):
         states[i, : len(trajectory.time)] = trajectory.states
     variables[STATES] = (
@@ -91,7 +96,7 @@ def mission_dataset(
         {
             "units": "1",
             "long_name": "exact MuJoCo state, for replay and rendering",
-            "columns": " ".join(STATE_COLUMNS),
+            "columns": " ".join(columns),
         },
     )
     dataset = xr.Dataset(variables, coordinates, {**GLOBAL_ATTRIBUTES, **(attributes or {})})
@@ -205,15 +210,23 @@ def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
     samples = _samples(one, path, mission)
     one = one.isel({TIME: slice(0, samples)})
     signals = {name: read_array(one, name, path).astype(float) for name in VARIABLES if name in one}
-    states = read_array(one, STATES, path) if STATES in one else np.zeros((0, len(STATE_COLUMNS)))
+    states = read_array(one, STATES, path) if STATES in one else np.zeros((0, 0))
     if not np.isfinite(states).all():
         raise StoreError(f"store {path} is damaged: {STATES} of mission {mission} has gaps")
     return Trajectory(
         time=read_array(one, TIME, path).astype(float),
         signals=signals,
         states=states,
+        state_columns=stored_columns(one),
         provenance=dict(dataset.attrs),
     )
+
+
+def stored_columns(dataset: xr.Dataset) -> tuple[str, ...]:
+    """Names of the columns of a dataset's states; none without states."""
+    if STATES not in dataset:
+        return ()
+    return tuple(str(dataset[STATES].attrs["columns"]).split())
 
 
 def gone_arrays(dataset: xr.Dataset, path: str | Path) -> list[str]:

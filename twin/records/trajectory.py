@@ -31,13 +31,15 @@ class Trajectory(Mapping[str, Array]):
     """One mission, sampled at a fixed period: a mapping from signal names to arrays.
 
     `signals` maps schema names to float64 arrays of shape (time,); `states` holds the MuJoCo rows
-    (time, 23): qpos 9, qvel 8, act 3, ctrl 3, from which any sample can be rendered or resumed.
+    (time, columns): qpos, qvel, act, ctrl, from which any sample can be rendered or resumed.
     """
 
     time: Array
     """[s] since the start, shape (time,)."""
     signals: dict[str, Array]
     states: Array
+    state_columns: tuple[str, ...] = ()
+    """Names of the columns of `states`, which depend on the vehicle's parts."""
     complete: bool = True
     """False when the simulation stopped early (unstable)."""
     provenance: dict[str, Any] = dataclasses.field(default_factory=dict)

@@ -13,10 +13,10 @@ from twin.records.store import (
     GLOBAL_ATTRIBUTES,
     N_SAMPLES,
     SCHEMA,
-    STATE_COLUMNS,
     STATES,
     mission_dataset,
     read_trajectory,
+    stored_columns,
     write_store,
 )
 from twin.records.trajectory import Trajectory
@@ -96,11 +96,12 @@ def _read(dataset: xr.Dataset, path: Path, mission: int) -> Trajectory:
             declare_stored(str(name), array.attrs)
     one = dataset.isel({MISSION: mission})
     one = one.isel({TIME: slice(0, int(one[N_SAMPLES]))})
-    rows = one[STATES].values if STATES in one else np.zeros((0, len(STATE_COLUMNS)))
+    rows = one[STATES].values if STATES in one else np.zeros((0, 0))
     return Trajectory(
         time=np.asarray(one[TIME].values, float),
         signals={n: np.asarray(one[n].values, float) for n in VARIABLES if n in one},
         states=np.asarray(rows, float),
+        state_columns=stored_columns(one),
         provenance=dict(dataset.attrs),
     )
 

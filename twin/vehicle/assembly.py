@@ -99,10 +99,12 @@ def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass
     for body in reader.moving_bodies():
         name = body.get("name", "")
         slide = hinge = None
+        joints: list[str] = []
         for joint in body.findall("joint"):
             part = driven.get(joint.get("name"))
             if part is None:
                 reader.fail(f"joint {joint.get('name')!r}", "driven by an actuator of its own")
+            joints.append(part)
             if joint.get("type", "hinge") == "slide":
                 slide = part
             else:
@@ -122,6 +124,7 @@ def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass
                 eccentricity=-float(place[2]),
                 slide=slide,
                 hinge=hinge,
+                joints=tuple(joints),
             )
         )
     return tuple(masses)

@@ -41,7 +41,7 @@ class Pump(Part):
     kind: ClassVar[str] = "pump"
     unit: ClassVar[str] = "cm3"
     quantity: ClassVar[Quantity] = Quantity(
-        unit="cm3", scale=1.0, long_name="pumped volume, more is lighter"
+        unit="cm3", scale=1.0, long_name="pumped volume, more is lighter", limits=(-1e5, 1e5)
     )
     turn: ClassVar[int] = 10
 

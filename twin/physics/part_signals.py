@@ -1,0 +1,78 @@
+"""Part signals: what stores call the positions and commands of a vehicle's parts.
+
+A part named `rudder` has `true_rudder`, `commanded_rudder` and, by its encoder, `measured_rudder`,
+in the unit of its kind. Those of a glider's shift, rotation and pump are in the schema's own table.
+"""
+
+from __future__ import annotations
+
+from twin.errors import VehicleError
+from twin.records.schema import SIMULATED, VARIABLES, Variable, declare
+from twin.records.trajectory import actuator_names
+from twin.vehicle.vehicle import Vehicle
+
+_OWN = frozenset(SIMULATED)
+"""The schema's own signals, whose names parts must leave alone; but for the positions of parts."""
+
+
+def part_variables(vehicle: Vehicle) -> dict[str, Variable]:
+    """The variables of a vehicle's parts by name: truth, command and reading of each.
+
+    Raises:
+      VehicleError: a part has the name of another signal, such as `pitch`.
+    """
+    found: dict[str, Variable] = {}
+    shared = actuator_names(SIMULATED)
+    for part in vehicle.parts:
+        quantity, words = part.quantity, part.name.replace("_", " ")
+        for name, text in (
+            (f"true_{part.name}", f"{words}, {quantity.long_name}"),
+            (f"commanded_{part.name}", f"commanded {words}, {quantity.long_name}"),
+            (f"measured_{part.name}", f"{words} by its encoder, {quantity.long_name}"),
+        ):
+            if name in _OWN and part.name not in shared:
+                raise VehicleError(
+                    f"vehicle {vehicle.name!r}: a part cannot be called {part.name!r}, since "
+                    f"{name!r} is another signal of every store; give its actuator another name"
+                )
+            known = VARIABLES.get(name)
+            if known is None:
+                known = Variable(name, quantity.unit, text, limits=quantity.limits)
+            elif known.units != quantity.unit:
+                raise VehicleError(
+                    f"vehicle {vehicle.name!r}: {name!r} would be in {quantity.unit!r}, and is in "
+                    f"{known.units!r} elsewhere ({known.long_name}); give part {part.name!r} "
+                    "another name"
+                )
+            found[name] = known
+    return found
+
+
+def declare_parts(vehicle: Vehicle) -> None:
+    """Add the variables of a vehicle's parts to the schema; raises as `part_variables`."""
+    for entry in part_variables(vehicle).values():
+        declare(entry)
+
+
+def simulated_signals(vehicle: Vehicle) -> tuple[str, ...]:
+    """Names of the truth and commands of every simulated mission of a vehicle, in storage order."""
+    parts = part_variables(vehicle)
+    none = {f"{kind}_{name}" for kind in _KINDS for name in actuator_names(SIMULATED)}
+    names = [name for name in SIMULATED if name not in none or name in parts]
+    return tuple(
+        name for name in dict.fromkeys((*names, *parts)) if not name.startswith("measured_")
+    )
+
+
+_KINDS = ("true", "commanded", "measured")
+
+
+def state_columns(vehicle: Vehicle) -> tuple[str, ...]:
+    """Columns of a vehicle's states: qpos, qvel, act, ctrl (x north, y west, z up; SI, rad)."""
+    joints = [f"{mass.name}_{part}" for mass in vehicle.masses for part in mass.joints]
+    return (
+        *("x", "y", "z", "qw", "qx", "qy", "qz", *joints),
+        *("vx", "vy", "vz", "wx", "wy", "wz", *(f"{joint}_rate" for joint in joints)),
+        *(f"act_{name}" for name in vehicle.part_names),
+        *(f"ctrl_{name}" for name in vehicle.part_names),
+    )
