@@ -1,4 +1,4 @@
-"""Vehicle errors: the vehicle that is really out there, against the one that guidance believes in."""
+"""Vehicle errors: what the real vehicle differs in from the one that guidance believes in."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _fields(part: Part, parameters: Parameters) -> dict[str, float]:
 
 
 def ballast_of(nominal: Vehicle, parameters: Parameters) -> Ballast:
-    """How the vehicle was weighed: neutral, but for a glider's ballast error, where pilots do it."""
+    """How the vehicle was weighed: neutral where pilots do it, but for a glider's error."""
     heavy = 0.0
     if nominal.steered("buoyancy") is not None:
         heavy = GRAM * parameters.number("vehicle.ballast_g")

@@ -11,8 +11,9 @@ import numpy as np
 
 from learn.data.dataset import Mission, load_missions
 from learn.data.features import channels_of
-from learn.data.logs import SPEED, VEHICLE, is_real
+from learn.data.logs import SPEED, is_real
 from learn.data.missions import open_missions
+from learn.data.vehicle import nominal_vehicle
 from learn.evaluation.log_score import score_logs
 from learn.evaluation.score import (
     GPS_CHANNELS,
@@ -27,7 +28,7 @@ from learn.navigation.baselines.base import Baseline, Estimate, check_estimate
 from learn.navigation.baselines.registry import BASELINES
 from learn.navigation.dead_reckoning import Array
 from twin.errors import StoreError
-from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from learn.networks.predictor import Ensemble
@@ -115,11 +116,7 @@ def evaluate(
     names = tuple(BASELINES if baselines is None else baselines)
     present, attributes = _describe(store)
     vehicle = nominal_vehicle(attributes, store)
-    missing = {
-        name: f"the store has no channel {gone[0]}"
-        for name in names
-        if (gone := [c for c in BASELINES[name].channels if c not in present])
-    }
+    missing = {name: why for name in names if (why := _unusable(name, vehicle, present))}
     runners = {name: BASELINES[name](vehicle=vehicle) for name in names if name not in missing}
     wanted = [
         *NAVIGATION_CHANNELS,
@@ -215,17 +212,13 @@ def visible(mission: Mission) -> dict[str, Array]:
     }
 
 
-def nominal_vehicle(attributes: Mapping[str, Any], store: str | Path) -> Vehicle:
-    """The vehicle as its file says, from the MJCF text in the store; else the shipped glider.
-
-    Logs have no such file: the shipped vehicle that is nearest to them stands for it.
-    """
-    if is_real(attributes):
-        return load_vehicle(VEHICLE)
-    text = attributes.get("vehicle_mjcf")
-    if text is None:
-        return load_vehicle("glider")
-    return parse_vehicle(str(text), Path(store))
+def _unusable(name: str, vehicle: Vehicle, present: set[str]) -> str:
+    """Why a baseline cannot run on a store of this vehicle with these channels; empty: it can."""
+    why = BASELINES[name].unsuited(vehicle)
+    gone = [channel for channel in BASELINES[name].channels if channel not in present]
+    if not why and gone:
+        why = f"the store has no channel {gone[0]}"
+    return why
 
 
 def _describe(store: str | Path) -> tuple[set[str], dict[str, Any]]:

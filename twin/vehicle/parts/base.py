@@ -204,6 +204,13 @@ class Part:
         """+1 when a larger position raises pitch or turns to starboard, -1 when it does not."""
         return 1.0
 
+    def mirrored(self) -> float | None:
+        """What the mirror port to starboard makes of its position: 1 or -1 times it.
+
+        None: the vehicle has no mirror image of it, or its kind does not say.
+        """
+        return None
+
     # --- what its file cannot say exactly -------------------------------------------------------
 
     def uncertainties(self) -> tuple[Uncertainty, ...]:

@@ -34,6 +34,10 @@ class BatteryHinge(Part):
         """It turns."""
         return ("heading",)
 
+    def mirrored(self) -> float | None:
+        """Port becomes starboard."""
+        return -1.0
+
     def uncertainties(self) -> tuple[Uncertainty, ...]:
         """Also: the zero of its encoder."""
         offset = Uncertainty(

@@ -40,6 +40,10 @@ class BatterySlide(Part):
         """Forward is nose down."""
         return -1.0
 
+    def mirrored(self) -> float | None:
+        """It is in the middle."""
+        return 1.0
+
     def uncertainties(self) -> tuple[Uncertainty, ...]:
         """Also: the zero of its encoder."""
         offset = Uncertainty(

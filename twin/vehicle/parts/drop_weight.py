@@ -64,6 +64,10 @@ class DropWeight(Part):
         """The mass [kg]."""
         return (self.mass,)
 
+    def mirrored(self) -> float | None:
+        """It has no side."""
+        return 1.0
+
     @property
     def rest(self) -> float:
         """Held."""

@@ -219,6 +219,13 @@ class Fin(Part):
             *self.axis,
         )
 
+    def mirrored(self) -> float | None:
+        """Rudders turn the other way, elevators do not; a fin off the middle has no image."""
+        _, y, z = (abs(x) > 1e-9 for x in self.axis)
+        if (y and z) or abs(self.position[1]) > 1e-9:
+            return None
+        return -1.0 if z else 1.0
+
     def uncertainties(self) -> tuple[Uncertainty, ...]:
         """Also: the zero of its encoder and its lift slope."""
         offset = Uncertainty(

@@ -117,6 +117,10 @@ class Propeller(Part):
             self.zero_thrust_advance,
         )
 
+    def mirrored(self) -> float | None:
+        """It is in the middle; its torque, which would turn round, is small."""
+        return 1.0 if abs(self.position[1]) < 1e-9 else None
+
     def uncertainties(self) -> tuple[Uncertainty, ...]:
         """Also: its thrust."""
         thrust = coefficient("thrust", f"thrust of the {self.name}", field="thrust_coefficient")

@@ -60,6 +60,10 @@ class Pump(Part):
         """The neutral position [cm3]."""
         return (self.neutral,)
 
+    def mirrored(self) -> float | None:
+        """It has no side."""
+        return 1.0
+
     def controls(self) -> tuple[str, ...]:
         """It makes the vehicle heavy or light."""
         return ("buoyancy",)
