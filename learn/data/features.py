@@ -43,8 +43,8 @@ class Feature:
     compute: Callable[[Channels, float], Array] = dataclasses.field(repr=False)
     """From channels (time,) and the sample period [s] to values (time,)."""
     odd: bool | None = False
-    """Whether it changes its sign when the vehicle is mirrored, port for starboard; None: the store's
-    vehicle says."""
+    """Whether it changes its sign when the vehicle is mirrored, port for starboard; None: the
+    store's vehicle says."""
 
 
 def trailing_slope(values: Array, samples: int, period: float) -> Array:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -246,11 +246,12 @@ class FlowFrame(HullLaw):
 
     def scaled(self, factors: Mapping[str, float]) -> Self:
         """By the names of COEFFICIENTS."""
-        fields: dict[str, list[float]] = {}
+        fields: dict[str, Any] = {}
         for name, _, field in COEFFICIENTS:
             values = fields.setdefault(field, [])
             values.append(getattr(self, field)[len(values)] * factors[name])
-        return dataclasses.replace(self, **{name: tuple(found) for name, found in fields.items()})
+        changes: dict[str, Any] = {name: tuple(values) for name, values in fields.items()}
+        return dataclasses.replace(self, **changes)
 
     @property
     def valid_angle(self) -> float:
