@@ -18,18 +18,18 @@ if TYPE_CHECKING:
     from factory.facade import parameters as parameters
     from factory.generation.bulk import Summary as Summary
     from factory.recipe.presets import PRESETS as PRESETS
-    from factory.stores.stored import StoredRun as StoredRun
-    from factory.stores.stored_logs import StoredLogs as StoredLogs
-    from factory.stores.stored_logs import open_stored as open  # noqa: F401
+    from factory.stores.generated import GeneratedStore as GeneratedStore
+    from factory.stores.generated import open_missions as open  # noqa: F401
+    from twin.records.logs import LogStore as LogStore
 
 _PLACES = {
     "PRESETS": "factory.recipe.presets:PRESETS",
-    "StoredLogs": "factory.stores.stored_logs:StoredLogs",
-    "StoredRun": "factory.stores.stored:StoredRun",
+    "LogStore": "twin.records.logs:LogStore",
+    "GeneratedStore": "factory.stores.generated:GeneratedStore",
     "Summary": "factory.generation.bulk:Summary",
     "generate": "factory.facade:generate",
     "import_logs": "factory.facade:import_logs",
-    "open": "factory.stores.stored_logs:open_stored",
+    "open": "factory.stores.generated:open_missions",
     "parameters": "factory.facade:parameters",
 }
 """Where each public name is."""

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from learn.data.features import INPUT_SETS, select_features
+from learn.data.parts import parts_of
 from learn.data.preparation import check_window
-from learn.data.vehicle import parts_of
 from learn.networks.config import NetworkConfig
 from learn.networks.registry import NETWORKS
 from learn.report.contents import RunEvaluation

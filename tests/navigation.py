@@ -10,8 +10,8 @@ import xarray as xr
 
 from twin.fossen import FossenModel
 from twin.physics.steady_motion import STRAIGHT_TURN_RATE
+from twin.records.attributes import SIMULATED_ATTRIBUTES
 from twin.records.schema import SCHEMA_VERSION, VARIABLES
-from twin.records.store import GLOBAL_ATTRIBUTES
 from twin.vehicle.vehicle import load_vehicle
 
 PERIOD = 0.5
@@ -137,7 +137,7 @@ def write_store(path: Path, missions, splits=None, *, drop=(), attributes=None) 
     dataset = xr.Dataset(
         {n: (("mission", "time"), a, VARIABLES[n].attributes()) for n, a in arrays.items()},
         {"mission": np.arange(len(missions)), "time": PERIOD * np.arange(longest)},
-        {**GLOBAL_ATTRIBUTES, "schema_version": SCHEMA_VERSION, **(attributes or {})},
+        {**SIMULATED_ATTRIBUTES, "schema_version": SCHEMA_VERSION, **(attributes or {})},
     )
     lengths = [len(m["true_north"]) for m in missions]
     dataset["n_samples"] = ("mission", np.array(lengths, np.int32))

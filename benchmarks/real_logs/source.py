@@ -13,7 +13,8 @@ from factory.importing.reading.columns import Table, read_table
 from learn.navigation.dead_reckoning import Array
 from twin.errors import InputError, TwinError
 from twin.identify import Log, load_logs
-from twin.records.store import open_store, write_store
+from twin.records.logs import LogStore
+from twin.records.store import write_store
 
 PREFIXES = {"slocum": "slocum", "seaglider": "seaglider", "seaexplorer": "seaexplorer"}
 """Kind of log by the first word of a folder's name."""
@@ -98,12 +99,10 @@ def imported(folder: Path, kind: str, work: Path) -> list[Deployment]:
     dataset, report = import_logs(kind, [folder])
     store = work / f"{folder.name}.zarr"
     write_store(dataset, store, overwrite=True)
-    loaded = open_store(store)
-    names = np.array([str(name) for name in loaded["deployment"].values])
-    start = loaded["start_time"].values.astype("datetime64[ns]").astype("i8") * 1e-9
-    length = loaded["n_samples"].values.astype(float) - 1.0
-    end = start + report.period * length
-    loaded.close()
+    with LogStore(store) as logs:
+        names = np.array(logs.deployments)
+        start = logs.starts
+        end = start + report.period * (logs.samples - 1.0)
     deployments = []
     for name in dict.fromkeys(names):
         rows = np.flatnonzero(names == name)

@@ -39,11 +39,12 @@ class Export(JsonOption):
         exporter = EXPORTERS[self.to]
         if self.mission is not None:
             check_missions(self.mission)
-        from factory.stores.stored_logs import StoredLogs, open_stored
+        from factory.stores.generated import open_missions
+        from twin.records.logs import LogStore
 
-        run = open_stored(self.store)
+        run = open_missions(self.store)
         missions = list(range(len(run))) if self.mission is None else list(self.mission)
-        what = "dives" if isinstance(run, StoredLogs) else "missions"
+        what = "dives" if isinstance(run, LogStore) else "missions"
         out = self.out or exporter.default_path(self.store)
         with console.progress(total=len(missions), label="export", unit=what) as progress:
             written = exporter.export(run, missions, out, progress.update)

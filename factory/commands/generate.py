@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from factory.recipe.recipe import Recipe
 
 DEFAULT_OUT = Path("data/missions.zarr")
+BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,9 +53,7 @@ class Generate(JsonOption):
 
     def run(self, console: Console) -> int:
         """Generate, with progress, and summarise."""
-        # must be said before numpy is imported: worker processes share the CPUs, and forks are
-        # cleanest from a process with one thread
-        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        import_numpy_with_one_thread()
         from factory.generation.bulk import generate
 
         recipe = self._recipe()
@@ -130,6 +129,21 @@ class Generate(JsonOption):
         )
 
 
+def import_numpy_with_one_thread() -> None:
+    """Import numpy, if nobody has, so that its BLAS starts no threads.
+
+    Worker processes share the CPUs, and forks are cleanest from a process with one thread. BLAS
+    reads the variable once; the environment is left as it was.
+    """
+    if BLAS_THREADS in os.environ:
+        return
+    os.environ[BLAS_THREADS] = "1"
+    try:
+        import numpy  # noqa: F401
+    finally:
+        del os.environ[BLAS_THREADS]
+
+
 def raw_bytes(recipe: Recipe) -> int:
     """Size [bytes] of the same signals as plain float32, without padding."""
     from factory.recipe.plan import samples_in
@@ -142,7 +156,7 @@ def raw_bytes(recipe: Recipe) -> int:
 
 
 def _splits(recipe: Recipe) -> str:
-    from factory.recipe.plan import SPLITS
+    from twin.records.attributes import SPLITS
 
     counts = [recipe.plan.splits.count(i) for i in range(len(SPLITS))]
     return ", ".join(f"{n} {name}" for n, name in zip(counts, SPLITS, strict=True) if n)

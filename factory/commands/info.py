@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 if TYPE_CHECKING:
-    from factory.stores.stored_logs import StoredLogs
+    from twin.records.logs import LogStore
 
 from twin.cli.console import Console, JsonOption
 
@@ -21,22 +21,22 @@ class Info(JsonOption):
     store: Annotated[Path, tyro.conf.Positional]
     """the store"""
 
-    def _logs(self, logs: StoredLogs, console: Console) -> int:
+    def _logs(self, logs: LogStore, console: Console) -> int:
         """A store of real logs: what was imported, and the report of it."""
         from factory.inspect.info import deployment_rows, stored_bytes
 
-        report, dataset = logs.report, logs.dataset
+        report = logs.report
         size = stored_bytes(self.store)
         console.pairs(
             {
                 "store": str(self.store),
                 "logs": f"{report['kind']}: {', '.join(report['deployments'])}",
-                "platform": dataset.attrs["platform"],
+                "platform": logs.platform,
                 "rows": f"{report['rows']}, {report['rows_with_fixes']} from GPS fix to GPS fix",
                 "time": f"{report['hours']:.4g} h every {report['period']:g} s",
                 "signals": len(report["channels"]),
                 "size": f"{size / 1e6:.1f} MB",
-                "history": dataset.attrs["history"],
+                "history": logs.history,
             }
         )
         console.table(deployment_rows(logs), title="\ndeployments")
@@ -54,7 +54,8 @@ class Info(JsonOption):
     def run(self, console: Console) -> int:
         """Print what the store holds."""
         from factory.inspect.info import drawn_rows, split_rows, stored_bytes, unfinished
-        from factory.stores.stored_logs import StoredLogs, open_stored
+        from factory.stores.generated import open_missions
+        from twin.records.logs import LogStore
 
         begun = unfinished(self.store)
         if begun is not None:
@@ -75,9 +76,9 @@ class Info(JsonOption):
                 missions_kept=begun.missions_kept,
             )
             return 0
-        run = open_stored(self.store)
+        run = open_missions(self.store)
         run.check_arrays()
-        if isinstance(run, StoredLogs):
+        if isinstance(run, LogStore):
             return self._logs(run, console)
         size, splits, drawn = stored_bytes(self.store), split_rows(run), drawn_rows(run)
         versions = ", ".join(f"{name} {v}" for name, v in run.settings["versions"].items())
@@ -87,15 +88,15 @@ class Info(JsonOption):
                 "preset": run.settings["preset"],
                 "seed": run.seed,
                 "vehicle": run.settings["vehicle"],
-                "sensors": run.dataset.attrs["sensors"],
+                "sensors": run.sensor_preset,
                 "missions": len(run),
-                "simulated": f"{run.hours:.4g} h every {run.settings['sample_period_s']:g} s",
+                "simulated": f"{run.hours:.4g} h every {run.period:g} s",
                 "physics": f"{run.settings['integrator']}, steps of "
                 f"{run.settings['timestep_s']:g} s, {run.settings['hydrodynamics']}",
                 "signals": len(run.signals()),
                 "size": f"{size / 1e6:.1f} MB, {size / 1e6 / run.hours:.2f} MB/h",
                 "made with": versions,
-                "history": run.dataset.attrs["history"],
+                "history": run.history,
             }
         )
         console.table(splits, title="\nsplits")

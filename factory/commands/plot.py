@@ -14,7 +14,7 @@ from twin.cli.console import Console, JsonOption
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from factory.stores.stored_logs import StoredLogs
+    from twin.records.logs import LogStore
 
 FORMATS = (".png", ".pdf", ".svg")
 """Endings that a page may have."""
@@ -35,15 +35,16 @@ class Plot(JsonOption):
     def run(self, console: Console) -> int:
         """Draw and save."""
         from factory.inspect.missions_page import store_page
-        from factory.stores.stored_logs import StoredLogs, open_stored
+        from factory.stores.generated import open_missions
         from twin.errors import InputError
+        from twin.records.logs import LogStore
 
         if self.out is not None and self.out.suffix.lower() not in FORMATS:
             raise InputError(f"--out {self.out}: the ending must be one of {', '.join(FORMATS)}")
         out = self.store.with_suffix(".png") if self.out is None else self.out
-        run = open_stored(self.store)
+        run = open_missions(self.store)
         run.check_arrays()
-        pages = _pages(run, out) if isinstance(run, StoredLogs) else {out: store_page(run)}
+        pages = _pages(run, out) if isinstance(run, LogStore) else {out: store_page(run)}
         for path, figure in pages.items():
             try:
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -55,7 +56,7 @@ class Plot(JsonOption):
         return 0
 
 
-def _pages(logs: StoredLogs, out: Path) -> dict[Path, Figure]:
+def _pages(logs: LogStore, out: Path) -> dict[Path, Figure]:
     """A page for each deployment, by its file."""
     from factory.inspect.logs_page import deployment_page
 

@@ -25,9 +25,9 @@ class Replay(JsonOption):
     def run(self, console: Console) -> int:
         """Replay; exit code 1 when a byte differs."""
         from factory.inspect.replay import replay_failure, replay_mission
-        from factory.stores.stored import StoredRun
+        from factory.stores.generated import GeneratedStore
 
-        run = StoredRun(self.store)
+        run = GeneratedStore(self.store)
         if self.attempt is not None:
             then, now = replay_failure(run, self.mission[0], self.attempt)
             console.say(f"then: {then}\nnow:  {now}")

@@ -24,12 +24,13 @@ class Verify(JsonOption):
         """Verify; exit code 1 when something is wrong."""
         from factory.inspect.verify import MAX_NAMED, verify_store
         from factory.inspect.verify_logs import verify_logs
-        from factory.stores.stored_logs import StoredLogs, open_stored
+        from factory.stores.generated import open_missions
+        from twin.records.logs import LogStore
 
-        run = open_stored(self.store)
-        what = "dives" if isinstance(run, StoredLogs) else "missions"
+        run = open_missions(self.store)
+        what = "dives" if isinstance(run, LogStore) else "missions"
         with console.progress(total=len(run), label="verify", unit=what) as progress:
-            if isinstance(run, StoredLogs):
+            if isinstance(run, LogStore):
                 report = verify_logs(run, watch=progress.update)
             else:
                 report = verify_store(run, watch=progress.update)

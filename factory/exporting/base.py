@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from twin.errors import InputError
 
 if TYPE_CHECKING:
-    from factory.stores.stored import Stored
+    from twin.records.reader import MissionStore
 
 Advance = Callable[[], object]
 """Called once for each mission or dive that is done, for a progress bar."""
@@ -21,7 +21,7 @@ def no_progress() -> None:
     """For callers that show no progress."""
 
 
-Writer = Callable[["Stored", Sequence[int], Path, Advance], "list[Path]"]
+Writer = Callable[["MissionStore", Sequence[int], Path, Advance], "list[Path]"]
 """Writes the chosen missions of a store to a file or into a folder; returns what it wrote.
 
 It raises `StoreError` for data that cannot be read and `InputError` when the disk refuses.
@@ -72,7 +72,7 @@ class Exporter:
 
     def export(
         self,
-        run: Stored,
+        run: MissionStore,
         missions: Sequence[int],
         path: Path,
         advance: Advance = no_progress,

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -102,14 +101,6 @@ def build_scenario(
         origin=origin(parameters),
         sample_period=SAMPLE_PERIOD,
     )
-
-
-def quiet_physics() -> None:
-    """Keep MuJoCo's own warnings out of the terminal and of MUJOCO_LOG.TXT in this process.
-
-    A mission that leaves the finite numbers is recorded with its parameters instead.
-    """
-    mujoco.set_mju_user_warning(lambda text: None)
 
 
 def fly(

@@ -1,14 +1,15 @@
-"""Produce: one mission from its number to the chunks of its signals, retried when it fails."""
+"""Attempts: one mission from its number to its signals, tried again when it fails."""
 
 from __future__ import annotations
 
 import re
-from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from factory.flight.bounds import Impossible
 from factory.flight.fly import Flight, fly
-from factory.generation.chunk import encode, stored_values
-from factory.generation.mission_record import Failure, Record
+from factory.generation.flown_mission import FailedAttempt, FlownMission
 from factory.recipe.recipe import Recipe
 from factory.recipe.sampling import sensor_seed
 from twin.errors import (
@@ -20,6 +21,7 @@ from twin.errors import (
     VehicleError,
 )
 from twin.records.schema import VARIABLES
+from twin.records.sharded import stored_values
 
 MAX_ATTEMPTS = 20
 """So many failures in a row mean impossible distributions, not bad luck."""
@@ -27,13 +29,18 @@ REPLACED = (MissionError, VehicleError, CurrentError, SimulationUnstable, Imposs
 """What a draw can do wrong: the vehicle cannot fly it, cannot exist, or runs away."""
 
 
-def produce(recipe: Recipe, mission: int) -> tuple[Record, dict[str, bytes]]:
+def fly_mission(
+    recipe: Recipe, mission: int
+) -> tuple[FlownMission, dict[str, NDArray[np.float32]]]:
     """Fly mission number `mission`; failed attempts are recorded and replaced.
+
+    Returns:
+      What is kept about it, and its signals, each (samples,), as the store keeps them.
 
     Raises:
       InputError: no attempt succeeded; names the distributions to narrow.
     """
-    failures: list[Failure] = []
+    failures: list[FailedAttempt] = []
     for attempt in range(MAX_ATTEMPTS):
         parameters = None
         try:
@@ -44,7 +51,7 @@ def produce(recipe: Recipe, mission: int) -> tuple[Record, dict[str, bytes]]:
             )
         except REPLACED as error:
             failures.append(
-                Failure(
+                FailedAttempt(
                     attempt=attempt,
                     reason=reason(error),
                     time_s=getattr(error, "time_s", None),
@@ -53,7 +60,7 @@ def produce(recipe: Recipe, mission: int) -> tuple[Record, dict[str, bytes]]:
                 )
             )
             continue
-        record = Record(
+        flown = FlownMission(
             mission=mission,
             attempt=attempt,
             samples=len(flight.trajectory.time),
@@ -61,7 +68,7 @@ def produce(recipe: Recipe, mission: int) -> tuple[Record, dict[str, bytes]]:
             sensors=flight.drawn,
             failures=tuple(failures),
         )
-        return record, encode_signals(flight, recipe.plan.samples)
+        return flown, rounded_signals(flight)
     raise InputError(
         f"mission {mission} failed {MAX_ATTEMPTS} times, last: {failures[-1].reason}; "
         f"{to_narrow(recipe, failures[-1].reason)}"
@@ -85,18 +92,11 @@ def reason(error: TwinError) -> str:
     return str(error)
 
 
-def encode_signals(flight: Flight, samples: int) -> dict[str, bytes]:
-    """Every signal as its chunk, in the schema's order."""
+def rounded_signals(flight: Flight) -> dict[str, NDArray[np.float32]]:
+    """Every signal as the store keeps it, in the schema's order."""
     signals = flight.signals
-    # noise-free sensors pass the very arrays of the truth on: compress them once
-    done: dict[tuple[int, Any], bytes] = {}
-    chunks: dict[str, bytes] = {}
-    for name, variable in VARIABLES.items():
-        if name not in signals:
-            continue
-        values = signals[name]
-        key = (id(values), variable.decimals)
-        if key not in done:
-            done[key] = encode(stored_values(values, variable.decimals), samples)
-        chunks[name] = done[key]
-    return chunks
+    return {
+        name: stored_values(signals[name], variable.decimals)
+        for name, variable in VARIABLES.items()
+        if name in signals
+    }

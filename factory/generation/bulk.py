@@ -10,14 +10,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from factory.generation.checkpoint import Journal
-from factory.generation.mission_record import Record
-from factory.generation.shards import finish_store, shard_range, shards, write_shard
+from factory.generation.checkpoint import Checkpoint
+from factory.generation.flown_mission import FlownMission
+from factory.generation.shards import (
+    open_target,
+    shard_range,
+    shards,
+    small_arrays,
+    store_attributes,
+    write_shard,
+)
 from factory.generation.workers import Pool
 from factory.recipe.plan import HOUR
 from factory.recipe.recipe import Recipe, differences
 from twin.errors import StoreError
-from twin.records.store import IMPORT_REPORT
+from twin.records.attributes import FAILED_MISSIONS, SETTINGS, is_logged
+from twin.records.sharded import ShardedStore
+from twin.records.store import is_complete, read_attributes
 
 MAX_DIFFERENCES = 5
 """Differences named when a resume is refused."""
@@ -74,39 +83,44 @@ def generate(
       TwinError: a mission that no attempt could fly, or a dead worker.
     """
     begun = time.perf_counter()
-    store, journal = Path(out), Journal(Path(out))
+    store, checkpoint = Path(out), Checkpoint(Path(out))
     if workers is None:
         workers = len(os.sched_getaffinity(0))
     if workers < 1:
         raise StoreError(f"--workers {workers} must be at least 1")
     try:
-        complete = _prepare(recipe, journal, resume=resume, overwrite=overwrite)
+        complete = _prepare(recipe, checkpoint, resume=resume, overwrite=overwrite)
         if complete:
             return _summary(recipe, store, begun, flown=[], failed=_count_failed(store))
-        with journal.locked() as lock:
-            flown, records = _fill(recipe, journal, min(workers, len(recipe.plan)), lock, watch)
-            finish_store(recipe, store, records, history)
-            journal.remove()
+        with checkpoint.locked() as lock:
+            target = open_target(recipe, checkpoint)
+            flown, missions = _fill(
+                recipe, checkpoint, target, min(workers, len(recipe.plan)), lock, watch
+            )
+            target.finish(
+                small_arrays(recipe, missions), store_attributes(recipe, missions, history)
+            )
+            checkpoint.remove()
     except OSError as error:
         raise StoreError(
             f"cannot write {error.filename or store}: {error.strerror or error}; finished missions "
             "are kept: make room or a writable place, then go on with --resume"
         ) from error
-    failed = sum(len(record.failures) for record in records)
+    failed = sum(len(mission.failures) for mission in missions)
     return _summary(recipe, store, begun, flown=flown, failed=failed)
 
 
-def _prepare(recipe: Recipe, journal: Journal, *, resume: bool, overwrite: bool) -> bool:
-    """Make `journal` ready for this recipe; True when the store is already complete."""
-    store, settings = journal.store, recipe.describe()
+def _prepare(recipe: Recipe, checkpoint: Checkpoint, *, resume: bool, overwrite: bool) -> bool:
+    """Make `checkpoint` ready for this recipe; True when the store is already complete."""
+    store, settings = checkpoint.store, recipe.describe()
     if store.is_symlink() and not store.exists():
         raise StoreError(f"{store} is a link to nothing; choose another --out")
-    present = store.exists() and not journal.blank
-    complete = (store / "zarr.json").is_file()
-    if present and not (complete or journal.exists):
+    present = store.exists() and not checkpoint.blank
+    complete = is_complete(store)
+    if present and not (complete or checkpoint.exists):
         raise StoreError(f"{store} exists and is not a store; choose another --out")
     if present and overwrite:
-        with journal.locked():  # not while another run writes it
+        with checkpoint.locked():  # not while another run writes it
             shutil.rmtree(store)
         present = complete = False
     if present and not resume:
@@ -116,7 +130,7 @@ def _prepare(recipe: Recipe, journal: Journal, *, resume: bool, overwrite: bool)
             f"store {store} is incomplete: --resume completes it, --overwrite starts again"
         )
     if present:
-        old = _store_settings(store) if complete else journal.settings()
+        old = _store_settings(store) if complete else checkpoint.settings()
         changed = differences(old, settings)
         if changed:
             more = len(changed) - MAX_DIFFERENCES
@@ -126,24 +140,19 @@ def _prepare(recipe: Recipe, journal: Journal, *, resume: bool, overwrite: bool)
                 "ones, or use --overwrite or another --out"
             )
         return complete
-    journal.start(settings)
+    checkpoint.start(settings)
     return False
 
 
 def _store_settings(store: Path) -> dict[str, object]:
-    try:
-        attributes = json.loads((store / "zarr.json").read_bytes())["attributes"]
-    except (OSError, ValueError, KeyError) as error:
-        raise StoreError(
-            f"store {store} is damaged: its zarr.json cannot be read ({error}); make it anew"
-        ) from error
-    if IMPORT_REPORT in attributes:
+    attributes = read_attributes(store)
+    if is_logged(attributes):
         raise StoreError(
             f"store {store} holds logs of real vehicles, there is nothing to resume: choose "
             "another --out"
         )
     try:
-        settings: dict[str, object] = json.loads(attributes["settings"])
+        settings: dict[str, object] = json.loads(attributes[SETTINGS])
     except (OSError, ValueError, KeyError) as error:
         raise StoreError(
             f"store {store} does not say what it was made with; it is damaged or not the factory's "
@@ -153,44 +162,49 @@ def _store_settings(store: Path) -> dict[str, object]:
 
 
 def _fill(
-    recipe: Recipe, journal: Journal, workers: int, lock: int, watch: Watcher | None
-) -> tuple[list[int], list[Record]]:
-    """Fly what is missing and write the shards; the missions flown now, and all records."""
-    records: dict[int, list[Record]] = {}
+    recipe: Recipe, checkpoint: Checkpoint, target: ShardedStore, workers: int, lock: int,
+    watch: Watcher | None,
+) -> tuple[list[int], list[FlownMission]]:  # fmt: skip
+    """Fly what is missing and write the shards; the missions flown now, and all missions."""
+    kept: dict[int, list[FlownMission]] = {}
     waiting: dict[int, set[int]] = {}
     for shard in shards(recipe):
-        note = journal.read_shard_note(shard)
+        found = checkpoint.read_shard(shard)
         missions = shard_range(recipe, shard)
-        if note is not None:
-            records[shard] = note
-            journal.drop_parts(missions)
+        if found is not None:
+            kept[shard] = found
+            checkpoint.drop(missions)
         else:
-            waiting[shard] = {m for m in missions if journal.read_part(m) is None}
+            waiting[shard] = {m for m in missions if checkpoint.read_mission(m) is None}
+    todo = sorted(mission for missions in waiting.values() for mission in missions)
     if watch is not None:
-        missing = {mission for missions in waiting.values() for mission in missions}
-        for mission, duration in enumerate(recipe.plan.durations_s):
-            if mission not in missing:
-                watch(duration / HOUR, 0)
-    flown: list[int] = []
+        for mission in sorted(set(range(len(recipe.plan))) - set(todo)):
+            watch(recipe.plan.durations_s[mission] / HOUR, 0)
 
     def settle(shard: int) -> None:
         if not waiting[shard]:
-            records[shard] = write_shard(recipe, journal, shard)
+            kept[shard] = write_shard(recipe, checkpoint, target, shard)
             del waiting[shard]
 
-    for shard in list(waiting):
-        settle(shard)
-    todo = sorted(mission for missions in waiting.values() for mission in missions)
-    if todo:
-        with Pool(recipe, journal, workers=min(workers, len(todo)), lock=lock) as pool:
-            for done in pool.run(todo):
-                flown.append(done.mission)
+    def settle_all() -> None:
+        for shard in list(waiting):
+            settle(shard)
+
+    if not todo:
+        settle_all()
+    else:
+        with Pool(recipe, checkpoint, workers=min(workers, len(todo)), lock=lock) as pool:
+            flying = pool.run(todo)
+            # only now that the workers are forked and busy: zarr has threads
+            target.prepare()
+            settle_all()
+            for done in flying:
                 if watch is not None:
                     watch(recipe.plan.durations_s[done.mission] / HOUR, done.failures)
                 shard = next(s for s, missions in waiting.items() if done.mission in missions)
                 waiting[shard].remove(done.mission)
                 settle(shard)
-    return flown, [record for shard in sorted(records) for record in records[shard]]
+    return todo, [flown for shard in sorted(kept) for flown in kept[shard]]
 
 
 def _summary(
@@ -210,5 +224,4 @@ def _summary(
 
 
 def _count_failed(store: Path) -> int:
-    attributes = json.loads((store / "zarr.json").read_bytes())["attributes"]
-    return len(json.loads(attributes["failed_missions"]))
+    return len(json.loads(read_attributes(store)[FAILED_MISSIONS]))

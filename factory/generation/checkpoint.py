@@ -1,7 +1,7 @@
-"""Journal: what a run has finished, kept beside the growing store until it is complete.
+"""Checkpoint: what a run has finished, kept beside the growing store until it is complete.
 
-While a store is made it holds a folder `.generating` with the settings, one part file per finished
-mission and one note per finished shard. Every file appears under its name only when it is whole
+While a store is made it holds a folder `.generating` with the settings, one file per finished
+mission and one per finished shard. Every file appears under its name only when it is whole
 (written under another name, then renamed), so a killed process leaves nothing half-done. The
 store's own `zarr.json` is written last: without it the store is not complete.
 """
@@ -10,25 +10,29 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import io
 import json
 import os
 import shutil
-import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from factory.generation.chunk import checksum
-from factory.generation.mission_record import Record
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.generation.flown_mission import FlownMission
 from twin.errors import StoreError
+from twin.records.sharded import write_whole
 from twin.records.store import UNFINISHED
 
-_MAGIC = b"glider mission part 1\n"
-_LENGTH = struct.Struct("<I")
+Kept = tuple[FlownMission, dict[str, NDArray[np.float32]]]
+"""A finished mission and its signals, each (samples,)."""
+_FLOWN, _SIGNALS = "flown", "signals"
 
 
-class Journal:
-    """The journal of the store at `store`."""
+class Checkpoint:
+    """The checkpoint of the store at `store`."""
 
     def __init__(self, store: Path):
         self.store = store
@@ -56,13 +60,13 @@ class Journal:
         """The settings that the run was started with.
 
         Raises:
-          StoreError: the journal is damaged.
+          StoreError: the checkpoint is damaged.
         """
         try:
             settings: dict[str, Any] = json.loads((self.folder / "settings.json").read_bytes())
         except (OSError, ValueError) as error:
             raise StoreError(
-                f"the journal of {self.store} is damaged ({error}); start again with --overwrite"
+                f"the checkpoint of {self.store} is damaged ({error}); start again with --overwrite"
             ) from error
         return settings
 
@@ -86,78 +90,70 @@ class Journal:
         finally:
             os.close(descriptor)
 
-    def write_part(self, record: Record, chunks: Mapping[str, bytes]) -> None:
-        """Keep one finished mission."""
-        header = json.dumps(
-            {"record": record.to_json(), "chunks": {k: len(v) for k, v in chunks.items()}}
-        ).encode()
-        body = b"".join([_MAGIC, _LENGTH.pack(len(header)), header, *chunks.values()])
-        write_whole(self._part(record.mission), body + checksum(body))
+    def write_mission(
+        self, flown: FlownMission, signals: Mapping[str, NDArray[np.float32]]
+    ) -> None:
+        """Keep one finished mission; the archive's own checksums tell damage."""
+        text = json.dumps({_FLOWN: flown.to_json(), _SIGNALS: list(signals)})
+        archive = io.BytesIO()
+        np.savez(archive, np.frombuffer(text.encode(), np.uint8), np.stack([*signals.values()]))
+        write_whole(self._mission(flown.mission), archive.getvalue())
 
-    def read_part(self, mission: int) -> tuple[Record, dict[str, bytes]] | None:
+    def read_mission(
+        self, mission: int
+    ) -> tuple[FlownMission, dict[str, NDArray[np.float32]]] | None:
         """A finished mission; None when there is none, or when its file is damaged."""
         try:
-            data = self._part(mission).read_bytes()
+            with self._mission(mission).open("rb") as file:
+                archive = np.load(file, allow_pickle=False)
+                text, values = archive["arr_0"], archive["arr_1"]
+            found = json.loads(text.tobytes())
+            signals = dict(zip(found[_SIGNALS], values, strict=True))
+            return FlownMission.from_json(found[_FLOWN]), signals
         except FileNotFoundError:
             return None
-        start = len(_MAGIC) + _LENGTH.size
-        if len(data) < start + 4 or checksum(data[:-4]) != data[-4:] or not data.startswith(_MAGIC):
+        except Exception:  # whatever a damaged archive raises: the mission is flown again
             return None
-        (length,) = _LENGTH.unpack_from(data, len(_MAGIC))
-        header = json.loads(data[start : start + length])
-        chunks, offset = {}, start + length
-        for name, size in header["chunks"].items():
-            chunks[name] = data[offset : offset + size]
-            offset += size
-        return Record.from_json(header["record"]), chunks
 
-    def drop_parts(self, missions: range) -> None:
-        """Forget parts whose shard is written."""
-        for mission in missions:
-            self._part(mission).unlink(missing_ok=True)
+    def finish_shard(self, shard: int, missions: list[FlownMission]) -> None:
+        """Say that a shard is in place, and forget the files of its missions."""
+        text = json.dumps([flown.to_json() for flown in missions])
+        write_whole(self._shard(shard), text.encode())
+        self.drop(flown.mission for flown in missions)
 
-    def write_shard_note(self, shard: int, records: list[Record]) -> None:
-        """Say that a shard is in place."""
-        text = json.dumps([record.to_json() for record in records])
-        write_whole(self._note(shard), text.encode())
-
-    def read_shard_note(self, shard: int) -> list[Record] | None:
-        """The records of a shard that is in place."""
+    def read_shard(self, shard: int) -> list[FlownMission] | None:
+        """The missions of a shard that is in place."""
         try:
-            return [Record.from_json(data) for data in json.loads(self._note(shard).read_bytes())]
+            found = json.loads(self._shard(shard).read_bytes())
+            return [FlownMission.from_json(data) for data in found]
         except FileNotFoundError:
             return None
         except (ValueError, KeyError, TypeError):
             return None
 
+    def drop(self, missions: Iterable[int]) -> None:
+        """Forget the files of missions whose shard is in place."""
+        for mission in missions:
+            self._mission(mission).unlink(missing_ok=True)
+
     def count_missions(self) -> int:
-        """Finished missions, in parts and in shards."""
-        notes = [json.loads(path.read_bytes()) for path in self.folder.glob("shard-*.json")]
-        in_shards = {record["mission"] for note in notes for record in note}
-        in_parts = {
-            int(path.stem.rpartition("-")[2]) for path in self.folder.glob("mission-*.part")
-        }
-        return len(in_shards | in_parts)
+        """Finished missions, in files of their own and in shards."""
+        shards = [json.loads(path.read_bytes()) for path in self.folder.glob("shard-*.json")]
+        in_shards = {flown["mission"] for missions in shards for flown in missions}
+        alone = {int(path.stem.rpartition("-")[2]) for path in self.folder.glob("mission-*.npz")}
+        return len(in_shards | alone)
 
     def remove(self) -> None:
         """The store is complete."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    def _part(self, mission: int) -> Path:
-        return self.folder / f"mission-{mission:06d}.part"
+    @property
+    def staging(self) -> Path:
+        """Folder for shards that are not whole yet."""
+        return self.folder / "staging"
 
-    def _note(self, shard: int) -> Path:
+    def _mission(self, mission: int) -> Path:
+        return self.folder / f"mission-{mission:06d}.npz"
+
+    def _shard(self, shard: int) -> Path:
         return self.folder / f"shard-{shard:05d}.json"
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file so that it is there completely or not at all."""
-    # the name of the process: two of them may write the same file, with the same bytes
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        temporary.write_bytes(data)
-        temporary.replace(path)
-    except OSError:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise

@@ -2,7 +2,7 @@
 
 Workers are forked once everything is imported and compiled, and before this process has threads.
 They take mission numbers from one pipe, whoever is free the next one, and keep what they make in
-the journal. A worker whose parent has died stops before its next mission.
+the checkpoint. A worker whose parent has died stops before its next mission.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from multiprocessing.context import ForkProcess
 from types import TracebackType
 from typing import Self
 
-from factory.flight.fly import quiet_physics
-from factory.generation.attempts import produce
-from factory.generation.checkpoint import Journal
+from factory.generation.attempts import fly_mission
+from factory.generation.checkpoint import Checkpoint
 from factory.recipe.recipe import Recipe
 from twin.errors import TwinError
+from twin.physics.quiet import quiet_mujoco
 
 WAITING = 4
 """Numbers per worker that wait in the pipe: nobody waits for the parent to notice."""
@@ -56,8 +56,8 @@ class Pool:
     interrupt ends them at once.
     """
 
-    def __init__(self, recipe: Recipe, journal: Journal, *, workers: int, lock: int):
-        self._recipe, self._journal = recipe, journal
+    def __init__(self, recipe: Recipe, checkpoint: Checkpoint, *, workers: int, lock: int):
+        self._recipe, self._checkpoint = recipe, checkpoint
         self._workers, self._lock = workers, lock
         self._processes: dict[Connection, ForkProcess] = {}
 
@@ -71,7 +71,7 @@ class Pool:
             inherited += [connection.fileno() for connection in self._processes]
             process = context.Process(
                 target=_work,
-                args=(self._numbers, there, self._recipe, self._journal, parent, inherited),
+                args=(self._numbers, there, self._recipe, self._checkpoint, parent, inherited),
                 daemon=True,
             )
             with warnings.catch_warnings():
@@ -91,6 +91,9 @@ class Pool:
         """
         waiting = iter(missions)
         flying = sum(self._hand_out(waiting) for _ in range(WAITING * self._workers))
+        return self._collect(waiting, flying)
+
+    def _collect(self, waiting: Iterator[int], flying: int) -> Iterator[Done]:
         while flying:
             for ready in multiprocessing.connection.wait(list(self._processes)):
                 assert isinstance(ready, Connection)
@@ -160,7 +163,7 @@ def _work(
     numbers: int,
     connection: Connection,
     recipe: Recipe,
-    journal: Journal,
+    checkpoint: Checkpoint,
     parent: int,
     inherited: list[int],
 ) -> None:
@@ -168,12 +171,12 @@ def _work(
     for descriptor in inherited:
         os.close(descriptor)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what an interrupt means
-    quiet_physics()
     while (mission := _take(numbers)) is not None and os.getppid() == parent:
         try:
-            record, chunks = produce(recipe, mission)
-            journal.write_part(record, chunks)
-            answer: Done | Broken = Done(mission, len(record.failures))
+            with quiet_mujoco():  # an unstable mission is recorded with its parameters instead
+                flown, signals = fly_mission(recipe, mission)
+            checkpoint.write_mission(flown, signals)
+            answer: Done | Broken = Done(mission, len(flown.failures))
         except (TwinError, OSError) as error:
             answer = Broken(error)
         except Exception:

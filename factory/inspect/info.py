@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from factory.generation.checkpoint import Journal
-from factory.recipe.plan import SPLITS
-from factory.stores.stored import StoredRun
-from factory.stores.stored_logs import StoredLogs
+from factory.generation.checkpoint import Checkpoint
+from factory.stores.generated import GeneratedStore
 from twin.errors import StoreError
-from twin.records.store import UNFINISHED
+from twin.records.attributes import DURATION, SPLITS
+from twin.records.logs import LogStore
+from twin.records.store import is_unfinished
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,28 +29,29 @@ class Unfinished:
 
 def unfinished(path: Path) -> Unfinished | None:
     """What an unfinished store holds so far; None when the store is complete or no store."""
-    if (path / "zarr.json").is_file() or not (path / UNFINISHED).is_dir():
+    if not is_unfinished(path):
         return None
-    journal = Journal(path)
+    checkpoint = Checkpoint(path)
     return Unfinished(
-        store=path, settings=journal.settings(), missions_kept=journal.count_missions()
+        store=path, settings=checkpoint.settings(), missions_kept=checkpoint.count_missions()
     )
 
 
-def drawn_rows(run: StoredRun) -> list[dict[str, object]]:
+def drawn_rows(run: GeneratedStore) -> list[dict[str, object]]:
     """One row for each drawn parameter: its distribution beside what was drawn."""
     rows: list[dict[str, object]] = []
     for name, parameter in run.table.items():
-        if parameter.variable not in run.dataset:
+        if parameter.variable not in run:
             continue
-        values = run.small(parameter.variable).ravel()
-        meanings = run.dataset[parameter.variable].attrs.get("flag_meanings")
+        values = run.array(parameter.variable).ravel()
+        meanings = run.flags(parameter.variable)
         row: dict[str, object] = {"parameter": name, "unit": parameter.unit}
         row["distribution"] = run.distributions[name].text()
-        if meanings is not None:
-            words = str(meanings).split()
-            counts = Counter(words[int(value)] for value in values if value >= 0)
-            row["drawn"] = ", ".join(f"{counts[word]} {word}" for word in words if counts[word])
+        if meanings:
+            counts = Counter(meanings[int(value)] for value in values if value >= 0)
+            row["drawn"] = ", ".join(
+                f"{counts[word]} {word}" for word in meanings.values() if counts[word]
+            )
         else:
             finite = values[np.isfinite(values)]
             row |= {
@@ -63,9 +64,9 @@ def drawn_rows(run: StoredRun) -> list[dict[str, object]]:
     return rows
 
 
-def split_rows(run: StoredRun) -> list[dict[str, object]]:
+def split_rows(run: GeneratedStore) -> list[dict[str, object]]:
     """Missions and hours of each split."""
-    hours = run.small("duration") / 3600.0
+    hours = run.array(DURATION) / 3600.0
     return [
         {
             "split": split,
@@ -77,7 +78,7 @@ def split_rows(run: StoredRun) -> list[dict[str, object]]:
     ]
 
 
-def deployment_rows(logs: StoredLogs) -> list[dict[str, object]]:
+def deployment_rows(logs: LogStore) -> list[dict[str, object]]:
     """Dives, time, place and depth of each deployment."""
     rows: list[dict[str, object]] = []
     for deployment in dict.fromkeys(logs.deployments):

@@ -11,8 +11,9 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from factory.stores.stored_logs import StoredLogs
 from twin.plot import style
+from twin.records.attributes import DIVE_DURATION
+from twin.records.logs import LogStore
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ HEADROOM = 1.12
 DIVE, CLIMB = style.PALETTE["blue"], style.PALETTE["vermillion"]
 
 
-def deployment_page(logs: StoredLogs, deployment: str) -> Figure:
+def deployment_page(logs: LogStore, deployment: str) -> Figure:
     """Map with depth-averaged currents, all depths over time, and figures of each dive."""
     missions = logs.missions_of(deployment)
     fixed = any(np.isfinite(fix).all() for k in missions for fix in logs.fixes(k))
@@ -49,7 +50,7 @@ def deployment_page(logs: StoredLogs, deployment: str) -> Figure:
     return figure
 
 
-def _headline(logs: StoredLogs, deployment: str, missions: list[int]) -> str:
+def _headline(logs: LogStore, deployment: str, missions: list[int]) -> str:
     begin, end = (
         datetime.datetime.fromtimestamp(float(unix), datetime.UTC)
         for unix in (logs.starts[missions[0]], logs.time(missions[-1])[-1])
@@ -62,7 +63,7 @@ def _headline(logs: StoredLogs, deployment: str, missions: list[int]) -> str:
     )
 
 
-def _draw_map(axes: Axes, logs: StoredLogs, missions: list[int]) -> None:
+def _draw_map(axes: Axes, logs: LogStore, missions: list[int]) -> None:
     """Fixes and dives in longitude and latitude, arrows for the currents."""
     fixes = {k: logs.fixes(k) for k in missions}
     places = np.array([fix for pair in fixes.values() for fix in pair])
@@ -100,7 +101,7 @@ def _draw_map(axes: Axes, logs: StoredLogs, missions: list[int]) -> None:
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
 
 
-def _draw_currents(axes: Axes, logs: StoredLogs, missions: list[int]) -> None:
+def _draw_currents(axes: Axes, logs: LogStore, missions: list[int]) -> None:
     """Depth-averaged current of each dive at the middle of its fixes, with a key."""
     rows = []
     for k in missions:
@@ -142,12 +143,12 @@ ARROWS_ACROSS = 14.0
 """Arrows of the typical speed that would fit side by side"""
 
 
-def _dates(logs: StoredLogs, mission: int) -> Array:
+def _dates(logs: LogStore, mission: int) -> Array:
     moments = np.round(logs.time(mission) * 1e3).astype("datetime64[ms]")
     return np.asarray(date2num(moments))
 
 
-def _draw_depths(axes: Axes, logs: StoredLogs, missions: list[int]) -> None:
+def _draw_depths(axes: Axes, logs: LogStore, missions: list[int]) -> None:
     deepest = 0.0
     for k in missions:
         depth, gap = logs.signal("measured_depth", k), logs.signal("measured_gap", k) > 0.0
@@ -169,7 +170,7 @@ def _draw_depths(axes: Axes, logs: StoredLogs, missions: list[int]) -> None:
     axes.set_title("depth of all dives")
 
 
-def _draw_figures(grid: NDArray[Any], logs: StoredLogs, missions: list[int]) -> None:
+def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> None:
     """Six small panels over the number of the dive."""
     dive = logs.number("dive")[missions]
     if len(set(dive)) < len(dive):  # several dives under one of the vehicle's numbers
@@ -205,7 +206,7 @@ def _draw_figures(grid: NDArray[Any], logs: StoredLogs, missions: list[int]) -> 
         axes.xaxis.get_major_locator().set_params(integer=True)
 
 
-def dive_figures(logs: StoredLogs, missions: list[int]) -> dict[str, Array]:
+def dive_figures(logs: LogStore, missions: list[int]) -> dict[str, Array]:
     """Figures of dives, each (dives,); NaN where the log cannot say.
 
     Returns:
@@ -224,7 +225,7 @@ def dive_figures(logs: StoredLogs, missions: list[int]) -> dict[str, Array]:
             there = (phase == flag) & known
             found[speed].append(100.0 * abs(_median(rate[there])))
             found[angle].append(_median(pitch[there]))
-    duration = logs.number("dive_duration")[missions]
+    duration = logs.number(DIVE_DURATION)[missions]
     moved = [logs.number(f"displacement_{axis}")[missions] for axis in ("north", "east")]
     currents = np.array([logs.current(k) for k in missions])
     return {

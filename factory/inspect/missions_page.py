@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from factory.recipe.plan import SPLITS
-from factory.stores.stored import StoredRun
+from factory.stores.generated import GeneratedStore
 from twin.plot import style
+from twin.records.attributes import SPLITS
 from twin.records.schema import VARIABLES
 from twin.records.trajectory import actuator_names
 
@@ -77,11 +77,11 @@ class Sampled:
         return np.concatenate(rows) if rows else np.zeros(0)
 
 
-def sample_store(run: StoredRun, names: list[str]) -> Sampled:
+def sample_store(run: GeneratedStore, names: list[str]) -> Sampled:
     """Read what a page needs."""
     count = min(len(run), MOST_MISSIONS)
     missions = np.unique(np.linspace(0, len(run) - 1, count).round().astype(int))
-    period = float(run.settings["sample_period_s"])
+    period = run.period
     time: list[Array] = []
     signals: dict[str, list[Array]] = {name: [] for name in names}
     for mission in missions:
@@ -93,9 +93,9 @@ def sample_store(run: StoredRun, names: list[str]) -> Sampled:
     return Sampled([run.splits[m] for m in missions], time, signals)
 
 
-def store_page(run: StoredRun) -> Figure:
+def store_page(run: GeneratedStore) -> Figure:
     """Tracks, depths, currents, targets and inputs of a store; sensor errors if it has any."""
-    noisy = run.dataset.attrs["sensors"] != "ideal"
+    noisy = run.sensor_preset != "ideal"
     names = ["true_north", "true_east", "true_depth", "true_current_north", "true_current_east"]
     inputs = [*INPUTS, *part_inputs(run)]
     names += [name for name, _ in (*TARGETS, *inputs)]
@@ -126,10 +126,10 @@ def store_page(run: StoredRun) -> Figure:
     return figure
 
 
-def part_inputs(run: StoredRun) -> list[tuple[str, str]]:
+def part_inputs(run: GeneratedStore) -> list[tuple[str, str]]:
     """The readings of the vehicle's parts with their labels."""
     stored = [f"measured_{name}" for name in actuator_names(run.signals())]
-    stored = [name for name in stored if name in run.dataset]
+    stored = [name for name in stored if name in run]
     known = [(name, label) for name, label in PARTS.items() if name in stored]
     return known + [
         (name, f"{name.removeprefix('measured_')} [{VARIABLES[name].units}]")
@@ -138,7 +138,7 @@ def part_inputs(run: StoredRun) -> list[tuple[str, str]]:
     ]
 
 
-def _headline(run: StoredRun) -> str:
+def _headline(run: GeneratedStore) -> str:
     return (
         f"{run.path.name}: preset {run.settings['preset']}, seed {run.seed}, {len(run)} missions, "
         f"{run.hours:.4g} h"

@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from factory.flight.fly import fly, quiet_physics
+from factory.flight.fly import fly
 from factory.generation.attempts import REPLACED, reason
-from factory.generation.chunk import DTYPE, stored_values
 from factory.recipe.recipe import differences, versions
 from factory.recipe.sampling import Parameters, sensor_seed
-from factory.stores.stored import StoredRun
+from factory.stores.generated import GeneratedStore
 from twin.errors import StoreError
+from twin.physics.quiet import quiet_mujoco
 from twin.records.schema import VARIABLES
+from twin.records.sharded import DTYPE, stored_values
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +37,7 @@ class Comparison:
         return not self.different
 
 
-def replay_mission(run: StoredRun, mission: int) -> Comparison:
+def replay_mission(run: GeneratedStore, mission: int) -> Comparison:
     """Fly mission `mission` of the store again and compare.
 
     Raises:
@@ -76,7 +77,7 @@ def replay_mission(run: StoredRun, mission: int) -> Comparison:
     )
 
 
-def replay_failure(run: StoredRun, mission: int, attempt: int) -> tuple[str, str]:
+def replay_failure(run: GeneratedStore, mission: int, attempt: int) -> tuple[str, str]:
     """Fly a failed attempt again; what it said then and what it says now.
 
     Raises:
@@ -91,14 +92,14 @@ def replay_failure(run: StoredRun, mission: int, attempt: int) -> tuple[str, str
         )
     failure = known[mission, attempt]
     parameters = Parameters(
-        duration_s=float(run.small("duration")[mission]),
+        duration_s=float(run.array("duration")[mission]),
         values=failure.values,
         segments=failure.segments,
     )
-    quiet_physics()
     try:
         seed = sensor_seed(run.seed, mission, attempt)
-        fly(parameters, run.vehicle, run.suite, seed, current=run.given_current)
+        with quiet_mujoco():
+            fly(parameters, run.vehicle, run.suite, seed, current=run.given_current)
     except REPLACED as error:
         return failure.reason, reason(error)
     return failure.reason, "flew to its end"

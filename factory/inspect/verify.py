@@ -1,6 +1,6 @@
 """Verify: read every chunk of a store and check that it says something possible.
 
-The bounds are wide: what they catch is damage, wrong units and wrong signs, not unusual missions.
+The limits are wide: what they catch is damage, wrong units and wrong signs, not unusual missions.
 """
 
 from __future__ import annotations
@@ -11,18 +11,27 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.flight.bounds import bounds
-from factory.generation.store_layout import SHARD_MISSIONS
-from factory.recipe.plan import HOUR, SPLITS
+from factory.recipe.plan import HOUR
 from factory.recipe.presets import PRESETS
 from factory.recipe.recipe import sha256
 from factory.recipe.sampling import SURFACE
-from factory.stores.stored import Stored, StoredRun
+from factory.stores.generated import GeneratedStore
 from twin.errors import StoreError
 from twin.frames import euler_to_matrix
 from twin.physics.part_signals import simulated_signals
+from twin.records.attributes import (
+    ATTEMPT,
+    DURATION,
+    N_SAMPLES,
+    SPLIT,
+    SPLITS,
+    VEHICLE_MJCF,
+    VEHICLE_SHA256,
+)
+from twin.records.limits import simulated_limits
+from twin.records.reader import MissionStore
 from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.store import gone_arrays
+from twin.records.sharded import SHARD_MISSIONS
 
 Array = NDArray[np.float64]
 Block = Mapping[str, NDArray[np.float32]]
@@ -74,7 +83,7 @@ class Report:
         return not any(check.problems for check in self.checks)
 
 
-def verify_store(run: StoredRun, watch: Callable[[int], None] | None = None) -> Report:
+def verify_store(run: GeneratedStore, watch: Callable[[int], None] | None = None) -> Report:
     """Read and check everything; `watch` is called with the number of missions just read."""
     names = run.signals()
     checks = {
@@ -92,7 +101,7 @@ def verify_store(run: StoredRun, watch: Callable[[int], None] | None = None) -> 
 
 
 def check_missions(
-    stored: Stored,
+    stored: MissionStore,
     names: list[str],
     checks: Mapping[str, Check],
     check: Callable[[int, Block], None],
@@ -114,7 +123,7 @@ def check_missions(
     return bytes_read
 
 
-def read_block(run: Stored, names: list[str], missions: range, check: Check) -> Block:
+def read_block(run: MissionStore, names: list[str], missions: range, check: Check) -> Block:
     """All signals of some missions; where that fails, mission by mission to find the damage."""
     block: dict[str, NDArray[np.float32]] = {}
     for name in names:
@@ -135,14 +144,14 @@ def read_block(run: Stored, names: list[str], missions: range, check: Check) -> 
     return block
 
 
-def _check_metadata(run: StoredRun, names: list[str], check: Check) -> None:
+def _check_metadata(run: GeneratedStore, names: list[str], check: Check) -> None:
     data = run.dataset
-    check.problems += [f"array {n!r} is gone" for n in gone_arrays(data, run.path)]
+    check.problems += [f"array {n!r} is gone" for n in run.gone_arrays()]
     check.expect(
-        sha256(data.attrs["vehicle_mjcf"]) == data.attrs["vehicle_sha256"],
+        sha256(run.attributes[VEHICLE_MJCF]) == run.attributes[VEHICLE_SHA256],
         lambda: "the vehicle's MJCF text does not have the recorded SHA-256",
     )
-    for needed in ("n_samples", "split", "duration", "attempt", TIME, MISSION):
+    for needed in (N_SAMPLES, SPLIT, DURATION, ATTEMPT, TIME, MISSION):
         check.expect(needed in data.variables, lambda n=needed: f"array {n!r} is missing")  # type: ignore[misc]
     for name in simulated_signals(run.vehicle):
         check.expect(name in names, lambda n=name: f"signal {n!r} is missing")  # type: ignore[misc]
@@ -155,21 +164,21 @@ def _check_metadata(run: StoredRun, names: list[str], check: Check) -> None:
         )
     if check.problems:
         return
-    period = float(run.settings["sample_period_s"])
-    time = run.small(TIME)
+    period = float(run.declared_period or 0.0)
+    time = run.array(TIME)
     check.expect(
         bool(np.array_equal(time, np.arange(len(time)) * period)),
         lambda: f"time does not run from 0 in steps of {period:g} s",
     )
     for mission, samples in enumerate(run.samples):
-        wanted_samples = round(float(run.small("duration")[mission]) / period) + 1
+        wanted_samples = round(float(run.array(DURATION)[mission]) / period) + 1
         check.expect(
             samples == wanted_samples <= len(time),
             lambda m=mission, s=samples, w=wanted_samples: f"mission {m}: {s} samples, not {w}",  # type: ignore[misc]
         )
 
 
-def _check_parameters(run: StoredRun, check: Check) -> None:
+def _check_parameters(run: GeneratedStore, check: Check) -> None:
     """Every drawn value is one that its distribution allows."""
     preset = PRESETS.get(str(run.settings["preset"]))
     given = preset is not None and preset.fixed_missions
@@ -200,18 +209,20 @@ def _check_parameters(run: StoredRun, check: Check) -> None:
             )
 
 
-def _check_mission(run: StoredRun, mission: int, rows: Block, checks: Mapping[str, Check]) -> None:
+def _check_mission(
+    run: GeneratedStore, mission: int, rows: Block, checks: Mapping[str, Check]
+) -> None:
     samples = int(run.samples[mission])
     what = f"mission {mission}"
     for name, row in rows.items():
         inside, padding = row[:samples], row[samples:]
         check_padding(what, name, padding, samples, checks["padding"])
         check_finite_range(
-            what, name, inside, name not in NAN_ALLOWED, bounds(name), checks["finite"],
+            what, name, inside, name not in NAN_ALLOWED, simulated_limits(name), checks["finite"],
             checks["range"],
         )  # fmt: skip
     truth = {name: row[:samples].astype(float) for name, row in rows.items()}
-    for problem in kinematic_problems(truth, float(run.settings["sample_period_s"])):
+    for problem in kinematic_problems(truth, run.period):
         checks["kinematics"].problems.append(f"mission {mission}: {problem}")
     checks["kinematics"].done += 4
 

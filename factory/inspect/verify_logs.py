@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.flight.bounds import bounds
 from factory.inspect.verify import (
     Block,
     Check,
@@ -17,15 +16,23 @@ from factory.inspect.verify import (
     check_missions,
     check_padding,
 )
-from factory.stores.stored_logs import StoredLogs
 from twin.geodesy import offset
+from twin.records.attributes import (
+    DEPLOYMENT,
+    DIVE,
+    DIVE_DURATION,
+    N_SAMPLES,
+    SPLIT,
+    START_TIME,
+)
+from twin.records.limits import recorded_limits
+from twin.records.logs import LogStore
 from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.store import gone_arrays
 
 Array = NDArray[np.float64]
 
 NEEDED = (
-    "n_samples", "split", "deployment", "dive", "start_time", "dive_duration", "measured_depth",
+    N_SAMPLES, SPLIT, DEPLOYMENT, DIVE, START_TIME, DIVE_DURATION, "measured_depth",
     "measured_pressure", "measured_gap", "measured_phase", TIME, MISSION,
 )  # fmt: skip
 """Arrays that every import writes."""
@@ -42,7 +49,7 @@ FASTEST_DEPTH = 5.0
 """[m/s] no glider sinks or climbs so fast"""
 
 
-def verify_logs(logs: StoredLogs, watch: Callable[[int], None] | None = None) -> Report:
+def verify_logs(logs: LogStore, watch: Callable[[int], None] | None = None) -> Report:
     """Read and check everything; `watch` is called with the number of dives just read."""
     names = logs.signals()
     checks = {
@@ -60,9 +67,9 @@ def verify_logs(logs: StoredLogs, watch: Callable[[int], None] | None = None) ->
     return Report(len(logs), bytes_read, tuple(checks.values()))
 
 
-def _check_metadata(logs: StoredLogs, names: list[str], check: Check) -> None:
+def _check_metadata(logs: LogStore, names: list[str], check: Check) -> None:
     data = logs.dataset
-    check.problems += [f"array {n!r} is gone" for n in gone_arrays(data, logs.path)]
+    check.problems += [f"array {n!r} is gone" for n in logs.gone_arrays()]
     for needed in NEEDED:
         check.expect(needed in data.variables, lambda n=needed: f"array {n!r} is missing")  # type: ignore[misc]
     if check.problems:
@@ -73,14 +80,15 @@ def _check_metadata(logs: StoredLogs, names: list[str], check: Check) -> None:
             units == wanted,
             lambda n=name, u=units, w=wanted: f"{n}: units {u!r}, not {w!r}",  # type: ignore[misc]
         )
-    time = logs.small(TIME)
+    period = float(logs.declared_period or 0.0)
+    time = logs.array(TIME)
     check.expect(
-        bool(np.allclose(time, np.arange(len(time)) * logs.period, rtol=0.0, atol=1e-6)),
-        lambda: f"time does not run from 0 in steps of {logs.period:g} s",
+        bool(np.allclose(time, np.arange(len(time)) * period, rtol=0.0, atol=1e-6)),
+        lambda: f"time does not run from 0 in steps of {period:g} s",
     )
-    duration = logs.number("dive_duration")
+    duration = logs.number(DIVE_DURATION)
     for mission, samples in enumerate(logs.samples):
-        wanted_samples = max(2, round(float(duration[mission]) / logs.period) + 1)
+        wanted_samples = max(2, round(float(duration[mission]) / period) + 1)
         check.expect(
             samples == wanted_samples <= len(time),
             lambda m=mission, s=samples, w=wanted_samples: f"dive {m}: {s} samples, not {w}",  # type: ignore[misc]
@@ -91,12 +99,12 @@ def _check_metadata(logs: StoredLogs, names: list[str], check: Check) -> None:
     )
 
 
-def _check_order(logs: StoredLogs, check: Check) -> None:
+def _check_order(logs: LogStore, check: Check) -> None:
     """Dives of a deployment follow each other."""
     check.expect(
         bool(np.isfinite(logs.starts).all()), lambda: "start_time is not finite everywhere"
     )
-    duration = logs.number("dive_duration")
+    duration = logs.number(DIVE_DURATION)
     for deployment in dict.fromkeys(logs.deployments):
         missions = [k for k, name in enumerate(logs.deployments) if name == deployment]
         for before, after in itertools.pairwise(missions):
@@ -107,7 +115,7 @@ def _check_order(logs: StoredLogs, check: Check) -> None:
             )
 
 
-def _check_fixes(logs: StoredLogs, check: Check) -> None:
+def _check_fixes(logs: LogStore, check: Check) -> None:
     """Positions are on Earth, and displacements are what lies between them."""
     north, east = (logs.number(f"displacement_{name}") for name in ("north", "east"))
     for mission in range(len(logs)):
@@ -131,14 +139,20 @@ def _check_fixes(logs: StoredLogs, check: Check) -> None:
             )
 
 
-def _check_dive(logs: StoredLogs, mission: int, rows: Block, checks: Mapping[str, Check]) -> None:
+def _check_dive(logs: LogStore, mission: int, rows: Block, checks: Mapping[str, Check]) -> None:
     samples = int(logs.samples[mission])
     what = f"dive {mission}"
     for name, row in rows.items():
         check_padding(what, name, row[samples:], samples, checks["padding"])
         inside = row[:samples]
         check_finite_range(
-            what, name, inside, name in COMPLETE, bounds_of(name), checks["finite"], checks["range"]
+            what,
+            name,
+            inside,
+            name in COMPLETE,
+            recorded_limits(name),
+            checks["finite"],
+            checks["range"],
         )
         if name in CODES:
             odd = np.setdiff1d(inside[np.isfinite(inside)], CODES[name])
@@ -166,16 +180,3 @@ def _check_dive(logs: StoredLogs, mission: int, rows: Block, checks: Mapping[str
             f"{np.nanmax(ratio):.3g} dbar/m"
         ),
     )
-
-
-def bounds_of(name: str) -> tuple[float, float]:
-    """Possible values of a logged signal."""
-    return LOGGED_BOUNDS.get(name) or bounds(name)
-
-
-LOGGED_BOUNDS = {
-    "measured_temperature": (-4.0, 45.0),
-    "measured_salinity": (0.0, 50.0),
-    "measured_fin": (-90.0, 90.0),
-}
-"""Of signals that only vehicles at sea have"""

@@ -12,10 +12,9 @@ from factory.recipe.distribution import Distribution
 from factory.recipe.sampling import PLAN_STREAM
 from twin.errors import InputError
 from twin.physics.scenario import SAMPLE_PERIOD
+from twin.records.attributes import SPLITS
 
 TRAIN, VALIDATION, TEST = 0, 1, 2
-SPLITS = ("train", "validation", "test")
-"""Names of the values of the store's variable `split`."""
 VALIDATION_SHARE, TEST_SHARE = 0.15, 0.15
 """Of the missions; the rest trains (the paper's 70/15/15, by mission instead of by sample)."""
 MIN_MISSIONS = len(SPLITS)

@@ -26,6 +26,7 @@ from twin.errors import InputError, unknown_name
 from twin.physics.mujoco_model import INTEGRATORS, compile_model
 from twin.physics.part_signals import declare_parts
 from twin.physics.scenario import SAMPLE_PERIOD
+from twin.records import attributes
 from twin.records.schema import SCHEMA_VERSION
 from twin.sensors import SUITE_PRESETS, SensorSuite
 from twin.vehicle.vehicle import Vehicle, load_vehicle
@@ -145,15 +146,15 @@ class Recipe:
     def describe(self) -> dict[str, Any]:
         """Everything that the bytes depend on, as JSON can hold it."""
         description = {
-            "schema_version": SCHEMA_VERSION,
+            attributes.VERSION: SCHEMA_VERSION,
             "preset": self.preset,
             "hours": self.plan.hours,
             "seed": self.seed,
             "vehicle": self.vehicle.name,
-            "vehicle_sha256": sha256(self.vehicle.xml),
+            attributes.VEHICLE_SHA256: sha256(self.vehicle.xml),
             "hydrodynamics": "coefficients",
             **self.physics,
-            "sample_period_s": SAMPLE_PERIOD,
+            attributes.SAMPLE_PERIOD: SAMPLE_PERIOD,
             "distributions": {name: d.text() for name, d in self.distributions.items()},
             "sensors": self.suite.settings(),
             "current": None if self.given_current is None else self.given_current.describe(),

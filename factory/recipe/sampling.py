@@ -65,11 +65,6 @@ def number(segment: Mapping[str, Value], name: str) -> float:
     return value
 
 
-def mission_seed(seed: int, mission: int, attempt: int) -> np.random.SeedSequence:
-    """The root of one attempt at one mission."""
-    return np.random.SeedSequence(seed, spawn_key=(MISSION_STREAM, mission, attempt))
-
-
 def sensor_seed(seed: int, mission: int, attempt: int) -> np.random.SeedSequence:
     """The root of its sensors."""
     key = (MISSION_STREAM, mission, attempt, SENSOR_STREAM)

@@ -13,22 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.data.features import feature_matrix, leave_out
-from learn.data.logs import SPEED, LogRow, filled, is_real, log_rows, nearest
-from learn.data.missions import (
-    LEAST_SAMPLES,
-    check_possible,
-    open_missions,
-    period_of,
-    read,
-    samples_of,
-)
+from learn.data.logs import SPEED, filled, nearest
 from twin.errors import StoreError, unknown_name
-from twin.records.schema import MISSION, TIME
+from twin.records.attributes import SPLIT, SPLITS
+from twin.records.logs import LogRow, LogStore
+from twin.records.reader import LEAST_SAMPLES, MissionStore
+from twin.records.schema import TIME
 
 Floats = NDArray[np.float32]
-
-SPLITS = ("train", "validation", "test")
-"""Parts of a store. A mission belongs to exactly one."""
 
 TARGETS = {"surge": "true_surge", "sway": "true_sway"}
 """What the networks learn: velocities through the water [m/s], body FRD."""
@@ -104,36 +96,58 @@ def load_missions(
 
     Raises:
       StoreError: no store, an empty or damaged one, no split in it, an unknown part, a missing
-        channel, a value that is not possible (`learn.data.bounds`), samples that are not
+        channel, a value that is not possible (`twin.records.limits`), samples that are not
         equally spaced, or too few for `period`.
     """
     if split not in (*SPLITS, "all"):
         raise StoreError(unknown_name("split", split, [*SPLITS, "all"]))
-    dataset = open_missions(store)
-    count = dataset.sizes.get(MISSION, 0)
-    if count == 0 or dataset.sizes.get(TIME, 0) == 0:
+    with open_reader(store) as reader:
+        return _load(reader, tuple(dict.fromkeys(channels)), split, limit, period)
+
+
+def open_reader(store: str | Path) -> MissionStore:
+    """A store as what it is, simulated or logged.
+
+    Raises:
+      StoreError: see `twin.records.reader.MissionStore`.
+    """
+    reader = MissionStore(store)
+    if not reader.logged:
+        return reader
+    reader.close()
+    return LogStore(store)
+
+
+def _load(
+    reader: MissionStore,
+    names: tuple[str, ...],
+    split: str,
+    limit: int | None,
+    period: float | None,
+) -> list[Mission]:
+    store, count = reader.path, len(reader)
+    if count == 0 or reader.dataset.sizes.get(TIME, 0) == 0:
         raise StoreError(f"store {store} holds no missions; make some with `factory generate`")
-    rows_of_logs = log_rows(dataset, store) if is_real(dataset.attrs) else None
-    names = tuple(dict.fromkeys(channels))
-    missing = [name for name in names if name not in dataset]
-    if rows_of_logs is not None:  # a log has the truth that it has
-        names = tuple(name for name in names if name in dataset or not name.startswith("true_"))
-        missing = [name for name in missing if name in names]
+    log_rows = reader.log_rows if isinstance(reader, LogStore) else None
+    if log_rows is not None:  # a log has the truth that it has
+        names = tuple(name for name in names if name in reader or not name.startswith("true_"))
+    missing = [name for name in names if name not in reader]
     if missing:
         raise StoreError(
             f"store {store} has no channel {missing[0]}"
             + (f" (nor {', '.join(missing[1:])})" if missing[1:] else "")
-            + "; generate the store anew or import it with the files that hold it"
+            + "; generate the store again or import it with the files that hold it"
             + leave_out(missing)
         )
-    parts = _split_of(dataset, store, needed=split != "all")
-    have = period_of(dataset, store)
-    step = 1 if period is None else thinning_step(have, period, store)
+    known = SPLIT in reader or split != "all"
+    parts = np.array(reader.splits if known else ["all"] * count)
+    step = 1 if period is None else thinning_step(reader.period, period, store)
     rows = np.flatnonzero(np.ones(count, bool) if split == "all" else parts == split)[:limit]
     if rows.size == 0:
-        known = ", ".join(f"{part} {int((parts == part).sum())}" for part in SPLITS)
-        raise StoreError(f"store {store} has no missions in split {split!r} ({known})")
-    lengths = samples_of(dataset, store, rows)
+        counted = ", ".join(f"{part} {int((parts == part).sum())}" for part in SPLITS)
+        raise StoreError(f"store {store} has no missions in split {split!r} ({counted})")
+    reader.check_samples(rows, LEAST_SAMPLES)
+    have, lengths = reader.period, reader.samples[rows]
     if (short := np.flatnonzero(lengths <= (LEAST_SAMPLES - 1) * step)).size:
         raise StoreError(
             f"store {store}: mission {rows[short[0]]} has {lengths[short[0]]} samples, too few "
@@ -141,18 +155,18 @@ def load_missions(
         )
     signals: list[dict[str, NDArray[np.float64]]] = [{} for _ in rows]
     for name in names:
-        values = read(dataset, name, store, rows)
+        values = reader.rows(name, rows)
         for k, row in enumerate(rows):
             own = values[k, : lengths[k]]
-            check_possible(name, own, mission=int(row), period=have, store=store)
-            signals[k][name] = _signal(name, own, step, rows_of_logs is not None)
+            reader.check_possible(name, own, mission=int(row), advice=leave_out([name]))
+            signals[k][name] = _signal(name, own, step, reader.logged)
     return [
         Mission(
             index=int(row),
             split=str(parts[row]),
             period=have * step,
             signals=signals[k],
-            row=None if rows_of_logs is None else rows_of_logs[row],
+            row=None if log_rows is None else log_rows[row],
         )
         for k, row in enumerate(rows)
     ]
@@ -185,35 +199,6 @@ def thinning_step(have: float, want: float, store: str | Path) -> int:
 
 TOLERANCE = 1e-3
 """Part of a sample by which a wanted period may miss a multiple of the store's."""
-
-
-def _split_of(dataset: Any, store: str | Path, *, needed: bool) -> NDArray[np.str_]:
-    """Part of each mission; CF flags (numbers with `flag_meanings`) and words are understood."""
-    if "split" not in dataset:
-        if needed:
-            raise StoreError(
-                f"store {store} does not say which missions are for training (no variable "
-                "'split'); use --split all, or a store made by `factory generate`"
-            )
-        return np.full(dataset.sizes[MISSION], "all")
-    variable = dataset["split"]
-    values = read(dataset, "split", store)
-    if values.dtype.kind in "iuf":
-        meanings = str(variable.attrs.get("flag_meanings", "")).split()
-        flags = np.atleast_1d(variable.attrs.get("flag_values", np.arange(len(meanings))))
-        if len(flags) != len(meanings):
-            raise StoreError(
-                f"store {store}: 'split' has {len(flags)} flag_values and {len(meanings)} "
-                "flag_meanings; make the store anew"
-            )
-        table = dict(zip((int(flag) for flag in flags), meanings, strict=True))
-        words = [table.get(int(value), str(value)) for value in values]
-    else:
-        words = [v.decode() if isinstance(v, bytes) else str(v) for v in values]
-    unknown = sorted(set(words) - set(SPLITS))
-    if unknown:
-        raise StoreError(f"store {store}: {unknown_name('split', unknown[0], SPLITS)}")
-    return np.array(words)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from learn.data.dataset import TARGETS, Mirror, Mission, Sequences, load_missions, sample_split
 from learn.data.features import channels_of, mirror_signs
-from learn.data.logs import SPEED, is_real
-from learn.data.missions import open_missions
+from learn.data.logs import SPEED
 from learn.data.normalisation import Normalisation, fit_normalisation
-from learn.data.vehicle import parts_of
+from learn.data.parts import parts_of
 from twin.errors import InputError, StoreError, unknown_name
+from twin.records.reader import MissionStore
 
 Division = Literal["missions", "samples"]
 
@@ -95,11 +95,8 @@ VALIDATING = 4
 
 def _speed(store: str | Path) -> list[str]:
     """The channel of a log's speed through the water, where it has one."""
-    dataset = open_missions(store)
-    try:
-        return [SPEED] if is_real(dataset.attrs) and SPEED in dataset else []
-    finally:
-        dataset.close()
+    with MissionStore(store) as reader:
+        return [SPEED] if reader.logged and SPEED in reader else []
 
 
 def _with_truth(missions: list[Mission], target: str, store: str | Path) -> list[Mission]:
@@ -124,14 +121,11 @@ def check_truth(store: str | Path) -> None:
     Raises:
       StoreError: see `prepare`.
     """
-    dataset = open_missions(store)
-    try:
-        if is_real(dataset.attrs):
+    with MissionStore(store) as reader:
+        if reader.logged:
             for target, channel in TARGETS.items():
-                if channel not in dataset and SPEED not in dataset:
+                if channel not in reader and SPEED not in reader:
                     raise _no_truth(store, target)
-    finally:
-        dataset.close()
 
 
 def check_window(

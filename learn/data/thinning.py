@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from learn.data.dataset import thinning_step
+from twin.records.attributes import N_SAMPLES, SAMPLE_PERIOD
 from twin.records.schema import TIME
 from twin.records.store import open_store, write_store
 
@@ -21,9 +22,9 @@ def thin_store(store: Path, out: Path, period: float) -> Path:
     time = dataset[TIME].values.astype(float)
     step = thinning_step(float(np.median(np.diff(time))), period, store)
     thin = dataset.isel({TIME: slice(None, None, step)})
-    lengths = (dataset["n_samples"].values + step - 1) // step
-    thin = thin.assign(n_samples=(dataset["n_samples"].dims, lengths, dataset["n_samples"].attrs))
-    thin.attrs["sample_period_s"] = period
+    lengths = (dataset[N_SAMPLES].values + step - 1) // step
+    thin = thin.assign({N_SAMPLES: (dataset[N_SAMPLES].dims, lengths, dataset[N_SAMPLES].attrs)})
+    thin.attrs[SAMPLE_PERIOD] = period
     for variable in thin.variables.values():
         variable.encoding.clear()
     write_store(thin, out, overwrite=True)

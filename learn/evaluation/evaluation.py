@@ -11,9 +11,7 @@ import numpy as np
 
 from learn.data.dataset import Mission, load_missions
 from learn.data.features import channels_of
-from learn.data.logs import SPEED, is_real
-from learn.data.missions import open_missions
-from learn.data.vehicle import nominal_vehicle
+from learn.data.logs import SPEED
 from learn.evaluation.log_score import score_logs
 from learn.evaluation.score import (
     GPS_CHANNELS,
@@ -28,6 +26,7 @@ from learn.navigation.baselines.base import Baseline, Estimate, check_estimate
 from learn.navigation.baselines.registry import BASELINES
 from learn.navigation.dead_reckoning import Array
 from twin.errors import StoreError
+from twin.records.reader import MissionStore
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -114,8 +113,9 @@ def evaluate(
         finite (named).
     """
     names = tuple(BASELINES if baselines is None else baselines)
-    present, attributes = _describe(store)
-    vehicle = nominal_vehicle(attributes, store)
+    with MissionStore(store) as reader:
+        present, attributes = set(map(str, reader.dataset.data_vars)), dict(reader.attributes)
+        vehicle, logged = reader.vehicle, reader.logged
     missing = {name: why for name in names if (why := _unusable(name, vehicle, present))}
     runners = {name: BASELINES[name](vehicle=vehicle) for name in names if name not in missing}
     wanted = [
@@ -125,7 +125,7 @@ def evaluate(
         *(c for runner in runners.values() for c in runner.channels),
         *(c for c in GPS_CHANNELS if c in present),
     ]
-    if is_real(attributes):
+    if logged:
         wanted += [c for c in (SPEED,) if c in present]
         return _evaluate_logs(
             networks, store, split, wanted, runners, missing, attributes, vehicle, watch, period
@@ -219,14 +219,6 @@ def _unusable(name: str, vehicle: Vehicle, present: set[str]) -> str:
     if not why and gone:
         why = f"the store has no channel {gone[0]}"
     return why
-
-
-def _describe(store: str | Path) -> tuple[set[str], dict[str, Any]]:
-    dataset = open_missions(store)
-    try:
-        return {str(name) for name in dataset.data_vars}, dict(dataset.attrs)
-    finally:
-        dataset.close()
 
 
 def _network_estimate(predictions: Mapping[str, tuple[Any, Any]]) -> Estimate:

@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 
 from learn.data.dataset import Mission
-from learn.data.logs import LogRow
 from learn.evaluation.score import LAUNCH_S, TARGETS, MissionScore, TrackError
 from learn.navigation.baselines.base import Baseline, Estimate, check_estimate
 from learn.navigation.baselines.pitch_plus_alpha import PitchPlusAlpha
@@ -33,6 +32,7 @@ from learn.navigation.dead_reckoning import (
     integrate,
 )
 from twin.errors import StoreError
+from twin.records.logs import LogRow
 from twin.vehicle.vehicle import Vehicle
 
 

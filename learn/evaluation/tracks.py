@@ -23,6 +23,7 @@ from learn.navigation.dead_reckoning import Array
 from learn.navigation.dives import CurrentKnowledge, ground_track
 from twin.errors import InputError
 from twin.records.schema import MISSION, TIME
+from twin.records.tracks import write_track_dataset
 
 Numbers = NDArray[Any]
 Arrays = Mapping[str, Numbers]
@@ -111,28 +112,6 @@ def ground_tracks(reference: Reference, estimate: Estimate) -> dict[str, Array]:
     }
 
 
-def _write_dataset(path: Path, missions: Numbers, time: Numbers, arrays: Arrays) -> None:
-    import warnings
-
-    import xarray as xr
-
-    dataset = xr.Dataset(
-        {
-            name: ((MISSION, TIME), values, {"units": "m", "long_name": name.replace("_", " ")})
-            for name, values in arrays.items()
-        },
-        {MISSION: missions, TIME: (TIME, time, {"units": "s"})},
-        {"title": "Dead-reckoned tracks, metres from each mission's start"},
-    )
-    if path.suffix == ".nc":
-        dataset.to_netcdf(path)
-        return
-    with warnings.catch_warnings():
-        # gathered metadata is not in zarr's v3 specification yet
-        warnings.filterwarnings("ignore", "Consolidated metadata")
-        dataset.to_zarr(path, mode="w", zarr_format=3)
-
-
 def _write_npz(path: Path, missions: Numbers, time: Numbers, arrays: Arrays) -> None:
     np.savez_compressed(path, **{MISSION: missions, TIME: time, **arrays})  # type: ignore[arg-type]
 
@@ -157,8 +136,8 @@ def _write_csv(path: Path, missions: Numbers, time: Numbers, arrays: Arrays) -> 
 
 
 _WRITERS: dict[str, Callable[[Path, Numbers, Numbers, Arrays], None]] = {
-    ".nc": _write_dataset,
-    ".zarr": _write_dataset,
+    ".nc": write_track_dataset,
+    ".zarr": write_track_dataset,
     ".npz": _write_npz,
     ".csv": _write_csv,
 }

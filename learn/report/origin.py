@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from learn.data.logs import REAL_ATTRIBUTE, SPEED, is_real
+from learn.data.logs import SPEED
 from learn.runs.run import ORIGIN, TRUTH
+from twin.records.attributes import SOURCE_FORMAT, is_logged
 
 
 class Origin:
@@ -16,7 +17,7 @@ class Origin:
         self._description = description
         self._settings: Mapping[str, Any] = description["settings"]
         self._store: Mapping[str, Any] = description["store"]
-        self._logs = is_real(self._store)
+        self._logs = is_logged(self._store)
 
     @property
     def row(self) -> str:
@@ -95,8 +96,8 @@ class Origin:
 
 def _kind(store: Mapping[str, Any]) -> str:
     """What a store holds, by its attributes."""
-    if is_real(store):
-        return f"logs of vehicles at sea ({store[REAL_ATTRIBUTE]})"
+    if is_logged(store):
+        return f"logs of vehicles at sea ({store[SOURCE_FORMAT]})"
     return f"simulated missions{_preset(store)}"
 
 

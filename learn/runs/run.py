@@ -22,6 +22,8 @@ from typing import TYPE_CHECKING, Any
 
 from learn.files import read_json, write_json
 from twin.errors import InputError, StoreError
+from twin.records.attributes import SAMPLE_PERIOD
+from twin.records.store import is_complete
 from twin.version import __version__
 
 if TYPE_CHECKING:
@@ -79,7 +81,7 @@ class Run:
     def period(self) -> float:
         """[s] between the samples that its networks were trained on."""
         chosen = self.description["settings"].get("period")
-        stored = self.description.get("store", {}).get("sample_period_s", FACTORY_PERIOD)
+        stored = self.description.get("store", {}).get(SAMPLE_PERIOD, FACTORY_PERIOD)
         return float(stored if chosen is None else chosen)
 
     @property
@@ -222,7 +224,7 @@ def read_description(folder: Path) -> dict[str, Any]:
     """`run.json` of a folder, finished or not; errors as `open_run`."""
     path = folder / DESCRIPTION
     if not path.is_file():
-        if (folder / "zarr.json").is_file():
+        if is_complete(folder):
             raise InputError(
                 f"{folder} is a store, not a run; give the run first, then the store, as in "
                 f"`learn evaluate {_example()} {folder}`"

@@ -9,8 +9,7 @@ from typing import Any
 
 from learn.data.dataset import Mission, load_missions
 from learn.data.features import GLIDER_PARTS
-from learn.data.missions import open_missions
-from learn.data.vehicle import parts_of
+from learn.data.parts import parts_of
 from learn.evaluation.evaluation import NETWORK, Evaluation, evaluate
 from learn.evaluation.score import Reference
 from learn.evaluation.uncertainty import ErrorModel, fit_error_model
@@ -23,6 +22,7 @@ from learn.report.figures.training_data import TRAINING_PANELS
 from learn.report.log_page import build_log_page
 from learn.runs.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
 from learn.studies.run_evaluation import evaluate_run, evaluation_split, is_log_store
+from twin.records.reader import MissionStore
 
 IDEAL_SENSORS = "ideal"
 """The store's attribute `sensors` when its compass has no error."""
@@ -143,9 +143,8 @@ def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
 
 def _training_mission(run: Run) -> Mission | None:
     """One training mission with the channels that the page draws and the store has."""
-    dataset = open_missions(run.store)
-    present = set(dataset.data_vars)
-    dataset.close()
+    with MissionStore(run.store) as reader:
+        present = set(reader.dataset.data_vars)
     channels = [name for name, _ in TRAINING_PANELS if name in present]
     split = "train" if "split" in present else "all"
     missions = load_missions(run.store, channels, split=split, limit=1)

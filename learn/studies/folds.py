@@ -11,14 +11,14 @@ import numpy as np
 
 from learn.data.dataset import TARGETS, load_missions
 from learn.data.features import channels_of
-from learn.data.logs import SPEED, is_real
-from learn.data.missions import open_missions
+from learn.data.logs import SPEED
 from learn.files import write_json
 from learn.runs.run import Run
 from learn.training.fitting import Watch, fit
 from learn.training.settings import FitConfig
 from twin.cli.console import to_json
 from twin.errors import InputError
+from twin.records.reader import MissionStore
 
 FOLDS = "leave-out-each-dive.json"
 LEAST_DIVES = 3
@@ -122,12 +122,9 @@ def leave_out_each(
 
 def _truth_channels(store: str) -> list[str]:
     """Channels of truth that a store has; a simulated one has both velocities."""
-    dataset = open_missions(store)
-    try:
-        names = (*TARGETS.values(), SPEED) if is_real(dataset.attrs) else tuple(TARGETS.values())
-        found = [name for name in names if name in dataset]
-    finally:
-        dataset.close()
+    with MissionStore(store) as reader:
+        names = (*TARGETS.values(), SPEED) if reader.logged else tuple(TARGETS.values())
+        found = [name for name in names if name in reader]
     if not found:
         raise InputError(f"store {store} has no truth (none of {', '.join(names)})")
     return found

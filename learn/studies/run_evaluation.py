@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from learn.data.dataset import SPLITS, load_missions
-from learn.data.logs import is_real
-from learn.data.missions import open_missions
 from learn.evaluation.evaluation import Watch, evaluate
 from learn.evaluation.score import Reference
 from learn.evaluation.uncertainty import Coverage
@@ -17,6 +15,7 @@ from learn.report.contents import RunEvaluation
 from learn.report.shown import Showcase
 from learn.runs.run import Run
 from twin.cli.console import to_json
+from twin.records.reader import MissionStore
 
 
 def evaluate_run(
@@ -49,11 +48,8 @@ def evaluate_run(
 
 def is_log_store(store: str | Path) -> bool:
     """Whether it holds real logs."""
-    dataset = open_missions(store)
-    try:
-        return is_real(dataset.attrs)
-    finally:
-        dataset.close()
+    with MissionStore(store) as reader:
+        return reader.logged
 
 
 def _evaluate_on_logs(

@@ -13,7 +13,6 @@ from typing import Any
 from learn.data.dataset import load_missions
 from learn.data.features import channels_of
 from learn.data.logs import SPEED
-from learn.data.missions import content_hash, open_missions
 from learn.data.preparation import check_truth
 from learn.networks.registry import NETWORKS
 from learn.runs.rollback import Rollback, recover
@@ -39,14 +38,27 @@ from learn.training.trainer import Report, pick_device
 from learn.training.workers import train_in_workers
 from twin.cli.console import to_json
 from twin.errors import InputError
+from twin.records.attributes import (
+    HISTORY,
+    HOURS,
+    PLATFORM,
+    PRESET,
+    SAMPLE_PERIOD,
+    SEED,
+    SENSORS,
+    SOURCE_FORMAT,
+    VEHICLE_SHA256,
+)
+from twin.records.content import content_hash
+from twin.records.reader import MissionStore
 
 STORE_ATTRIBUTES = (
-    *("preset", "seed", "hours", "sensors", "vehicle_sha256", "history"),
-    *("source_format", "platform", "sample_period_s"),
+    *(PRESET, SEED, HOURS, SENSORS, VEHICLE_SHA256, HISTORY),
+    *(SOURCE_FORMAT, PLATFORM, SAMPLE_PERIOD),
 )
 """What a run keeps of its store's description."""
 CONTENT = "store_content"
-"""Entry of `run.json`: see `learn.data.missions.content_hash`."""
+"""Entry of `run.json`: see `twin.records.content.content_hash`."""
 
 
 Watch = Callable[[Job, Report], None]
@@ -156,7 +168,7 @@ def _check_sources(config: FitConfig, workers: int) -> str:
     """Make sure, before anything is written, that store, device and start can be used.
 
     Returns:
-      The store's content, see `learn.data.missions.content_hash`.
+      The store's content, see `twin.records.content.content_hash`.
     """
     pick_device(config.training.device)
     if workers > 1:
@@ -188,10 +200,10 @@ def _check_same(config: FitConfig, found: Mapping[str, Any], content: str, folde
 
 def _describe(config: FitConfig, content: str, history: str) -> dict[str, Any]:
     """The description of a new run."""
-    dataset = open_missions(config.store)
-    attributes = {k: dataset.attrs[k] for k in STORE_ATTRIBUTES if k in dataset.attrs}
-    truth = [name for name in (*(f"true_{t}" for t in TARGETS), SPEED) if name in dataset]
-    dataset.close()
+    with MissionStore(config.store) as reader:
+        attributes = {k: v for k in STORE_ATTRIBUTES if (v := reader.attributes.get(k)) is not None}
+        named = (*(f"true_{t}" for t in TARGETS), SPEED)
+        truth = [name for name in named if name in reader.dataset]
     origins: dict[str, dict[str, Any]] = {}
     if config.start is not None:
         first = open_run(config.start)

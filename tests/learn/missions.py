@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from twin.records.attributes import SIMULATED_ATTRIBUTES
 from twin.records.schema import SCHEMA_VERSION, VARIABLES
-from twin.records.store import GLOBAL_ATTRIBUTES
 
 PERIOD = 0.5
 FLAGS = {"flag_values": [0, 1, 2], "flag_meanings": "train validation test"}
@@ -89,7 +89,7 @@ def write_synthetic_store(path: Path, lengths, splits=None, drop=(), edit=None):
             for name, values in arrays.items()
         },
         {"mission": np.arange(len(missions)), "time": PERIOD * np.arange(longest)},
-        {**GLOBAL_ATTRIBUTES, "schema_version": SCHEMA_VERSION},
+        {**SIMULATED_ATTRIBUTES, "schema_version": SCHEMA_VERSION},
     )
     dataset["n_samples"] = ("mission", np.array(lengths, np.int32))
     if splits is not None:

@@ -53,14 +53,15 @@ class Plot:
     def run(self, console: Console) -> int:
         """Draw and save; says which files were written."""
         from twin.plot.caption import mission_caption
-        from twin.records.store import open_store, read_trajectory
+        from twin.records.reader import MissionStore
+        from twin.records.store import read_trajectory
         from twin.records.tracks import choose_tracks, read_tracks
 
         if self.figure not in (*FIGURES, ALL):
             raise UnknownName("figure", self.figure, (*FIGURES, ALL))
         out = self._out()
         trajectory = read_trajectory(self.store, self.mission)
-        caption = mission_caption(open_store(self.store), self.mission, self.store.name)
+        caption = mission_caption(MissionStore(self.store), self.mission)
         tracks = []
         if self.tracks is not None:
             tracks = choose_tracks(read_tracks(self.tracks, self.mission), self.only)

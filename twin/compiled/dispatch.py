@@ -25,6 +25,7 @@ def dispatch(
     fallback: tuple[float, ...] | float,
     *,
     module: str,
+    **options: Any,
 ) -> Compiled:
     """A compiled function `name(code, *arguments)` that calls the kernel of that code.
 
@@ -35,6 +36,7 @@ def dispatch(
         or a function that returns them, for a registry that grows: call `changed()` when it did.
       fallback: what an unknown code returns: a float, or a tuple of the kernels' length.
       module: `__name__` of the caller; the function is part of that module's content.
+      options: of `numba.njit`, such as inline="always" for what runs at every step.
 
     Raises:
       TypeError: a kernel was not made by `jit`.
@@ -56,7 +58,7 @@ def dispatch(
 
     if not callable(kernels):
         _kernels_of(name, write()[1])
-    return generate(name, ("code", *arguments), write, module=module)
+    return generate(name, ("code", *arguments), write, module=module, **options)
 
 
 def generate(

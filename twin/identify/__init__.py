@@ -8,7 +8,7 @@ speed = estimate(logs[0], found.calibration).speed
 from twin.identify.answer import Estimate, Identification
 from twin.identify.calibration import Calibration, load_calibration
 from twin.identify.fit import identify
-from twin.identify.logged import Log, load_logs, store_hash
+from twin.identify.logged import Log, load_logs
 from twin.identify.speed import SpeedEstimate, density_of, estimate, estimate_speed, motion_of
 from twin.identify.translation import Motion, fly
 
@@ -27,5 +27,4 @@ __all__ = [
     "load_calibration",
     "load_logs",
     "motion_of",
-    "store_hash",
 ]

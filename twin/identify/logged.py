@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +12,8 @@ from scipy.signal import lfilter, savgol_filter
 
 from twin.errors import StoreError
 from twin.identify.calibration import REFERENCE_TEMPERATURE
-from twin.records.schema import MISSION, TIME
-from twin.records.store import open_store, read_array
+from twin.records.logs import log_rows
+from twin.records.reader import MissionStore
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -36,8 +34,6 @@ SHALLOWEST = 3.0
 """[m] above this a hull of two metres is in the waves or partly out of the water."""
 DIVE_DEPTH = 8.0
 """[m] a mission that stays above this holds no dive."""
-FOLLOWS_WITHIN = 3600.0
-"""[s] between the end of a mission and the start of the next for their currents to be compared."""
 MAX_PITCH = 80.0
 """[degree] beyond which no glide is."""
 
@@ -115,36 +111,29 @@ def load_logs(store: str | Path, rows: Sequence[int] | None = None) -> list[Log]
     Raises:
       StoreError: no such store, a missing channel, an unknown row, or no dive in any of them.
     """
-    dataset = open_store(store)
-    missing = [name for name in NEEDED if name not in dataset]
+    found = MissionStore(store)
+    missing = [name for name in NEEDED if name not in found]
     if missing:
         raise StoreError(
             f"store {store} has no channel {missing[0]}"
             + (f" (nor {', '.join(missing[1:])})" if missing[1:] else "")
             + "; identification needs depth, attitude, heading and pumped volume"
         )
-    count = dataset.sizes[MISSION]
-    chosen = list(range(count)) if rows is None else list(rows)
+    chosen = list(range(len(found))) if rows is None else list(rows)
     for row in chosen:
-        if not 0 <= row < count:
-            raise StoreError(f"store {store} has no mission {row}; it holds 0 to {count - 1}")
-    names = [n for n in (*NEEDED, *OPTIONAL) if n in dataset]
-    some = dataset[names].isel({MISSION: chosen}).transpose(MISSION, TIME)
-    period = _period(dataset, store)
-    arrays = {name: read_array(some, name, store) for name in names}
+        if not 0 <= row < len(found):
+            raise StoreError(f"store {store} has no mission {row}; it holds 0 to {len(found) - 1}")
+    arrays = {n: found.rows(n, chosen) for n in (*NEEDED, *OPTIONAL) if n in found}
     if "measured_density" in arrays and not np.isfinite(arrays["measured_density"]).any():
         del arrays["measured_density"]  # other vehicles of the store have a CTD, these have none
-    lengths = (
-        dataset["n_samples"].values.astype(int)
-        if "n_samples" in dataset
-        else np.full(count, dataset.sizes[TIME])
-    )
+    found.check_samples(chosen)
+    period, dives = found.period, log_rows(found)
     logs: list[Log] = []
     before: int | None = None
     for k, row in enumerate(chosen):
-        signals = {n: a[k, : lengths[row]].astype(float) for n, a in arrays.items()}
-        follows = before is not None and row == before + 1 and _follows(dataset, row)
-        log = _log(row, signals, period, _displacement(dataset, row), follows)
+        signals = {n: a[k, : found.samples[row]].astype(float) for n, a in arrays.items()}
+        follows = before is not None and row == before + 1 and dives[row].follows(dives[before])
+        log = _log(row, signals, period, dives[row].displacement, follows)
         if log is not None:
             logs.append(log)
             before = row
@@ -154,43 +143,6 @@ def load_logs(store: str | Path, rows: Sequence[int] | None = None) -> list[Log]
             "pumped volume"
         )
     return logs
-
-
-def store_hash(store: str | Path) -> str:
-    """SHA-256 over the names and bytes of a store's files: what a calibration was made from."""
-    root, digest = Path(store), hashlib.sha256()
-    for path in sorted(p for p in root.rglob("*") if p.is_file()):
-        digest.update(str(path.relative_to(root)).encode())
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
-
-
-def _period(dataset: Any, store: str | Path) -> float:
-    time = dataset[TIME].values.astype(float)
-    steps = np.diff(time)
-    if len(time) < 2 or not (steps > 0).all() or np.ptp(steps) > 1e-3 * steps.mean():
-        raise StoreError(f"store {store}: `time` must rise in equal steps")
-    return float(steps.mean())
-
-
-def _follows(dataset: Any, row: int) -> bool:
-    """Whether a mission starts shortly after the one before it in the store ends."""
-    if "start_time" not in dataset or "dive_duration" not in dataset:
-        return False
-    if "deployment" in dataset and str(dataset["deployment"].values[row]) != str(
-        dataset["deployment"].values[row - 1]
-    ):
-        return False
-    start = dataset["start_time"].values[row - 1 : row + 1].astype("datetime64[ns]").astype("i8")
-    gap = (start[1] - start[0]) * 1e-9 - float(dataset["dive_duration"].values[row - 1])
-    return bool(0.0 <= gap < FOLLOWS_WITHIN)
-
-
-def _displacement(dataset: Any, row: int) -> tuple[float, float] | None:
-    if "displacement_north" not in dataset:
-        return None
-    north, east = (float(dataset[f"displacement_{n}"].values[row]) for n in ("north", "east"))
-    return (north, east) if np.isfinite([north, east]).all() else None
 
 
 def _filled(values: Array) -> Array | None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from twin.identify.answer import Identification
-from twin.identify.logged import store_hash
+from twin.records.content import store_hash
 from twin.version import __version__
 
 DIGITS = 6

@@ -13,7 +13,7 @@ from twin.physics.native import block as b
 from twin.physics.native.install import install
 from twin.physics.tables import Tables
 from twin.vehicle.laws import LAWS, Ellipsoids
-from twin.vehicle.parts import PARTS
+from twin.vehicle.parts import PARTS, Part
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 COEFFICIENTS = "coefficients"
@@ -197,6 +197,7 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int
         "coupling": float(vehicle.added_mass_coupling),
         "rotary_inertia": np.diag(inertia) + np.diag(added_mass)[3:],
         "law": LAWS.code(vehicle.law.kind),
+        "acting": float(any(_acts(part) for part in vehicle.parts)),
         "control_period": vehicle.control_period,
         "log_ring": ring,
         "version": b.VERSION,
@@ -214,6 +215,13 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int
         used += values.size
     for name in ("plan", "current", "density"):
         head[name]["start"], head[name]["size"] = used, 0
+
+
+def _acts(part: Part) -> bool:
+    """Whether a part does more than displace volume at the CB."""
+    kind = type(part)
+    elsewhere = kind.native_volume is not None and any(part.position)
+    return elsewhere or kind.native_mass is not None or kind.native_wrench is not None
 
 
 def _part_rows(vehicle: Vehicle, model: mujoco.MjModel) -> np.ndarray:

@@ -7,10 +7,13 @@ in the unit of its kind. Those of a glider's shift, rotation and pump are in the
 from __future__ import annotations
 
 from twin.errors import VehicleError
+from twin.records.limits import TABLE
 from twin.records.schema import SIMULATED, VARIABLES, Variable, declare
 from twin.records.trajectory import actuator_names
 from twin.vehicle.vehicle import Vehicle
 
+UNITS = frozenset(row.units for row in TABLE)
+"""Units whose values have limits"""
 _OWN = frozenset(SIMULATED)
 """The schema's own signals, whose names parts must leave alone; but for the positions of parts."""
 
@@ -38,6 +41,11 @@ def part_variables(vehicle: Vehicle) -> dict[str, Variable]:
             known = VARIABLES.get(name)
             if known is None:
                 known = Variable(name, quantity.unit, text, limits=quantity.limits)
+                if quantity.limits is None and quantity.unit not in UNITS:
+                    raise VehicleError(
+                        f"vehicle part {part.kind!r}: `quantity` has the unit {quantity.unit!r} "
+                        "and no `limits`; give the lowest and highest value that one can have"
+                    )
             elif known.units != quantity.unit:
                 raise VehicleError(
                     f"vehicle {vehicle.name!r}: {name!r} would be in {quantity.unit!r}, and is in "

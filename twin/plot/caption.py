@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import datetime
-import json
 import textwrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-if TYPE_CHECKING:
-    import xarray as xr
+from twin.records.attributes import DIVE, PRESET, SCENARIO, SEED, SETTINGS, says_simulated
+from twin.records.logs import log_rows, numbers
+from twin.records.reader import MissionStore
 
 LETTERS_PER_INCH = 13.0
 """At the caption's size, with room to spare"""
@@ -21,45 +21,39 @@ LINE_HEIGHT = 0.16
 FONT_SIZE = 7.5
 
 
-def mission_caption(dataset: xr.Dataset, mission: int, name: str) -> str:
+def mission_caption(store: MissionStore, mission: int) -> str:
     """One line that names a mission: of a log its vehicle, dive, time (UTC) and place; of a
     simulation its store, preset and seed.
     """
-    if "deployment" in dataset and "start_time" in dataset:
-        return _logged(dataset, mission)
-    settings = _json(dataset.attrs.get("settings"))
-    parts = [f"{name}, mission {mission}"]
-    if "preset" in settings:
-        parts.append(f"preset {settings['preset']}")
-    scenario = _json(dataset.attrs.get("scenario"))
+    if store.logged:
+        return _logged(store, mission)
+    settings, scenario = (
+        store.json(name) if name in store.attributes else {} for name in (SETTINGS, SCENARIO)
+    )
+    parts = [f"{store.path.name}, mission {mission}"]
+    if PRESET in settings:
+        parts.append(f"preset {settings[PRESET]}")
     if scenario.get("name"):
         parts.append(str(scenario["name"]))
-    seed = settings.get("seed", scenario.get("seed"))
+    seed = settings.get(SEED, scenario.get(SEED))
     if seed is not None:
         parts.append(f"seed {seed}")
     return ", ".join([*parts, "simulated"])
 
 
-def _logged(dataset: xr.Dataset, mission: int) -> str:
-    def number(key: str) -> float:
-        return float(dataset[key].values[mission]) if key in dataset else float("nan")
-
-    # the store's moments are decoded by xarray where it knows their units
-    start = np.asarray(dataset["start_time"].values[mission])
-    unix = (
-        int(start.astype("datetime64[s]").astype(np.int64))
-        if np.issubdtype(start.dtype, np.datetime64)
-        else float(start)
-    )
-    moment = datetime.datetime.fromtimestamp(unix, datetime.UTC)
-    parts = [str(dataset["deployment"].values[mission]), f"mission {mission}"]
-    if np.isfinite(number("dive")):
-        parts.append(f"dive {number('dive'):.0f}")
-    parts.append(f"{moment:%Y-%m-%d %H:%M} UTC")
-    latitude, longitude = number("start_latitude"), number("start_longitude")
+def _logged(store: MissionStore, mission: int) -> str:
+    row = log_rows(store)[mission]
+    parts = [row.deployment, f"mission {mission}"]
+    dive = numbers(store, DIVE)[mission]
+    if np.isfinite(dive):
+        parts.append(f"dive {dive:.0f}")
+    if np.isfinite(row.start):
+        moment = datetime.datetime.fromtimestamp(row.start, datetime.UTC)
+        parts.append(f"{moment:%Y-%m-%d %H:%M} UTC")
+    latitude, longitude = (numbers(store, f"start_{n}")[mission] for n in ("latitude", "longitude"))
     if np.isfinite(latitude) and np.isfinite(longitude):
         parts.append(place(latitude, longitude))
-    if "simulated" in str(dataset.attrs.get("comment", "")):
+    if says_simulated(store.attributes):
         parts.append("simulated")
     return ", ".join(parts)
 
@@ -91,12 +85,3 @@ def add_caption(figure: Figure, text: str) -> None:
         figure.text(0.02, 1.0 - 0.04 / (height + room), "\n".join(lines), va="top", **style)
         return
     figure.suptitle("\n".join(lines), x=0.01, **style)
-
-
-def _json(text: object) -> dict[str, Any]:
-    """A JSON object in an attribute; empty where there is none."""
-    try:
-        found = json.loads(str(text))
-    except ValueError:
-        return {}
-    return found if isinstance(found, dict) else {}

@@ -54,6 +54,13 @@ class Variable:
             attributes["valid_min"], attributes["valid_max"] = self.limits
         return attributes
 
+    def stored_attributes(self) -> dict[str, str | int]:
+        """Attributes in bulk stores, which keep so many decimals."""
+        attributes: dict[str, str | int] = {**self.attributes()}
+        if self.decimals is not None:
+            attributes["least_significant_digit"] = self.decimals
+        return attributes
+
 
 _UNIT_DECIMALS = {"degree": 4, "rad s-1": 7, "m s-1": 6, "m s-2": 5, "cm3": 3, "kg": 6,
                   "kg m-3": 4, "dbar": 5}  # fmt: skip
@@ -244,8 +251,3 @@ def declare_stored(name: str, attributes: Mapping[str, Any]) -> None:
             limits,
         )
     )
-
-
-def by_group(group: str) -> list[str]:
-    """Names of the variables of one group: truth, measured or commanded."""
-    return [name for name, entry in VARIABLES.items() if entry.group == group]

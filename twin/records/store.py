@@ -17,30 +17,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import StoreError
+from twin.records.attributes import N_SAMPLES, SIMULATED_ATTRIBUTES, VERSION
 from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES, declare_stored
+from twin.records.sharded import METADATA
 from twin.records.trajectory import Trajectory
 
 if TYPE_CHECKING:
     import xarray as xr
 
-STATE, STATES, N_SAMPLES = "state", "simulation_state", "n_samples"
+STATE, STATES = "state", "simulation_state"
 
 UNFINISHED = ".generating"
 """Folder inside a store that the factory has begun and not completed."""
-
-IMPORT_REPORT = "import_report"
-"""Attribute that stores of logs have and simulated ones have not."""
-SCHEMA = "schema"
-"""Attribute that says whose layout a store has."""
-
-GLOBAL_ATTRIBUTES = {
-    "Conventions": "CF-1.11",
-    SCHEMA: "glider-twin missions",
-    "schema_version": SCHEMA_VERSION,
-    "title": "Simulated underwater vehicle missions",
-    "comment": "Simulated data. NED frame with its origin at each mission's start; body axes "
-    "forward, starboard, down about the centre of buoyancy.",
-}
 
 
 def mission_dataset(
@@ -99,7 +87,7 @@ def mission_dataset(
             "columns": " ".join(columns),
         },
     )
-    dataset = xr.Dataset(variables, coordinates, {**GLOBAL_ATTRIBUTES, **(attributes or {})})
+    dataset = xr.Dataset(variables, coordinates, {**SIMULATED_ATTRIBUTES, **(attributes or {})})
     for name in sorted({key for row in parameters or () for key in row}):
         values = np.array([row.get(name, np.nan) for row in parameters or ()])
         dataset[name] = (MISSION, values)
@@ -116,14 +104,18 @@ def write_store(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = Fals
     path = Path(path)
     prepare_target(path, overwrite=overwrite)
     try:
-        with warnings.catch_warnings():
-            # consolidated metadata lets `xarray.open_zarr(path)` open without options; zarr 3 warns
-            # that its specification does not name it yet
-            warnings.filterwarnings("ignore", "Consolidated metadata")
-            dataset.to_zarr(path, mode="w", zarr_format=3, consolidated=True)
+        write_zarr(dataset, path)
     except OSError as error:
         raise StoreError(f"cannot write store {path}: {error.strerror or error}") from error
     return path
+
+
+def write_zarr(dataset: xr.Dataset, path: Path) -> None:
+    """Write any dataset as a zarr v3 group that `xarray.open_zarr(path)` opens without options."""
+    with warnings.catch_warnings():
+        # zarr 3 warns that its specification does not name consolidated metadata yet
+        warnings.filterwarnings("ignore", "Consolidated metadata")
+        dataset.to_zarr(path, mode="w", zarr_format=3, consolidated=True)
 
 
 def prepare_target(path: Path, *, overwrite: bool) -> None:
@@ -145,7 +137,32 @@ def prepare_target(path: Path, *, overwrite: bool) -> None:
 def is_store(path: str | Path) -> bool:
     """True when `path` is a folder that holds a zarr v3 group, an empty folder included."""
     path = Path(path)
-    return path.is_dir() and ((path / "zarr.json").is_file() or not any(path.iterdir()))
+    return path.is_dir() and (is_complete(path) or not any(path.iterdir()))
+
+
+def is_complete(path: str | Path) -> bool:
+    """Whether `path` holds a zarr v3 group; a store has its metadata only once it is complete."""
+    return (Path(path) / METADATA).is_file()
+
+
+def is_unfinished(path: str | Path) -> bool:
+    """Whether `path` holds a store that `factory generate` has begun and not completed."""
+    return (Path(path) / UNFINISHED).is_dir() and not is_complete(path)
+
+
+def read_attributes(path: str | Path) -> dict[str, Any]:
+    """The attributes of a store, without opening its arrays.
+
+    Raises:
+      StoreError: its metadata cannot be read.
+    """
+    try:
+        attributes: dict[str, Any] = json.loads((Path(path) / METADATA).read_bytes())["attributes"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise StoreError(
+            f"store {path} is damaged: its {METADATA} cannot be read ({error}); make it again"
+        ) from error
+    return attributes
 
 
 def open_store(path: str | Path) -> xr.Dataset:
@@ -159,24 +176,19 @@ def open_store(path: str | Path) -> xr.Dataset:
     path = Path(path)
     if not path.exists():
         raise StoreError(f"no store at {path}; make one with `factory generate --out {path}`")
-    if (path / UNFINISHED).is_dir() and not (path / "zarr.json").is_file():
+    if is_unfinished(path):
         raise StoreError(
             f"store {path} is incomplete: the `factory generate` command that began it, with "
             "--resume, completes it"
         )
-    if not (path / "zarr.json").is_file():
+    if not is_complete(path):
         raise StoreError(f"{path} is not a zarr v3 store; give the folder that ends in .zarr")
+    attributes = read_attributes(path)
     try:
-        metadata = json.loads((path / "zarr.json").read_text())
-    except (ValueError, OSError) as error:
-        raise StoreError(
-            f"store {path} is damaged: its zarr.json cannot be read ({error}); make it anew"
-        ) from error
-    try:
-        version = int(metadata["attributes"]["schema_version"])
+        version = int(attributes[VERSION])
     except (KeyError, ValueError, TypeError) as error:
         raise StoreError(
-            f"store {path} does not say its schema_version; it is not ours or damaged"
+            f"store {path} does not say its {VERSION}; it is not ours or damaged"
             f" ({type(error).__name__})"
         ) from error
     if version > SCHEMA_VERSION:
@@ -236,7 +248,7 @@ def gone_arrays(dataset: xr.Dataset, path: str | Path) -> list[str]:
       dataset: as `open_store` gave it.
     """
     names = map(str, dataset.variables)
-    return [name for name in names if not (Path(path) / name / "zarr.json").is_file()]
+    return [name for name in names if not (Path(path) / name / METADATA).is_file()]
 
 
 def check_arrays(dataset: xr.Dataset, path: str | Path) -> None:
@@ -264,7 +276,7 @@ def read_array(dataset: xr.Dataset, name: str, path: str | Path) -> np.ndarray:
     Raises:
       StoreError: its files are gone or cannot be decoded.
     """
-    if not (Path(path) / name / "zarr.json").is_file():
+    if not (Path(path) / name / METADATA).is_file():
         raise StoreError(f"store {path} is damaged: its array {name} is gone; make it anew")
     try:
         return np.asarray(dataset[name].values)

@@ -24,7 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
-from twin.records.store import GLOBAL_ATTRIBUTES, SCHEMA
+from twin.records.attributes import TITLE, is_missions
+from twin.records.schema import MISSION, TIME
+from twin.records.store import write_zarr
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -123,7 +125,7 @@ def _read_dataset(path: Path, mission: int) -> list[NamedTrack]:
     except (OSError, ValueError) as error:
         raise InputError(f"track file {path.name} cannot be read: {error}") from error
     with dataset:
-        if dataset.attrs.get(SCHEMA) == GLOBAL_ATTRIBUTES[SCHEMA]:
+        if is_missions(dataset.attrs):
             raise InputError(
                 f"{path} is a store of missions, not a file of dead-reckoned tracks; `learn "
                 "evaluate --tracks FILE` writes one"
@@ -135,6 +137,32 @@ def _read_dataset(path: Path, mission: int) -> list[NamedTrack]:
             if n.endswith((NORTH, EAST)) or n in ("time", "mission")
         }
     return _collect(arrays, mission, path)
+
+
+def write_track_dataset(
+    path: Path, missions: Array, time: Array, arrays: Mapping[str, Array]
+) -> None:
+    """Write tracks as netCDF, or as zarr where the name ends so.
+
+    Args:
+      missions: numbers of the missions, (mission,).
+      time: [s] since each mission's start, (time,).
+      arrays: `<name>_north` and `<name>_east` [m], (mission, time).
+    """
+    import xarray as xr
+
+    dataset = xr.Dataset(
+        {
+            name: ((MISSION, TIME), values, {"units": "m", "long_name": name.replace("_", " ")})
+            for name, values in arrays.items()
+        },
+        {MISSION: missions, TIME: (TIME, time, {"units": "s"})},
+        {TITLE: "Dead-reckoned tracks, metres from each mission's start"},
+    )
+    if path.suffix == ".nc":
+        dataset.to_netcdf(path)
+    else:
+        write_zarr(dataset, path)
 
 
 def _read_npz(path: Path, mission: int) -> list[NamedTrack]:

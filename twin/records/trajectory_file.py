@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import InputError, StoreError
+from twin.records.attributes import N_SAMPLES, SCHEMA, SIMULATED_ATTRIBUTES
 from twin.records.schema import MISSION, TIME, VARIABLES, declare_stored, variable
 from twin.records.store import (
-    GLOBAL_ATTRIBUTES,
-    N_SAMPLES,
-    SCHEMA,
     STATES,
     mission_dataset,
     read_trajectory,
@@ -35,7 +33,7 @@ def to_xarray(trajectory: Trajectory) -> xr.Dataset:
     signals = {
         name: (TIME, values, variable(name).attributes()) for name, values in trajectory.items()
     }
-    return xr.Dataset(signals, {TIME: time}, {**GLOBAL_ATTRIBUTES, **_plain(trajectory)})
+    return xr.Dataset(signals, {TIME: time}, {**SIMULATED_ATTRIBUTES, **_plain(trajectory)})
 
 
 def save_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -87,7 +85,7 @@ def open_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
 
 
 def _read(dataset: xr.Dataset, path: Path, mission: int) -> Trajectory:
-    if dataset.attrs.get(SCHEMA) != GLOBAL_ATTRIBUTES[SCHEMA] or N_SAMPLES not in dataset:
+    if dataset.attrs.get(SCHEMA) != SIMULATED_ATTRIBUTES[SCHEMA] or N_SAMPLES not in dataset:
         raise StoreError(f"{path} holds no mission: `Trajectory.save` writes such files")
     if not 0 <= mission < dataset.sizes[MISSION]:
         raise StoreError(f"{path} has missions 0 to {dataset.sizes[MISSION] - 1}, not {mission}")
@@ -111,5 +109,5 @@ def _plain(trajectory: Trajectory) -> dict[str, Any]:
     return {
         name: value
         for name, value in trajectory.provenance.items()
-        if name not in GLOBAL_ATTRIBUTES and isinstance(value, str | int | float)
+        if name not in SIMULATED_ATTRIBUTES and isinstance(value, str | int | float)
     }

@@ -9,18 +9,20 @@ from typing import TYPE_CHECKING
 from factory.exporting.base import Advance, Exporter
 
 if TYPE_CHECKING:
-    from factory.stores.stored import Stored
+    from twin.records.reader import MissionStore
 
 
-def _write(run: Stored, missions: Sequence[int], folder: Path, advance: Advance) -> list[Path]:
+def _write(
+    run: MissionStore, missions: Sequence[int], folder: Path, advance: Advance
+) -> list[Path]:
     from factory.exporting.og1.deployments import export_og1_logs
     from factory.exporting.og1.missions import export_og1
-    from factory.stores.stored import StoredRun
-    from factory.stores.stored_logs import StoredLogs
+    from factory.stores.generated import GeneratedStore
+    from twin.records.logs import LogStore
 
-    if isinstance(run, StoredLogs):
+    if isinstance(run, LogStore):
         return export_og1_logs(run, missions, folder, advance)
-    assert isinstance(run, StoredRun)
+    assert isinstance(run, GeneratedStore)
     written = []
     for mission in missions:
         written.append(export_og1(run, mission, folder))

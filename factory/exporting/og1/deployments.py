@@ -42,7 +42,7 @@ from factory.exporting.og1.variables import (
     time_attributes,
     write_og1,
 )
-from factory.stores.stored_logs import StoredLogs
+from twin.records.logs import LogStore
 from twin.records.schema import VARIABLES
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ PHASE_CODES = np.array([SURFACING, DESCENT, ASCENT, INFLECTION])
 class JoinedDives:
     """The dives of one file on one time axis, which increases strictly."""
 
-    logs: StoredLogs
+    logs: LogStore
     missions: tuple[int, ...]
     order: NDArray[np.intp]
     """Samples that are kept, of all dives put behind each other."""
@@ -90,7 +90,7 @@ class JoinedDives:
 
 
 def export_og1_logs(
-    logs: StoredLogs, missions: Sequence[int], folder: Path, advance: Advance = no_progress
+    logs: LogStore, missions: Sequence[int], folder: Path, advance: Advance = no_progress
 ) -> list[Path]:
     """Write one file for each deployment that `missions` belong to; returns their paths.
 
@@ -112,7 +112,7 @@ def export_og1_logs(
     return paths
 
 
-def _track(logs: StoredLogs, missions: Sequence[int]) -> JoinedDives:
+def _track(logs: LogStore, missions: Sequence[int]) -> JoinedDives:
     time = np.concatenate([logs.time(mission) for mission in missions])
     # a fix between two dives without a stay at the surface ends one and begins the other
     reversed_unique = np.unique(time[::-1], return_index=True)[1]
@@ -180,7 +180,7 @@ def _gps(track: JoinedDives, time: Array) -> Iterator[tuple[str, Og1Variable]]:
     for mission in track.missions:
         start, end = logs.fixes(mission)
         begin = logs.starts[mission]
-        last = begin + float(logs.number("dive_duration")[mission])
+        last = begin + float(logs.log_rows[mission].duration)
         for when, fix in ((begin, start), (last, end)):
             if np.isfinite([*fix, when]).all():
                 places[:, int(np.argmin(np.abs(time - when)))] = when, *fix

@@ -46,7 +46,7 @@ from factory.exporting.og1.variables import (
     time_attributes,
     write_og1,
 )
-from factory.stores.stored import StoredRun
+from factory.stores.generated import GeneratedStore
 from twin.errors import StoreError
 from twin.geodesy import from_tangent_plane
 from twin.records.schema import VARIABLES
@@ -55,7 +55,7 @@ from twin.water.current.origin import Origin
 Array = NDArray[np.float64]
 
 
-def export_og1(run: StoredRun, mission: int, folder: Path) -> Path:
+def export_og1(run: GeneratedStore, mission: int, folder: Path) -> Path:
     """Write one mission into `folder`, under the name that the format prescribes.
 
     Raises:
@@ -77,7 +77,7 @@ def _needed(signals: Sequence[str]) -> list[str]:
 
 
 def _series(
-    run: StoredRun, mission: int, identity: Mapping[str, Any]
+    run: GeneratedStore, mission: int, identity: Mapping[str, Any]
 ) -> Iterator[tuple[str, Og1Variable]]:
     samples = int(run.samples[mission])
 
@@ -87,7 +87,7 @@ def _series(
     origin = Origin(latitude_deg=run.parameters(mission).number("water.latitude"))
     place = (origin.latitude_deg, origin.longitude_deg)
     start = NOMINAL_DEPLOYMENT.timestamp()
-    time = start + np.arange(samples) * float(run.settings["sample_period_s"])
+    time = start + np.arange(samples) * run.period
     depth = np.maximum(row("measured_depth"), 0.0)  # valid_min is 0: the gauge's zero error
     yield (
         "TRAJECTORY",

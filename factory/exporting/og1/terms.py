@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.stores.stored import StoredRun
-from factory.stores.stored_logs import StoredLogs
+from factory.stores.generated import GeneratedStore
+from twin.records.logs import LogStore
 from twin.records.schema import SIMULATED
 from twin.records.trajectory import actuator_names
 from twin.sensors import SensorSuite
@@ -114,7 +114,7 @@ SENSORS = {
 """Sensor variable: device of the sensor suite, what it is, and the model whose errors it has"""
 
 
-def sensor_attributes(run: StoredRun, name: str) -> dict[str, str]:
+def sensor_attributes(run: GeneratedStore, name: str) -> dict[str, str]:
     """Attributes of a sensor variable; a device without errors is nobody's model."""
     device, kind, model = SENSORS[name]
     settings = getattr(run.suite, device)
@@ -154,11 +154,11 @@ def bounds(latitude: Array, longitude: Array, depth: Array) -> dict[str, float |
     return limits
 
 
-def global_attributes(run: StoredRun, mission: int) -> dict[str, Any]:
+def global_attributes(run: GeneratedStore, mission: int) -> dict[str, Any]:
     """Global attributes; those that depend on the data are `bounds`."""
     serial = f"sim{mission:06d}"
     start = stamp(NOMINAL_DEPLOYMENT)
-    end = NOMINAL_DEPLOYMENT + datetime.timedelta(seconds=float(run.small("duration")[mission]))
+    end = NOMINAL_DEPLOYMENT + datetime.timedelta(seconds=float(run.array("duration")[mission]))
     preset, seed = run.settings["preset"], run.seed
     return {
         "title": "SIMULATED OceanGliders trajectory file",
@@ -184,7 +184,7 @@ def global_attributes(run: StoredRun, mission: int) -> dict[str, Any]:
         f"{run.splits[mission]}; the date is nominal. LATITUDE and LONGITUDE are the simulated "
         "on-board dead reckoning, TRUE_* variables what really happened in the simulation.",
         "source": f"simulation: glider-twin {__version__}, vehicle {run.settings['vehicle']}",
-        "history": str(run.dataset.attrs["history"]),
+        "history": run.history,
         "references": "https://oceangliderscommunity.github.io/OG-format-user-manual/OG_Format.html",
         "start_date": start,
         "date_created": stamp(datetime.datetime.now(datetime.UTC)),
@@ -193,7 +193,7 @@ def global_attributes(run: StoredRun, mission: int) -> dict[str, Any]:
     }
 
 
-def log_attributes(logs: StoredLogs, missions: Sequence[int]) -> dict[str, Any]:
+def log_attributes(logs: LogStore, missions: Sequence[int]) -> dict[str, Any]:
     """Global attributes of a file of logged dives `missions`, of one deployment in time order."""
     deployment = logs.deployments[missions[0]]
     first, last = missions[0], missions[-1]
@@ -204,7 +204,7 @@ def log_attributes(logs: StoredLogs, missions: Sequence[int]) -> dict[str, Any]:
     # the name of a file: letters that every file system takes
     serial = re.sub(r"[^A-Za-z0-9-]+", "-", deployment).strip("-") or "glider"
     kind = "SIMULATED OceanGliders" if logs.simulated else "OceanGliders"
-    files = str(logs.dataset.attrs.get("files", ""))
+    files = logs.files
     return {
         "title": f"{kind} trajectory file, deployment {deployment}",
         "summary": f"{len(missions)} dives of deployment {deployment}, {logs.platform}.",
@@ -227,8 +227,8 @@ def log_attributes(logs: StoredLogs, missions: Sequence[int]) -> dict[str, Any]:
         "rtqc_method_doi": "n/a",
         "comment": "On one time grid for each dive; LATITUDE and LONGITUDE between the fixes are "
         "as interpolation_methodology says. Attitude and PRES are missing where the log had gaps.",
-        "source": f"logs of a vehicle ({logs.kind}: {files}), read by glider-twin {__version__}",
-        "history": str(logs.dataset.attrs.get("history", "")),
+        "source": f"logs of a vehicle ({logs.source}: {files}), read by glider-twin {__version__}",
+        "history": logs.history,
         "references": "https://oceangliderscommunity.github.io/OG-format-user-manual/OG_Format.html",
         "start_date": start,
         "date_created": stamp(datetime.datetime.now(datetime.UTC)),

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from factory.exporting.base import Advance, Exporter
 
 if TYPE_CHECKING:
-    from factory.stores.stored import Stored
+    from twin.records.reader import MissionStore
 
 
-def _write(run: Stored, missions: Sequence[int], path: Path, advance: Advance) -> list[Path]:
+def _write(run: MissionStore, missions: Sequence[int], path: Path, advance: Advance) -> list[Path]:
     from factory.exporting.parquet.flat_table import export_parquet
 
     return [export_parquet(run, missions, path, advance)]

@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 
 from factory.exporting.base import Advance, no_progress
-from factory.stores.stored import Stored, StoredRun
-from factory.stores.stored_logs import StoredLogs
+from factory.stores.generated import GeneratedStore
 from twin.errors import InputError
+from twin.records.attributes import COMMENT, HISTORY, PLATFORM, TITLE
+from twin.records.logs import LogStore
+from twin.records.reader import MissionStore
 
 
 def export_parquet(
-    run: Stored, missions: Sequence[int], path: Path, advance: Advance = no_progress
+    run: MissionStore, missions: Sequence[int], path: Path, advance: Advance = no_progress
 ) -> Path:
     """Write the samples of `missions`: columns mission, split, time, then every signal.
 
@@ -37,7 +39,7 @@ def export_parquet(
         pa.field("split", pa.string()),
         pa.field("time", pa.float64(), metadata={"units": "s"}),
     ]
-    if isinstance(run, StoredLogs):
+    if isinstance(run, LogStore):
         fields += [
             pa.field("deployment", pa.string()),
             pa.field("dive", pa.int32(), metadata={"units": "1"}),
@@ -60,7 +62,7 @@ def export_parquet(
                     [run.splits[mission]] * samples,
                     np.arange(samples) * run.period,
                 ]
-                if isinstance(run, StoredLogs):
+                if isinstance(run, LogStore):
                     columns += _logged(run, mission)
                 columns += [run.row(name, mission)[:samples] for name in names]
                 arrays = [pa.array(c, f.type) for c, f in zip(columns, fields, strict=True)]
@@ -71,15 +73,14 @@ def export_parquet(
     return path
 
 
-def _about(run: Stored) -> dict[str, str]:
+def _about(run: MissionStore) -> dict[str, str]:
     """What the table says about itself."""
-    if isinstance(run, StoredRun):
+    if isinstance(run, GeneratedStore):
         return {"title": "SIMULATED underwater glider missions", "settings": str(run.settings)}
-    attributes = run.dataset.attrs
-    return {key: str(attributes[key]) for key in ("title", "comment", "platform", "history")}
+    return {key: str(run.attributes[key]) for key in (TITLE, COMMENT, PLATFORM, HISTORY)}
 
 
-def _logged(logs: StoredLogs, mission: int) -> list[Any]:
+def _logged(logs: LogStore, mission: int) -> list[Any]:
     """Columns that only logs have."""
     samples = int(logs.samples[mission])
     latitude, longitude, _ = logs.positions(mission)

@@ -24,8 +24,15 @@ from factory.importing.repairs.plausibility import check_signs
 from factory.importing.repairs.seawater import depth_of, pressure_of
 from factory.importing.repairs.surface_offset import zeroed
 from twin.errors import InputError
+from twin.records.attributes import (
+    COMMENT,
+    FILES,
+    HISTORY,
+    IMPORT_REPORT,
+    PLATFORM,
+    SOURCE_FORMAT,
+)
 from twin.records.schema import VARIABLES
-from twin.records.store import IMPORT_REPORT
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -141,14 +148,14 @@ def build(
     )
     stamp = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     attributes = {
-        "source_format": kind,
-        "platform": ", ".join(dict.fromkeys(row.log.platform for row in rows)),
-        "files": " ".join(files),
-        "history": f"{stamp}: factory import {kind}",
+        SOURCE_FORMAT: kind,
+        PLATFORM: ", ".join(dict.fromkeys(row.log.platform for row in rows)),
+        FILES: " ".join(files),
+        HISTORY: f"{stamp}: factory import {kind}",
         IMPORT_REPORT: json.dumps(report.to_dict()),
     }
     if any(row.log.simulated for row in rows):
-        attributes["comment"] = f"The files say that they are simulated. {FRAMES}"
+        attributes[COMMENT] = f"The files say that they are simulated. {FRAMES}"
     return rows_dataset(rows, period, attributes), report
 
 

@@ -12,13 +12,26 @@ from numpy.typing import NDArray
 from factory.importing.dives.dive_current import METHOD
 from factory.importing.dives.segments import PHASES, Segment
 from factory.importing.reading.deployment_log import Array, DeploymentLog
-from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES
+from twin.records.attributes import (
+    COMMENT,
+    CONVENTIONS,
+    DEPLOYMENT,
+    DIVE,
+    DIVE_DURATION,
+    N_SAMPLES,
+    PROGRAM_VERSION,
+    SAMPLE_PERIOD,
+    SPLIT,
+    SPLITS,
+    START_TIME,
+    TITLE,
+)
+from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.version import __version__
 
 if TYPE_CHECKING:
     import xarray as xr
 
-SPLITS = ("train", "validation", "test")
 SHARES = (0.6, 0.2, 0.2)
 """Parts of a deployment's dives for training, validation and test, in this order of time."""
 FRAMES = (
@@ -47,7 +60,7 @@ NUMBERS: dict[str, tuple[str, str]] = {
     "end_longitude": ("degree_east", "longitude of the first fix after the dive"),
     "displacement_north": ("m", "displacement over ground between the fixes, north"),
     "displacement_east": ("m", "displacement over ground between the fixes, east"),
-    "dive_duration": ("s", "time between the row's start and end"),
+    DIVE_DURATION: ("s", "time between the row's start and end"),
     "surface_duration": ("s", "time between the fixes at the surface before the dive"),
     "surface_drift_north": ("m s-1", "drift at the surface before the dive, north"),
     "surface_drift_east": ("m s-1", "drift at the surface before the dive, east"),
@@ -69,7 +82,7 @@ def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, A
     longest = int(lengths.max())
     names = [name for name in VARIABLES if any(name in row.signals for row in rows)]
     variables: dict[str, Any] = {
-        "n_samples": (
+        N_SAMPLES: (
             MISSION,
             lengths,
             {"units": "1", "long_name": "samples of the row; later ones are padding"},
@@ -95,13 +108,11 @@ def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, A
         ),
     }
     common = {
-        "Conventions": "CF-1.11",
-        "schema": "glider-twin missions",
-        "schema_version": SCHEMA_VERSION,
-        "title": "Underwater glider logs",
-        "comment": f"Recorded by vehicles at sea. {FRAMES}",
-        "sample_period_s": period,
-        "glider_twin_version": __version__,
+        **CONVENTIONS,
+        TITLE: "Underwater glider logs",
+        COMMENT: f"Recorded by vehicles at sea. {FRAMES}",
+        SAMPLE_PERIOD: period,
+        PROGRAM_VERSION: __version__,
     }
     return xr.Dataset(variables, coordinates, {**common, **attributes})
 
@@ -148,7 +159,7 @@ def _per_row(rows: Sequence[DiveRow]) -> dict[str, Any]:
                 "end_longitude": end[1],
                 "displacement_north": segment.displacement[0],
                 "displacement_east": segment.displacement[1],
-                "dive_duration": segment.duration,
+                DIVE_DURATION: segment.duration,
                 "surface_duration": segment.surface_duration,
                 "surface_drift_north": segment.surface_drift[0],
                 "surface_drift_east": segment.surface_drift[1],
@@ -163,12 +174,12 @@ def _per_row(rows: Sequence[DiveRow]) -> dict[str, Any]:
             if name.startswith("dac_"):
                 described["comment"] = METHOD
             variables[name] = (MISSION, values, described)
-    variables["dive"] = (
+    variables[DIVE] = (
         MISSION,
         np.array([int(entry["dive"]) for entry in numbers], np.int32),
         {"units": "1", "long_name": "number of the dive: the vehicle's own, or counted from 0"},
     )
-    variables["start_time"] = (
+    variables[START_TIME] = (
         MISSION,
         np.array([row.segment.start for row in rows], np.float64),
         {
@@ -178,12 +189,12 @@ def _per_row(rows: Sequence[DiveRow]) -> dict[str, Any]:
             "standard_name": "time",
         },
     )
-    variables["deployment"] = (
+    variables[DEPLOYMENT] = (
         MISSION,
         np.array([row.log.deployment for row in rows], dtype=object),  # a fixed width warns
         {"long_name": "deployment that the row belongs to"},
     )
-    variables["split"] = (
+    variables[SPLIT] = (
         MISSION,
         split_rows(rows),
         {

@@ -16,7 +16,7 @@ from factory.exporting.og1.missions import export_og1, phases
 from factory.exporting.og1.terms import PHASES, sensor_attributes
 from factory.exporting.parquet.flat_table import export_parquet
 from factory.inspect.missions_page import store_page
-from factory.stores.stored import StoredRun
+from factory.stores.generated import GeneratedStore
 from twin.errors import InputError, StoreError
 from twin.records.schema import VARIABLES
 from twin.sensors import SensorSuite
@@ -24,13 +24,13 @@ from twin.sensors import SensorSuite
 
 @pytest.fixture(scope="module")
 def og1(field_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return export_og1(StoredRun(field_store), 1, tmp_path_factory.mktemp("og1"))
+    return export_og1(GeneratedStore(field_store), 1, tmp_path_factory.mktemp("og1"))
 
 
 def test_og1_has_what_the_format_demands_and_says_that_it_is_simulated(
     og1: Path, field_store: Path
 ) -> None:
-    run = StoredRun(field_store)
+    run = GeneratedStore(field_store)
     samples = int(run.samples[1])
     with netCDF4.Dataset(og1) as file:
         for name in ("title", "platform", "platform_vocabulary", "id", "contributor_name",
@@ -101,7 +101,7 @@ def test_og1_passes_the_cf_check(
 
 def test_og1_says_what_the_codes_mean_and_the_dvl_refers_to(og1: Path, field_store: Path) -> None:
     """A velocity over the bottom contains the current, one through the water does not."""
-    run = StoredRun(field_store)
+    run = GeneratedStore(field_store)
     with netCDF4.Dataset(og1) as file:
         for name in ("PHASE", "DVL_MODE"):
             meanings = str(file[name].flag_meanings).split()
@@ -126,7 +126,7 @@ def test_og1_says_what_the_codes_mean_and_the_dvl_refers_to(og1: Path, field_sto
 def test_og1_calls_the_sensors_what_they_were(
     sensors: str, ahrs: str, dvl: str, field_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run = StoredRun(field_store)
+    run = GeneratedStore(field_store)
     monkeypatch.setattr(run, "suite", SensorSuite.preset(sensors))
     for name, model in (("SENSOR_AHRS", ahrs), ("SENSOR_DVL", dvl)):
         attributes = sensor_attributes(run, name)
@@ -142,14 +142,14 @@ def test_phases_are_those_of_the_vocabulary() -> None:
 
 def test_a_mission_that_is_not_there_is_told(field_store: Path, tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"missions 0 to \d+, not 77"):
-        export_og1(StoredRun(field_store), 77, tmp_path)
+        export_og1(GeneratedStore(field_store), 77, tmp_path)
 
 
 @pytest.mark.skipif(importlib.util.find_spec("pyarrow") is None, reason="pyarrow is not installed")
 def test_parquet_has_a_row_for_every_sample(field_store: Path, tmp_path: Path) -> None:
     import pyarrow.parquet as pq
 
-    run = StoredRun(field_store)
+    run = GeneratedStore(field_store)
     path = export_parquet(run, range(len(run)), tmp_path / "missions.parquet", lambda: None)
     table = pq.read_table(path)
     assert table.num_rows == run.samples.sum()
@@ -170,7 +170,7 @@ def test_without_pyarrow_the_way_out_is_told(
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(InputError, match=r"needs the package pyarrow.*glider-twin\[parquet\]"):
         EXPORTERS["parquet"].export(
-            StoredRun(field_store), [0], tmp_path / "missions.parquet", lambda: None
+            GeneratedStore(field_store), [0], tmp_path / "missions.parquet", lambda: None
         )
     assert list(tmp_path.iterdir()) == []
 
@@ -179,7 +179,7 @@ def test_without_pyarrow_the_way_out_is_told(
 def test_the_page_has_every_panel_with_data(
     name: str, panels: int, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
-    run = StoredRun(request.getfixturevalue(name))
+    run = GeneratedStore(request.getfixturevalue(name))
     figure = store_page(run)
     assert len(figure.axes) == panels
     assert all(axes.has_data() for axes in figure.axes)

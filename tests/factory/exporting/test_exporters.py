@@ -14,7 +14,7 @@ from logs import Flight, example, write_slocum
 
 from factory.exporting import EXPORTERS, Exporter
 from factory.importing import import_logs
-from factory.stores.stored_logs import open_stored
+from factory.stores.generated import open_missions
 from twin.errors import InputError, StoreError
 from twin.records.store import write_store
 
@@ -37,7 +37,7 @@ def test_stores_are_written_and_progress_is_told(
 ) -> None:
     if exporter.extra == "parquet":
         pytest.importorskip("pyarrow")
-    run = open_stored(request.getfixturevalue(name))
+    run = open_missions(request.getfixturevalue(name))
     done: list[int] = []
     target = exporter.default_path(tmp_path / "store.zarr")
     written = exporter.export(run, [0, 1], target, lambda: done.append(1))
@@ -83,7 +83,7 @@ def test_an_exporter_of_ones_own_is_one_file_outside_the_package(
         cwd=ROOT, env=environment, capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    run = open_stored(log_store)
+    run = open_missions(log_store)
     expected = [
         f"{k},{n},{run.row('measured_depth', k)[:n].max():.1f}" for k, n in enumerate(run.samples)
     ]

@@ -15,19 +15,20 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import pytest
 
-import factory.generation.shards
 import factory.generation.workers
+import twin.records.sharded
 from factory.generation.bulk import generate
-from factory.generation.checkpoint import Journal
-from factory.generation.store_layout import SHARD_MISSIONS
+from factory.generation.checkpoint import Checkpoint
 from factory.inspect.info import unfinished
 from factory.inspect.replay import replay_failure
 from factory.inspect.verify import verify_store
 from factory.recipe.recipe import Recipe
-from factory.stores.stored import StoredRun
+from factory.stores.generated import GeneratedStore
 from twin.errors import InputError, StoreError, TwinError
+from twin.records.sharded import SHARD_MISSIONS
 from twin.records.store import UNFINISHED, open_store
 
 Recipes = Callable[..., Recipe]
@@ -78,19 +79,19 @@ def _kill_after(process: subprocess.Popen[bytes], store: Path, missions: int) ->
     """Send SIGKILL once that many missions are kept; how many there are then."""
     deadline = time.monotonic() + 60.0
     while time.monotonic() < deadline and process.poll() is None:
-        if Journal(store).count_missions() >= missions:
+        if Checkpoint(store).count_missions() >= missions:
             process.send_signal(signal.SIGKILL)
             break
         time.sleep(0.005)
     process.wait()
     assert process.returncode == -signal.SIGKILL, "the run ended before it could be killed"
-    return Journal(store).count_missions()
+    return Checkpoint(store).count_missions()
 
 
 def test_a_kill_between_any_two_files_of_a_shard_loses_nothing(
     tmp_path: Path, recipe: Recipes, paper_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    written = factory.generation.shards.write_whole
+    written = twin.records.sharded.write_whole
     store = tmp_path / "missions.zarr"
     for allowed in (0, 3, 40, 60, 90):  # inside the shard, and among the last files
         left = [allowed]
@@ -101,21 +102,21 @@ def test_a_kill_between_any_two_files_of_a_shard_loses_nothing(
             left[0] -= 1
             written(path, data)
 
-        monkeypatch.setattr(factory.generation.shards, "write_whole", write)
+        monkeypatch.setattr(twin.records.sharded, "write_whole", write)
         with pytest.raises(KeyboardInterrupt):
             generate(recipe(), store, workers=1, resume=True)
         assert unfinished(store) is not None
-    monkeypatch.setattr(factory.generation.shards, "write_whole", written)
+    monkeypatch.setattr(twin.records.sharded, "write_whole", written)
     generate(recipe(), store, workers=1, resume=True)
     assert contents(store) == contents(paper_store)
 
 
-def test_a_damaged_part_is_flown_again(
+def test_a_damaged_checkpoint_is_flown_again(
     tmp_path: Path, recipe: Recipes, paper_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = tmp_path / "missions.zarr"
     _stop_before_shards(monkeypatch, recipe(), store)
-    parts = sorted((store / UNFINISHED).glob("mission-*.part"))
+    parts = sorted((store / UNFINISHED).glob("mission-*.npz"))
     whole = parts[0].read_bytes()
     parts[0].write_bytes(whole[: len(whole) // 2])  # cut short
     parts[1].write_bytes(whole[:100] + bytes([whole[100] ^ 1]) + whole[101:])  # one bit
@@ -145,7 +146,7 @@ def test_an_existing_store_is_only_replaced_when_told(
         generate(recipe(seed=1), store, workers=1)
     assert contents(store) == before
     generate(recipe(seed=1), store, workers=1, overwrite=True)
-    assert StoredRun(store).seed == 1
+    assert GeneratedStore(store).seed == 1
 
 
 def test_a_folder_that_is_no_store_is_never_touched(tmp_path: Path, recipe: Recipes) -> None:
@@ -200,7 +201,7 @@ def test_resume_with_other_settings_is_refused_with_the_difference(
             generate(recipe(**settings), store, workers=1, resume=True)
         assert difference in str(caught.value)
         assert "\n" not in str(caught.value)
-    assert StoredRun(paper_store).seed == 0
+    assert GeneratedStore(paper_store).seed == 0
 
 
 @contextmanager
@@ -243,8 +244,8 @@ def test_a_path_through_a_file_is_told(tmp_path: Path, recipe: Recipes) -> None:
 
 def test_two_runs_cannot_write_one_store(tmp_path: Path, recipe: Recipes) -> None:
     store = tmp_path / "missions.zarr"
-    Journal(store).start(recipe().describe())
-    with Journal(store).locked():
+    Checkpoint(store).start(recipe().describe())
+    with Checkpoint(store).locked():
         with pytest.raises(StoreError, match="another run is generating"):
             generate(recipe(), store, workers=1, resume=True)
         with pytest.raises(StoreError, match="another run is generating"):
@@ -267,17 +268,19 @@ def test_an_unstable_mission_is_recorded_replaced_and_counted(
     store = tmp_path / "missions.zarr"
     heard: list[int] = []
     summary = generate(made, store, workers=1, watch=lambda hours, failed: heard.append(failed))
-    run = StoredRun(store)
+    run = GeneratedStore(store)
     failures = run.failures()
     assert summary.failed == len(failures) == sum(heard) > 0
-    assert run.small("attempt").sum() == len(failures)
+    assert run.array("attempt").sum() == len(failures)
     for mission, failure in failures:
         assert failure.values["vehicle.k_q"] == -40.0
         assert failure.time_s is not None
         assert f"at {failure.time_s:.1f} s" in failure.reason
+        warn = mujoco.get_mju_user_warning()
         then, now = replay_failure(run, mission, failure.attempt)
+        assert mujoco.get_mju_user_warning() is warn  # silenced for the replay only
         assert then == now
-    assert "vehicle_k_q" not in run.dataset or set(run.small("vehicle_k_q")) == {1.0}
+    assert "vehicle_k_q" not in run.dataset or set(run.array("vehicle_k_q")) == {1.0}
     assert verify_store(run).ok
     with pytest.raises(StoreError, match="did not fail; failures in the store"):
         replay_failure(run, failures[0][0], 19)
@@ -297,7 +300,7 @@ def test_a_dead_worker_is_told(
     tmp_path: Path, recipe: Recipes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        factory.generation.workers, "produce", lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+        factory.generation.workers, "fly_mission", lambda *_: os.kill(os.getpid(), signal.SIGKILL)
     )
     with pytest.raises(TwinError, match="a worker process ended by signal 9"):
         generate(recipe(), tmp_path / "missions.zarr", workers=2)
@@ -309,7 +312,7 @@ def test_a_bug_in_a_worker_keeps_its_traceback(
     def fail(*_: object) -> None:
         raise ZeroDivisionError("a bug")
 
-    monkeypatch.setattr(factory.generation.workers, "produce", fail)
+    monkeypatch.setattr(factory.generation.workers, "fly_mission", fail)
     with pytest.raises(RuntimeError, match=r"(?s)in fail.*ZeroDivisionError: a bug"):
         generate(recipe(), tmp_path / "missions.zarr", workers=1)
 
@@ -325,7 +328,7 @@ def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(tmp_path: Pat
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     deadline = time.monotonic() + 60.0
-    while time.monotonic() < deadline and Journal(store).count_missions() < 2:
+    while time.monotonic() < deadline and Checkpoint(store).count_missions() < 2:
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: parent and workers
     _, error = process.communicate(timeout=60.0)

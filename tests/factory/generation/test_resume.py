@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from factory.generation.bulk import generate
-from factory.generation.checkpoint import Journal
+from factory.generation.checkpoint import Checkpoint
 from factory.recipe.recipe import Recipe
 from twin.records.store import UNFINISHED
 
@@ -35,7 +35,7 @@ def test_a_resumed_run_counts_only_what_it_flew_itself(
         patch.setattr("factory.generation.bulk.write_shard", stop)
         with pytest.raises(KeyboardInterrupt):
             generate(made, store, workers=1)
-    parts = sorted((store / UNFINISHED).glob("mission-*.part"))
+    parts = sorted((store / UNFINISHED).glob("mission-*"))
     assert len(parts) == len(made.plan) > len(FLOWN_AGAIN)
     for mission in FLOWN_AGAIN:
         parts[mission].unlink()
@@ -88,7 +88,7 @@ def test_workers_whose_run_is_killed_end_and_never_hold_the_store(tmp_path: Path
     )
     left: list[int] = []
     try:
-        wait_until(lambda: process.poll() is not None or Journal(store).count_missions() >= 1)
+        wait_until(lambda: process.poll() is not None or Checkpoint(store).count_missions() >= 1)
         assert process.poll() is None
         left = workers_of(process.pid)
         assert len(left) == 2
@@ -97,13 +97,13 @@ def test_workers_whose_run_is_killed_end_and_never_hold_the_store(tmp_path: Path
         process.kill()
         process.wait()
         assert all(lives(worker) for worker in left)
-        with Journal(store).locked():  # refused while another run holds it
-            kept = Journal(store).count_missions()
+        with Checkpoint(store).locked():  # refused while another run holds it
+            kept = Checkpoint(store).count_missions()
         for worker in left:
             os.kill(worker, signal.SIGCONT)
         wait_until(lambda: not any(lives(worker) for worker in left))
         # each finishes at most the mission that it was flying
-        assert Journal(store).count_missions() <= kept + 2
+        assert Checkpoint(store).count_missions() <= kept + 2
     finally:
         process.kill()
         process.wait()

@@ -15,14 +15,15 @@ import xarray as xr
 import zarr
 
 from factory.flight.fly import fly
-from factory.generation.chunk import stored_values
 from factory.recipe.parameters import PARAMETERS
-from factory.recipe.plan import SPLITS, samples_in
+from factory.recipe.plan import samples_in
 from factory.recipe.recipe import Recipe, make_recipe
 from factory.recipe.sampling import sensor_seed
-from factory.stores.stored import StoredRun
+from factory.stores.generated import GeneratedStore
 from twin.errors import StoreError
+from twin.records.attributes import SPLITS
 from twin.records.schema import SCHEMA_VERSION, SIMULATED, VARIABLES
+from twin.records.sharded import stored_values
 from twin.records.store import open_store, read_trajectory
 from twin.sensors import SensorSuite
 from twin.vehicle.vehicle import load_vehicle
@@ -102,7 +103,7 @@ def test_measured_is_true_without_sensor_errors_and_not_with_them(
 
 
 def test_every_drawn_value_is_a_variable_over_missions(field_store: Path) -> None:
-    run = StoredRun(field_store)
+    run = GeneratedStore(field_store)
     drawn = [name for name, d in run.distributions.items() if not d.fixed]
     drawn.remove("mission.duration_h")  # the array `duration` has it
     for name in drawn:
@@ -116,7 +117,7 @@ def test_every_drawn_value_is_a_variable_over_missions(field_store: Path) -> Non
 
 
 def test_provenance_is_enough_to_rebuild_vehicle_and_sensors(field_store: Path) -> None:
-    run, nominal = StoredRun(field_store), load_vehicle()
+    run, nominal = GeneratedStore(field_store), load_vehicle()
     assert run.dataset.attrs["vehicle_mjcf"] == nominal.xml
     assert run.vehicle.flow_frame.drag == nominal.flow_frame.drag
     made = make_recipe(preset="field", hours=0.5)
@@ -137,7 +138,7 @@ def test_the_reader_of_single_missions_reads_it(paper_store: Path) -> None:
 
 
 def test_splits_are_named(paper_store: Path) -> None:
-    run = StoredRun(paper_store)
+    run = GeneratedStore(paper_store)
     assert set(run.splits) == set(SPLITS)
     assert run.dataset["split"].attrs["flag_meanings"].split() == list(SPLITS)
 
@@ -161,7 +162,7 @@ def test_foreign_damaged_and_newer_stores_are_told(
     damage(group["attributes"])
     (store / "zarr.json").write_text(json.dumps(group))
     with pytest.raises(StoreError, match=message):
-        StoredRun(store)
+        GeneratedStore(store)
 
 
 def test_a_store_of_another_table_of_parameters_is_told(tmp_path: Path, paper_store: Path) -> None:
@@ -169,7 +170,7 @@ def test_a_store_of_another_table_of_parameters_is_told(tmp_path: Path, paper_st
     shutil.copytree(paper_store, store)
     text = (store / "zarr.json").read_text()
     (store / "zarr.json").write_text(text.replace("vehicle.ballast_g", "vehicle.lead_g"))
-    run = StoredRun(store)
+    run = GeneratedStore(store)
     assert len(run) > 0  # its signals can still be read
     with pytest.raises(StoreError, match=r"other parameters \(vehicle.ballast_g, vehicle.lead_g\)"):
         run.parameters(0)
@@ -177,7 +178,7 @@ def test_a_store_of_another_table_of_parameters_is_told(tmp_path: Path, paper_st
 
 def test_missing_stores_are_told(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="no store at"):
-        StoredRun(tmp_path / "none.zarr")
+        GeneratedStore(tmp_path / "none.zarr")
     (tmp_path / "file.zarr").write_text("")
     with pytest.raises(StoreError, match="not a zarr v3 store"):
-        StoredRun(tmp_path / "file.zarr")
+        GeneratedStore(tmp_path / "file.zarr")

@@ -21,7 +21,7 @@ from logs import (
 from factory.exporting.og1.missions import export_og1
 from factory.importing import import_logs
 from factory.importing.formats.lrauv.logs import in_unit
-from factory.stores.stored import StoredRun
+from factory.stores.generated import GeneratedStore
 from twin.errors import InputError
 
 FLIGHT = Flight(depth=100.0, variation=17.0, surface=600.0)
@@ -93,13 +93,15 @@ def test_seaexplorer_dives_of_four_vehicles() -> None:
 
 
 @pytest.fixture(scope="module")
-def exported(field_store: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[StoredRun, Path]:
-    run = StoredRun(field_store)
+def exported(
+    field_store: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[GeneratedStore, Path]:
+    run = GeneratedStore(field_store)
     return run, export_og1(run, 0, tmp_path_factory.mktemp("og1"))
 
 
 def test_og1_files_of_our_own_come_back_sample_for_sample(
-    exported: tuple[StoredRun, Path],
+    exported: tuple[GeneratedStore, Path],
 ) -> None:
     run, path = exported
     dataset, report = import_logs("og1", [path], period=0.5)
@@ -145,7 +147,7 @@ def test_og1_magnetic_headings_need_the_variation(tmp_path: Path) -> None:
 def test_real_logs_come_back_from_their_og1_files(tmp_path: Path, log: str, kind: str) -> None:
     """Fixes just below the surface, and silent logs around them, make the same rows again."""
     from factory.exporting.og1.deployments import export_og1_logs
-    from factory.stores.stored_logs import StoredLogs
+    from twin.records.logs import LogStore
     from twin.records.store import write_store
 
     pytest.importorskip("pyarrow")
@@ -153,7 +155,7 @@ def test_real_logs_come_back_from_their_og1_files(tmp_path: Path, log: str, kind
         pytest.skip("needs the shared logs")
     dataset, report = import_logs(kind, [SHARED / log])
     store = write_store(dataset, tmp_path / "a.zarr")
-    files = export_og1_logs(StoredLogs(store), range(report.rows), tmp_path / "og1")
+    files = export_og1_logs(LogStore(store), range(report.rows), tmp_path / "og1")
     back, again = import_logs("og1", list(files), period=report.period)
     assert again.rows == report.rows
     assert again.count("suspect") == again.count("removed", "GPS fixes") == 0

@@ -21,9 +21,9 @@ from factory.exporting.parquet.flat_table import export_parquet
 from factory.importing import import_logs
 from factory.inspect.logs_page import deployment_page, dive_figures
 from factory.inspect.verify_logs import verify_logs
-from factory.stores.stored import StoredRun
-from factory.stores.stored_logs import StoredLogs, open_stored
+from factory.stores.generated import GeneratedStore, open_missions
 from twin.errors import InputError, StoreError
+from twin.records.logs import LogStore
 from twin.records.store import write_store
 from twin.records.tracks import read_tracks
 from twin.render.subject import read_subject
@@ -45,7 +45,7 @@ def store(imported: xr.Dataset, tmp_path_factory: pytest.TempPathFactory) -> Pat
 
 @pytest.fixture(scope="module")
 def og1(store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    (path,) = export_og1_logs(StoredLogs(store), range(3), tmp_path_factory.mktemp("og1"))
+    (path,) = export_og1_logs(LogStore(store), range(3), tmp_path_factory.mktemp("og1"))
     return path
 
 
@@ -56,7 +56,7 @@ def call(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, 
 
 
 def test_time_and_place_of_the_export_are_real(og1: Path, store: Path) -> None:
-    logs = StoredLogs(store)
+    logs = LogStore(store)
     with netCDF4.Dataset(og1) as file:
         time = np.asarray(file["TIME"][:])
         assert (np.diff(time) > 0.0).all()
@@ -103,7 +103,7 @@ def test_what_a_profiler_measured_stays_as_sparse_as_it_was(
     sparse = np.full(imported["measured_depth"].shape, np.nan)
     sparse[:, 5:40:7] = 0.3
     data = imported.assign(true_surge=(("mission", "time"), sparse))
-    logs = StoredLogs(write_store(data, tmp_path / "profiler.zarr"))
+    logs = LogStore(write_store(data, tmp_path / "profiler.zarr"))
     again, _ = import_logs("og1", export_og1_logs(logs, range(3), tmp_path), period=PERIOD)
     np.testing.assert_allclose(again["true_surge"].values, sparse, atol=1e-6)
 
@@ -137,7 +137,7 @@ def test_an_exported_log_passes_the_cf_check(
 def test_what_was_bridged_is_no_measurement(imported: xr.Dataset, tmp_path: Path) -> None:
     holed = imported.copy(deep=True)
     holed["measured_gap"][1, 40:60] = 1.0
-    logs = StoredLogs(write_store(holed, tmp_path / "holed.zarr"))
+    logs = LogStore(write_store(holed, tmp_path / "holed.zarr"))
     (path,) = export_og1_logs(logs, [1], tmp_path)
     with netCDF4.Dataset(path) as file:
         assert np.ma.getmaskarray(file["PRES"][:])[40:60].all()
@@ -154,7 +154,7 @@ def test_water_and_currents_are_exported_by_deployment(tmp_path: Path) -> None:
         *write_seaglider(tmp_path / "SG2", Flight(dives=2), "SG2"),
     ]
     data, _ = import_logs("seaglider", files)
-    logs = StoredLogs(write_store(data, tmp_path / "two.zarr"))
+    logs = LogStore(write_store(data, tmp_path / "two.zarr"))
     paths = export_og1_logs(logs, range(len(logs)), tmp_path / "og1")
     assert len(paths) == 2
     for path, name in zip(paths, logs.deployments[:1] + logs.deployments[-1:], strict=True):
@@ -171,7 +171,7 @@ def test_water_and_currents_are_exported_by_deployment(tmp_path: Path) -> None:
 def test_parquet_of_a_log_says_when_and_where(store: Path, tmp_path: Path) -> None:
     import pyarrow.parquet as pq
 
-    logs = StoredLogs(store)
+    logs = LogStore(store)
     table = pq.read_table(export_parquet(logs, [0, 2], tmp_path / "real.parquet"))
     assert table.num_rows == logs.samples[0] + logs.samples[2]
     assert set(table["deployment"].to_pylist()) == {"unit1"}
@@ -185,7 +185,7 @@ def test_a_sound_log_is_sound(store: Path, capsys: pytest.CaptureFixture[str]) -
     code, out, err = call(capsys, "verify", store)
     assert (code, err) == (0, "")
     assert "sound: 3 dives" in out
-    report = verify_logs(StoredLogs(store))
+    report = verify_logs(LogStore(store))
     assert all(check.done for check in report.checks)
 
 
@@ -209,7 +209,7 @@ def test_damage_is_found_and_named(
     data = imported.copy(deep=True).pad(time=(0, 1))
     data["time"] = ("time", PERIOD * np.arange(data.sizes["time"]), imported["time"].attrs)
     damage(data)  # type: ignore[operator]
-    report = verify_logs(StoredLogs(write_store(data, tmp_path / "bad.zarr")))
+    report = verify_logs(LogStore(write_store(data, tmp_path / "bad.zarr")))
     found = {c.name: c.problems for c in report.checks if c.problems}
     assert check in found, found
     assert any(words in problem for problem in found[check]), found
@@ -220,7 +220,7 @@ def test_an_unreadable_chunk_is_named(imported: xr.Dataset, tmp_path: Path) -> N
     for chunk in (path / "measured_roll" / "c").rglob("*"):
         if chunk.is_file():
             chunk.write_bytes(b"cut")
-    chunks = next(c for c in verify_logs(StoredLogs(path)).checks if c.name == "chunks")
+    chunks = next(c for c in verify_logs(LogStore(path)).checks if c.name == "chunks")
     assert chunks.problems
     assert "measured_roll of mission 0 cannot be read" in chunks.problems[0]
 
@@ -231,18 +231,18 @@ def test_a_log_is_not_replayed(store: Path, capsys: pytest.CaptureFixture[str]) 
     assert len(err.strip().splitlines()) == 1
     assert "logs of real vehicles, which cannot be flown again" in err
     with pytest.raises(StoreError, match="cannot be flown again"):
-        StoredRun(store)
+        GeneratedStore(store)
 
 
 def test_both_kinds_of_store_are_opened(store: Path, paper_store: Path) -> None:
-    assert isinstance(open_stored(store), StoredLogs)
-    assert isinstance(open_stored(paper_store), StoredRun)
+    assert isinstance(open_missions(store), LogStore)
+    assert isinstance(open_missions(paper_store), GeneratedStore)
 
 
 def test_the_page_shows_where_how_deep_and_how(
     store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    logs = StoredLogs(store)
+    logs = LogStore(store)
     figure = deployment_page(logs, "unit1")
     assert "unit1" in figure.get_suptitle()
     assert "2023-11-14" in figure.get_suptitle()
@@ -267,7 +267,7 @@ def test_currents_are_drawn_and_pages_are_named_by_deployment(
     files = [f for n in ("SG1", "SG2") for f in write_seaglider(tmp_path / n, FLIGHT, n)]
     data, _ = import_logs("seaglider", files)
     path = write_store(data, tmp_path / "two.zarr")
-    logs = StoredLogs(path)
+    logs = LogStore(path)
     assert logs.current(0) == pytest.approx((FLIGHT.north, FLIGHT.east))
     page = deployment_page(logs, logs.deployments[0])
     page.draw_without_rendering()
@@ -285,7 +285,7 @@ def test_better_currents_come_first(imported: xr.Dataset, tmp_path: Path) -> Non
         {name: ("mission", np.full(3, 0.1 * k)) for k, name in
          enumerate(("vehicle_dac_north", "vehicle_dac_east", "dac_north", "dac_east"))}
     )  # fmt: skip
-    logs = StoredLogs(write_store(data, tmp_path / "currents.zarr"))
+    logs = LogStore(write_store(data, tmp_path / "currents.zarr"))
     assert logs.current(1) == pytest.approx((0.0, 0.1))
 
 
@@ -298,7 +298,7 @@ def test_info_lists_deployments(store: Path, capsys: pytest.CaptureFixture[str])
 
 def test_a_mission_that_is_not_there_is_told(store: Path, tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"missions 0 to 2, not 7"):
-        export_og1_logs(StoredLogs(store), [7], tmp_path)
+        export_og1_logs(LogStore(store), [7], tmp_path)
 
 
 @pytest.mark.parametrize("words", [["info"], ["plot"], ["export", "--to", "parquet"]])
@@ -356,6 +356,6 @@ def test_verify_names_an_array_that_is_gone(store: Path, tmp_path: Path) -> None
     cut = tmp_path / "cut.zarr"
     shutil.copytree(store, cut)
     shutil.rmtree(cut / "measured_pitch")
-    report = verify_logs(StoredLogs(cut))
+    report = verify_logs(LogStore(cut))
     assert not report.ok
     assert report.checks[0].problems == ["array 'measured_pitch' is gone"]

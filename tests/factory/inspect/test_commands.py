@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -12,12 +13,12 @@ from typing import Any
 import pytest
 
 from factory.__main__ import PROGRAM
-from factory.commands.generate import raw_bytes
+from factory.commands.generate import BLAS_THREADS, raw_bytes
 from factory.recipe.overrides import read_changes
 from factory.recipe.parameters import TABLE
 from factory.recipe.plan import check_room
 from factory.recipe.recipe import make_recipe
-from factory.stores.stored import StoredRun
+from factory.stores.generated import GeneratedStore
 from twin.errors import InputError
 from twin.records.schema import SIMULATED
 
@@ -75,11 +76,11 @@ def test_overrides_come_from_a_file_and_from_words_which_win(
         capsys, *words, "--set", "current.speed=uniform(0.01,0.02)", "mission.kind=spiral"
     )
     assert code == 0, err
-    made = StoredRun(store)
-    pitch, speed = made.small("mission_pitch_deg"), made.small("current_speed")
+    made = GeneratedStore(store)
+    pitch, speed = made.array("mission_pitch_deg"), made.array("current_speed")
     assert ((pitch >= 20) & (pitch <= 22) | (pitch != pitch)).all()
     assert ((speed >= 0.01) & (speed <= 0.02)).all()
-    assert set(made.small("mission_kind").ravel().tolist()) <= {1, -1}
+    assert set(made.array("mission_kind").ravel().tolist()) <= {1, -1}
 
 
 @pytest.mark.parametrize(
@@ -178,12 +179,21 @@ def test_float32_size_counts_every_sample_of_every_signal() -> None:
     assert raw_bytes(recipe) == 4 * len(SIMULATED) * samples
 
 
+def test_generating_leaves_the_environment_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(BLAS_THREADS, raising=False)
+    code = PROGRAM.main(["generate", "--hours", "0.06", "--out", str(tmp_path / "s.zarr")])
+    assert code == 0
+    assert BLAS_THREADS not in os.environ
+
+
 def test_generating_imports_no_library_that_it_does_not_need(tmp_path: Path) -> None:
     """They cost half a second, as much as flying three hours."""
     code = (
         "import sys; from factory.__main__ import PROGRAM;"
         f"code = PROGRAM.main(['generate', '--hours', '0.06', '--out', {str(tmp_path / 's')!r}]);"
-        "heavy = {'xarray', 'zarr', 'pandas', 'matplotlib', 'torch', 'gsw', 'netCDF4',"
+        "heavy = {'xarray', 'pandas', 'matplotlib', 'torch', 'gsw', 'netCDF4',"
         "'scipy.signal', 'scipy.optimize', 'scipy.integrate', 'dm_control'};"
         "sys.exit(code or ', '.join(sorted(heavy & set(sys.modules))) or 0)"
     )

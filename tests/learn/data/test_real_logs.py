@@ -16,7 +16,7 @@ from factory.importing import import_logs
 from factory.importing.dives.dive_rows import blocks
 from learn.data.dataset import Mission, load_missions
 from learn.data.features import INPUT_SETS, select_features
-from learn.data.logs import LogRow, filled, nearest
+from learn.data.logs import filled, nearest
 from learn.data.preparation import prepare
 from learn.evaluation.log_score import LogReference, score_row
 from learn.navigation.baselines.base import Estimate
@@ -27,6 +27,7 @@ from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError
+from twin.records.logs import LogRow
 from twin.records.store import open_store, write_store
 from twin.vehicle.vehicle import load_vehicle
 

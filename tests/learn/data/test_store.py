@@ -9,12 +9,13 @@ import pytest
 import xarray as xr
 from learn_missions import write_dataset, write_synthetic_store
 
-from learn.data.bounds import bounds
 from learn.data.dataset import load_missions
-from learn.data.missions import check_possible, content_hash, open_missions
 from twin.errors import StoreError
+from twin.records.attributes import SIMULATED_ATTRIBUTES
+from twin.records.content import content_hash
+from twin.records.limits import recorded_limits
+from twin.records.reader import MissionStore
 from twin.records.schema import VARIABLES
-from twin.records.store import GLOBAL_ATTRIBUTES
 
 CHANNELS = ("measured_pitch", "measured_depth", "true_surge")
 
@@ -55,7 +56,7 @@ def test_a_store_of_another_schema_is_refused(store, schema):
     with pytest.raises(StoreError) as caught:
         load_missions(store, CHANNELS)
     assert "attribute schema" in str(caught.value)
-    assert GLOBAL_ATTRIBUTES["schema"] in str(caught.value)
+    assert SIMULATED_ATTRIBUTES["schema"] in str(caught.value)
     assert schema is None or schema in str(caught.value)
 
 
@@ -92,19 +93,19 @@ def test_an_absurd_value_is_refused_with_its_place_and_the_way_out(tmp_path):
     store = write_synthetic_store(tmp_path / "a.zarr", [50, 60], [0, 1], edit=poke)
     with pytest.raises(StoreError) as caught:
         load_missions(store, ("measured_pump",))
-    for part in ("measured_pump of mission 1", "sample 7 (3.5 s)", "5000 cm3", "--without pump"):
+    for part in ("measured_pump of mission 1", "sample 7 (3.5 s)", "50000 cm3", "--without pump"):
         assert part in str(caught.value)
     assert len(load_missions(store, ("measured_pump",), split="train")) == 1
 
 
-def test_every_variable_has_bounds_and_a_missing_value_is_within_them():
+def test_every_variable_has_limits_and_a_missing_value_is_within_them(store):
+    reader = MissionStore(store)
     for name in VARIABLES:
-        low, high = bounds(name)
+        low, high = recorded_limits(name)
         assert low < high
-        values = np.array([low, high, np.nan])
-        check_possible(name, values, mission=0, period=1.0, store="s")
+        reader.check_possible(name, np.array([low, high, np.nan]), mission=0)
         with pytest.raises(StoreError, match=f"{name} of mission 0"):
-            check_possible(name, np.array([high * 1.01]), mission=0, period=1.0, store="s")
+            reader.check_possible(name, np.array([high * 1.01]), mission=0)
 
 
 def test_the_content_is_that_of_the_arrays_and_not_of_the_attributes(store, tmp_path):
@@ -117,7 +118,7 @@ def test_the_content_is_that_of_the_arrays_and_not_of_the_attributes(store, tmp_
     edit_metadata(copy / "zarr.json", rename)
     shutil.rmtree(copy / "measured_roll")
     assert content_hash(copy, CHANNELS) == before
-    open_missions(copy).close()
+    MissionStore(copy).close()
     (chunk,) = chunks(copy, "true_surge")
     chunk.write_bytes(chunk.read_bytes()[:-1])
     assert content_hash(copy, CHANNELS) != before

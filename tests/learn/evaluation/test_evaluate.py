@@ -8,7 +8,7 @@ import pytest
 from navigation import PERIOD, add_fixes, steady_mission, trimmed_mission, write_store
 
 from learn.data.dataset import Mission, load_missions
-from learn.evaluation.evaluation import evaluate, nominal_vehicle, visible
+from learn.evaluation.evaluation import evaluate, visible
 from learn.evaluation.score import Reference, score_mission, summarise_scores
 from learn.evaluation.tracks import TrackCollector
 from learn.evaluation.uncertainty import Coverage, ErrorModel, fit_error_model
@@ -16,6 +16,7 @@ from learn.navigation.baselines.base import Estimate
 from learn.navigation.baselines.registry import BASELINES
 from twin.cli.console import to_json
 from twin.errors import InputError, StoreError
+from twin.records.reader import MissionStore
 from twin.records.tracks import read_tracks
 from twin.vehicle.vehicle import load_vehicle
 
@@ -189,8 +190,10 @@ def test_baselines_never_see_truth(store):
 
 def test_the_nominal_vehicle_comes_from_the_store(tmp_path):
     slocum = load_vehicle("slocum")
-    assert nominal_vehicle({"vehicle_mjcf": slocum.xml}, tmp_path).mass == slocum.mass
-    assert nominal_vehicle({}, tmp_path).mass == load_vehicle("glider").mass
+    path = write_store(tmp_path / "s.zarr", [], attributes={"vehicle_mjcf": slocum.xml})
+    assert MissionStore(path).vehicle.mass == slocum.mass
+    path = write_store(tmp_path / "plain.zarr", [])
+    assert MissionStore(path).vehicle.mass == load_vehicle("glider").mass
 
 
 def test_a_baseline_without_its_channels_is_left_out_and_said(missions, tmp_path):

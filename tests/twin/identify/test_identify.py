@@ -19,7 +19,6 @@ from twin.identify import (
     load_calibration,
     load_logs,
     motion_of,
-    store_hash,
 )
 from twin.identify.balance import balance
 from twin.identify.figure import residual_figure
@@ -29,6 +28,7 @@ from twin.identify.vehicle_file import vehicle_xml, write_vehicle
 from twin.mission.schedule import Schedule
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
+from twin.records.content import store_hash
 from twin.records.store import write_store
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 

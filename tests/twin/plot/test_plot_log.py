@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,9 @@ from twin.plot.caption import add_caption, mission_caption, place
 from twin.plot.logged_dive import GAP_COLOUR, gap_spans, log_figure, robust_limits
 from twin.plot.signals import centred_line, circular_mean
 from twin.plot.space import space_axes
+from twin.records.attributes import CONVENTIONS
+from twin.records.reader import MissionStore
+from twin.records.store import write_store
 from twin.records.trajectory import Trajectory
 
 
@@ -104,11 +108,11 @@ def test_the_vertical_speed_is_the_depth_rate() -> None:
     assert np.nanmin(rate) == pytest.approx(-100.0 / 15.0)
 
 
-def dataset(**attributes: str) -> xr.Dataset:
-    return xr.Dataset(attrs=attributes)
+def test_captions_tell_missions_apart(tmp_path: Path) -> None:
+    def written(name: str, data: xr.Dataset, **attributes: str) -> MissionStore:
+        data.attrs = {**CONVENTIONS, **attributes}
+        return MissionStore(write_store(data, tmp_path / name))
 
-
-def test_captions_tell_missions_apart() -> None:
     one = ("mission", np.array([7.0]))
     real = xr.Dataset(
         {
@@ -117,17 +121,17 @@ def test_captions_tell_missions_apart() -> None:
             "dive": one,
             "start_latitude": ("mission", np.array([49.57])),
             "start_longitude": ("mission", np.array([-57.9515])),
-        },
-        attrs={"comment": "Recorded by vehicles at sea."},
+        }
     )
-    assert mission_caption(real, 0, "real.zarr") == (
+    logged_at_sea = {"comment": "Recorded by vehicles at sea.", "source_format": "slocum"}
+    assert mission_caption(written("real.zarr", real, **logged_at_sea), 0) == (
         "unit334, mission 0, dive 7, 2023-09-20 14:43 UTC, 49.570°N 57.952°W"
     )
-    made = dataset(settings=json.dumps({"preset": "field", "seed": 3}))
-    assert (
-        mission_caption(made, 4, "d.zarr") == "d.zarr, mission 4, preset field, seed 3, simulated"
-    )
-    assert mission_caption(dataset(), 0, "d.zarr") == "d.zarr, mission 0, simulated"
+    settings = json.dumps({"preset": "field", "seed": 3})
+    made = written("d.zarr", xr.Dataset(), settings=settings)
+    assert mission_caption(made, 4) == "d.zarr, mission 4, preset field, seed 3, simulated"
+    bare = written("bare.zarr", xr.Dataset())
+    assert mission_caption(bare, 0) == "bare.zarr, mission 0, simulated"
     assert place(-12.5, 190.0) == "12.500°S 170.000°W"
 
 

@@ -112,6 +112,34 @@ def header_address(table, model):
     return address
 
 
+@jit
+def part_address(table, model, index):
+    """Address of part `index`, for the callback that is called for each; 0 when there is none.
+
+    Checks no more than what it needs: the whole block is checked by the other callbacks.
+    """
+    count = field(table, model, at.M_NUMERIC_COUNT)
+    if count < HEADER_WORDS:
+        return 0
+    address = field(table, model, at.M_NUMERIC_DATA) + 8 * count - HEADER_BYTES
+    head = header_at(address)
+    if head.magic != MAGIC or head.version != VERSION:
+        return 0
+    parts = head.parts
+    width = field(table, model, at.M_NU)
+    if not (
+        0 <= index < width
+        and width == field(table, model, at.M_NA)
+        and parts["start"] >= 0.0
+        and parts["size"] == PART_WORDS * width
+        and parts["start"] + parts["size"] <= head.words - HEADER_WORDS
+        and head.words <= count
+    ):
+        mju_error(mismatch_text())
+        return 0
+    return address + HEADER_BYTES - 8 * (int(head.words) - int(parts["start"]) - PART_WORDS * index)
+
+
 @inline
 def block_start(address, head):
     """Address of the block's first number."""
@@ -127,5 +155,10 @@ def table_of(start, part):
 @inline
 def part_at(start, head, index):
     """The part with this index; the caller checks that there is one."""
-    address = start + 8 * (int(head.parts["start"]) + PART_WORDS * index)
+    return part_here(start + 8 * (int(head.parts["start"]) + PART_WORDS * index))
+
+
+@inline
+def part_here(address):
+    """The part at `address`."""
     return numba.carray(as_void_pointer(address), 1, PART)[0]

@@ -68,6 +68,7 @@ HEADER = np.dtype(
         ("law", "f8"),  # code in the registry of hull laws
         ("law_values", TABLE),
         ("parts", TABLE),
+        ("acting", "f8"),  # 1: some part does more than displace volume at the CB
         # water
         ("current", TABLE),
         ("density", TABLE),

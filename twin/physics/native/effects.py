@@ -37,6 +37,7 @@ law_wrench = dispatch(
     _laws("native_wrench"),
     _UNKNOWN,
     module=__name__,
+    inline="always",
 )
 """(code, values, density, u, v, w, p, q, r) -> X, Y, Z, K, M, N of the hull."""
 
@@ -46,6 +47,7 @@ law_rate_damping = dispatch(
     _laws("native_rate_damping"),
     (math.nan, math.nan, math.nan),
     module=__name__,
+    inline="always",
 )
 """(code, values, timestep, density, u, v, w, p, q, r) -> step times rate damping."""
 

@@ -30,17 +30,6 @@ def load_f8(typingctx, address):
 
 
 @intrinsic
-def store_f8(typingctx, address, value):
-    """Write float64 `value` to `address`."""
-
-    def codegen(context, builder, signature, args):
-        builder.store(args[1], _pointer(builder, args[0], _F64))
-        return context.get_dummy_value()
-
-    return types.void(types.int64, types.float64), codegen
-
-
-@intrinsic
 def load_i8(typingctx, address):
     """The int64 (or pointer) at `address`."""
 

@@ -23,7 +23,9 @@ from twin.physics.native.access import (
     header_address,
     header_at,
     layout_table,
+    part_address,
     part_at,
+    part_here,
     state_of,
     table_of,
 )
@@ -185,7 +187,7 @@ def water(model, data):
         depth,
     )
     lift = density * total_volume * head.gravity
-    for k in range(count):
+    for k in range(count if head.acting != 0.0 else 0):
         part = part_at(start, head, k)
         place = part.place
         if part.gives_wrench != 0.0:
@@ -247,17 +249,12 @@ def water(model, data):
 def actuate(model, data, index):
     """d(act)/dt of part `index`; 0 for models that are not ours."""
     table = layout_table()
-    address = header_address(table, model)
+    address = part_address(table, model, index)
     if address == 0:
         return 0.0
-    head = header_at(address)
-    count = int(head.nu)
-    if index < 0 or index >= count:
-        return 0.0
-    part = part_at(block_start(address, head), head, index)
-    position = array(field(table, data, at.D_ACT), count)[index]
-    command = array(field(table, data, at.D_CTRL), count)[index]
-    return part_rate(part, position, command)
+    position = load_f8(field(table, data, at.D_ACT) + 8 * index)
+    command = load_f8(field(table, data, at.D_CTRL) + 8 * index)
+    return part_rate(part_here(address), position, command)
 
 
 @jit

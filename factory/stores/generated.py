@@ -1,0 +1,184 @@
+"""Generated: a store of `factory generate` read back, with everything that made it."""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from factory.generation.flown_mission import FailedAttempt
+from factory.generation.shards import SENSOR_PREFIX, UNUSED_CODE
+from factory.recipe.distribution import Distribution, Fixed, Value, parse_distribution
+from factory.recipe.given_current import GivenCurrent, stored_current
+from factory.recipe.parameter import Parameter
+from factory.recipe.parameters import Table, parameter_table
+from factory.recipe.sampling import Parameters
+from twin.errors import StoreError
+from twin.records.attributes import ATTEMPT, DURATION, FAILED_MISSIONS, SCENARIO, SENSORS, SETTINGS
+from twin.records.logs import LogStore
+from twin.records.reader import MissionStore
+from twin.sensors import SensorSuite
+
+
+class GeneratedStore(MissionStore):
+    """A store that `factory generate` made.
+
+    Raises:
+      StoreError: missing, damaged, of a newer schema, or not made by `factory generate`.
+    """
+
+    def __init__(self, path: str | Path):
+        super().__init__(path)
+        if self.logged:
+            raise StoreError(
+                f"store {self.path} holds logs of real vehicles, which cannot be flown again; "
+                "`factory verify` checks them"
+            )
+        try:
+            self.settings: dict[str, Any] = json.loads(self.attributes[SETTINGS])
+            self._failed = json.loads(self.attributes[FAILED_MISSIONS])
+            self.distributions: dict[str, Distribution] = {
+                name: parse_distribution(text, name)
+                for name, text in self.settings["distributions"].items()
+            }
+        except (KeyError, ValueError) as error:
+            if SCENARIO in self.attributes:
+                raise StoreError(
+                    f"store {self.path} is a mission of `twin simulate`; `twin plot` and `twin "
+                    "render` read it"
+                ) from error
+            raise StoreError(
+                f"store {self.path} was not made by `factory generate`, or its attributes are "
+                f"damaged ({type(error).__name__}: {error})"
+            ) from error
+
+    @property
+    def sensor_preset(self) -> str:
+        """Name of the sensor suite; `ideal` sensors have no errors."""
+        return str(self.attributes[SENSORS])
+
+    @property
+    def seed(self) -> int:
+        """Root of every random draw."""
+        return int(self.settings["seed"])
+
+    @functools.cached_property
+    def hours(self) -> float:
+        """Simulated time of all missions [h]."""
+        return float(self.array(DURATION).sum()) / 3600.0
+
+    @functools.cached_property
+    def table(self) -> Table:
+        """Every parameter of missions of the vehicle."""
+        return parameter_table(self.vehicle)
+
+    @functools.cached_property
+    def suite(self) -> SensorSuite:
+        """The sensors, from their settings in the store."""
+        return SensorSuite.from_settings(self.settings["sensors"])
+
+    @functools.cached_property
+    def given_current(self) -> GivenCurrent | None:
+        """The current of all missions; None when each has its own."""
+        description = self.settings.get("current")
+        if description is None:
+            return None
+        return stored_current(description, float(self.array(DURATION).max()))
+
+    def attempt(self, mission: int) -> int:
+        """The attempt that made the stored mission."""
+        return int(self.array(ATTEMPT)[mission])
+
+    def parameters(self, mission: int) -> Parameters:
+        """What the mission was made of.
+
+        Raises:
+          StoreError: the factory that made the store knew other parameters.
+        """
+        changed = sorted(self.distributions.keys() ^ self.table.keys())
+        if changed:
+            raise StoreError(
+                f"store {self.path} was made by a factory with other parameters "
+                f"({', '.join(changed)}): verify and replay it with glider-twin "
+                f"{self.settings['versions']['glider-twin']} as it was then"
+            )
+        values: dict[str, Value] = {}
+        columns: dict[str, list[Value]] = {}
+        for name, parameter in self.table.items():
+            if name == "mission.duration_h":
+                continue
+            if parameter.per_segment:
+                columns[name] = self._segments(parameter, mission)
+            else:
+                values[name] = self._value(parameter, mission)
+        kinds = columns["mission.kind"]
+        count = sum(isinstance(kind, str) for kind in kinds)
+        return Parameters(
+            duration_s=float(self.array(DURATION)[mission]),
+            values=values,
+            segments=tuple(
+                {name: column[i] for name, column in columns.items()} for i in range(count)
+            ),
+        )
+
+    def _value(self, parameter: Parameter, mission: int) -> Value:
+        if parameter.variable not in self:
+            distribution = self.distributions[parameter.name]
+            if isinstance(distribution, Fixed):
+                return distribution.value
+            raise StoreError(f"store {self.path} lacks the array {parameter.variable!r}")
+        return self._word(parameter, self.array(parameter.variable)[mission])
+
+    def _segments(self, parameter: Parameter, mission: int) -> list[Value]:
+        if parameter.variable not in self:
+            return [math.nan] * int(self.dataset.sizes["segment"])
+        row = self.array(parameter.variable)[mission]
+        return [self._word(parameter, value) for value in row]
+
+    def _word(self, parameter: Parameter, value: Any) -> Value:
+        words = self.flags(parameter.variable)
+        if not words:
+            return float(value)
+        return math.nan if value == UNUSED_CODE else words[int(value)]
+
+    def sensor_constants(self, mission: int) -> dict[str, float]:
+        """The sensors' constants of a mission; those that no mission has are 0."""
+        return {
+            name: float(self.array(SENSOR_PREFIX + name)[mission])
+            if SENSOR_PREFIX + name in self
+            else 0.0
+            for name in self.suite.drawn_units()
+        }
+
+    def failures(self) -> list[tuple[int, FailedAttempt]]:
+        """The attempts that were replaced, with their missions."""
+
+        def filled(values: Mapping[str, Any]) -> dict[str, Value]:
+            return {name: math.nan if value is None else value for name, value in values.items()}
+
+        return [
+            (
+                item["mission"],
+                FailedAttempt(
+                    attempt=item["attempt"],
+                    reason=item["reason"],
+                    time_s=item["time_s"],
+                    values=filled(item["parameters"]),
+                    segments=tuple(filled(segment) for segment in item["segments"]),
+                ),
+            )
+            for item in self._failed
+        ]
+
+
+def open_missions(path: str | Path) -> GeneratedStore | LogStore:
+    """The store as what it is: flown by the factory, or logged at sea.
+
+    Raises:
+      StoreError: it cannot be read, or is neither.
+    """
+    with MissionStore(path) as store:
+        return LogStore(path) if store.logged else GeneratedStore(path)

@@ -1,0 +1,29 @@
+"""Nothing moves: the arrays of an hour of each preset are those of e2ff189, bit for bit.
+
+Ten hours of each are compared by `python benchmarks/unchanged_arrays.py`. Another version of
+MuJoCo, numba or numpy may change last bits; with the pinned ones a difference is a changed
+simulation.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from unchanged import PRESETS, SEED, array_hashes, differences, expected_hashes
+
+from factory.generation.bulk import generate
+from factory.recipe.recipe import make_recipe
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_an_hour_has_the_same_arrays(tmp_path: Path, preset: str) -> None:
+    store = tmp_path / "missions.zarr"
+    generate(make_recipe(preset=preset, hours=1.0, seed=SEED), store, workers=2)
+    assert differences(array_hashes(store), expected_hashes(1, preset)) == []
+
+
+def test_a_changed_array_is_named() -> None:
+    kept = expected_hashes(1, "paper")
+    assert differences({**kept, "true_surge": "other"}, kept) == ["true_surge"]
+    assert differences({**kept, "new": "x"}, kept) == ["new"]

@@ -1,0 +1,85 @@
+"""Stores and a run that e2ff189 made, kept as they were, are read as they were then."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from factory.inspect.replay import replay_mission
+from factory.inspect.verify import verify_store
+from factory.inspect.verify_logs import verify_logs
+from factory.stores.generated import GeneratedStore, open_missions
+from learn.runs.run import open_run
+from learn.studies.run_evaluation import evaluate_run
+from twin.identify import load_logs
+from twin.records.logs import LogStore
+from twin.records.reader import MissionStore
+from twin.records.schema import SIMULATED
+from twin.records.store import read_trajectory
+
+KEPT = Path(__file__).resolve().parents[1] / "data" / "e2ff189"
+SIMULATED_STORE, LOG_STORE, RUN = KEPT / "simulated.zarr", KEPT / "logged.zarr", KEPT / "run"
+
+
+def test_the_simulated_store_is_read_whole() -> None:
+    store = open_missions(SIMULATED_STORE)
+    assert isinstance(store, GeneratedStore)
+    assert store.attributes["schema_version"] == 1
+    assert (store.kind, len(store), store.period, store.seed) == ("simulated", 3, 0.5, 11)
+    assert sorted(store.splits) == ["test", "train", "validation"]
+    assert store.vehicle.name == "seawing"
+    trajectory = read_trajectory(SIMULATED_STORE, 1)
+    assert set(trajectory.signals) == set(SIMULATED)
+    assert len(trajectory.time) == store.samples[1]
+    report = verify_store(store)
+    assert report.ok, [check.problems for check in report.checks]
+
+
+def test_its_missions_fly_again() -> None:
+    comparison = replay_mission(GeneratedStore(SIMULATED_STORE), 0)
+    assert comparison.identical or comparison.other_versions
+
+
+def test_the_store_of_logs_is_read_whole() -> None:
+    store = open_missions(LOG_STORE)
+    assert isinstance(store, LogStore)
+    assert (store.kind, store.source, len(store), store.period) == ("logged", "slocum", 2, 2.0)
+    assert MissionStore(LOG_STORE).vehicle.name == "slocum"
+    assert store.log_rows[1].follows(store.log_rows[0])
+    report = verify_logs(store)
+    assert report.ok, [check.problems for check in report.checks]
+    trajectory = read_trajectory(LOG_STORE, 1)
+    assert float(np.nanmax(trajectory["measured_depth"])) == pytest.approx(30.0, abs=1.0)
+    assert len(load_logs(LOG_STORE)) == 2
+
+
+def flat(value: Any, path: str = "") -> dict[str, Any]:
+    """Every leaf of a JSON value by its path."""
+    if isinstance(value, dict):
+        return {k: v for key in value for k, v in flat(value[key], f"{path}/{key}").items()}
+    if isinstance(value, list):
+        return {k: v for i, x in enumerate(value) for k, v in flat(x, f"{path}/{i}").items()}
+    return {path: value}
+
+
+@pytest.mark.parametrize(
+    ("store", "figures"),
+    [(SIMULATED_STORE, "evaluate_simulated.json"), (LOG_STORE, "evaluate_logged.json")],
+)
+def test_the_run_is_evaluated_with_the_same_figures(store: Path, figures: str) -> None:
+    expected = flat(json.loads((KEPT / figures).read_text()))
+    for place in ("/run", "/store", "/report", "/tracks"):
+        del expected[place]
+    found = flat(evaluate_run(open_run(RUN), store).figures)
+    assert found.keys() >= expected.keys()
+    for name, value in expected.items():
+        if isinstance(value, float) and math.isfinite(value):
+            # another processor may sum in another order
+            assert found[name] == pytest.approx(value, rel=1e-6, abs=1e-9), name
+        else:
+            assert found[name] == value, name

@@ -1,0 +1,68 @@
+"""Attributes: the names that a store's own attributes and its bookkeeping arrays have.
+
+They stand here and nowhere else, so that what a store says about itself has one spelling.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from twin.records.schema import SCHEMA_VERSION
+
+SCHEMA, VERSION = "schema", "schema_version"
+"""Whose layout a store has, and which version of it."""
+TITLE, COMMENT, SOURCE, HISTORY = "title", "comment", "source", "history"
+SAMPLE_PERIOD = "sample_period_s"
+"""[s] between samples; stores of `factory generate` have it in their settings."""
+
+SETTINGS, CHANGES = "settings", "changes"
+"""JSON: everything that decides what `factory generate` makes, and what of it a user changed."""
+PRESET, SEED, HOURS, SENSORS = "preset", "seed", "hours", "sensors"
+FAILED_MISSIONS = "failed_missions"
+"""JSON list of the attempts that were replaced."""
+VEHICLE_MJCF, VEHICLE_SHA256 = "vehicle_mjcf", "vehicle_sha256"
+SCENARIO = "scenario"
+"""JSON of the scenario that `twin simulate` flew."""
+
+SOURCE_FORMAT = "source_format"
+"""Which kind of log was imported: the mark of a store of logs."""
+IMPORT_REPORT, PLATFORM, FILES = "import_report", "platform", "files"
+PROGRAM_VERSION = "glider_twin_version"
+
+N_SAMPLES, SPLIT, DURATION, ATTEMPT = "n_samples", "split", "duration", "attempt"
+"""Arrays over missions."""
+DEPLOYMENT, START_TIME, DIVE_DURATION, DIVE = "deployment", "start_time", "dive_duration", "dive"
+"""Arrays over the dives of a store of logs."""
+
+SPLITS = ("train", "validation", "test")
+"""Parts of a store, by their flag. A mission belongs to exactly one."""
+
+CONVENTIONS = {
+    "Conventions": "CF-1.11",
+    SCHEMA: "glider-twin missions",
+    VERSION: SCHEMA_VERSION,
+}
+"""What every store says."""
+SIMULATED_ATTRIBUTES = {
+    **CONVENTIONS,
+    TITLE: "Simulated underwater vehicle missions",
+    COMMENT: "Simulated data. NED frame with its origin at each mission's start; body axes "
+    "forward, starboard, down about the centre of buoyancy.",
+}
+"""What every store of simulated missions says."""
+
+
+def is_logged(attributes: Mapping[str, Any]) -> bool:
+    """Whether these are the attributes of a store of logs, which `factory import` wrote."""
+    return SOURCE_FORMAT in attributes
+
+
+def says_simulated(attributes: Mapping[str, Any]) -> bool:
+    """Whether logs were made by a simulation, by their store's comment."""
+    return "simulated" in str(attributes.get(COMMENT, ""))
+
+
+def is_missions(attributes: Mapping[str, Any]) -> bool:
+    """Whether these are the attributes of a store of missions, simulated or logged."""
+    return attributes.get(SCHEMA) == CONVENTIONS[SCHEMA]

@@ -1,0 +1,93 @@
+"""Limits: the values that a variable can have, whatever the vehicle and the mission.
+
+They are wide: what lies outside is damage, a sentinel, a wrong unit, or a simulation that has run
+away. One row is one quantity; a variable has the first row whose unit is its own and whose ending
+its name has.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from twin.records.schema import variable
+
+
+class Quantity(NamedTuple):
+    """The limits of every variable of a unit whose name ends so."""
+
+    units: str
+    ending: str
+    recorded: tuple[float, float]
+    """Of any channel that a store holds: what a sensor can say, noise and saturation included."""
+    simulated: tuple[float, float] | None = None
+    """Of the truth and the commands of a simulation, where these must be closer: a simulation has
+    no noise and no full scale, and one that runs away must be told before its numbers overflow.
+    """
+
+
+TABLE: tuple[Quantity, ...] = (
+    # the deepest sea has 10 935 m; waves and pressure offsets lift a vehicle out of it
+    Quantity("m", "depth", (-20.0, 12_000.0)),
+    # half a hull
+    Quantity("m", "shift", (-1.0, 1.0)),
+    # a quarter of the way round the Earth; 1000 km in one simulated mission
+    Quantity("m", "", (-1e7, 1e7), (-1e6, 1e6)),
+    # no glider swims 5 m/s; a Doppler log's single ping may say so
+    Quantity("m s-1", "", (-10.0, 10.0), (-5.0, 5.0)),
+    # small gyroscopes end at 2000 degree/s
+    Quantity("rad s-1", "", (-35.0, 35.0), (-10.0, 10.0)),
+    # small accelerometers end at 16 times gravity
+    Quantity("m s-2", "", (-160.0, 160.0), (-100.0, 100.0)),
+    # other programs count headings from -180; ours from 0
+    Quantity("degree", "heading", (-180.0, 360.0), (0.0, 360.0)),
+    Quantity("degree", "pitch", (-90.0, 90.0)),
+    Quantity("degree", "roll", (-180.0, 180.0)),
+    Quantity("degree", "fin", (-90.0, 90.0)),
+    # a turn either way
+    Quantity("degree", "", (-360.0, 360.0), (-180.0, 360.0)),
+    # small gliders pump less than a litre, flying wings some tens of litres
+    Quantity("cm3", "", (-50_000.0, 50_000.0)),
+    Quantity("kg", "", (-100.0, 100.0)),
+    # fresh water at the surface to brine at the deepest bottom, and air in a cell
+    Quantity("kg m-3", "", (900.0, 1100.0)),
+    Quantity("dbar", "", (-20.0, 12_000.0)),
+    # freezing brine to a deck in the sun
+    Quantity("degree_Celsius", "", (-5.0, 45.0)),
+    Quantity("1", "immersion", (-1e-6, 1.0 + 1e-6)),
+    Quantity("1", "dvl_mode", (0.0, 2.0)),
+    Quantity("1", "salinity", (0.0, 50.0)),
+    Quantity("1", "phase", (0.0, 3.0)),
+    Quantity("1", "gap", (0.0, 1.0)),
+    # numbers of segments, -1 before the first
+    Quantity("1", "", (-1.0, 1000.0)),
+)
+
+
+def quantity(name: str) -> Quantity:
+    """The row of a variable of the schema.
+
+    Raises:
+      KeyError: no such variable, with the nearest name.
+      LookupError: its unit has no limits yet.
+    """
+    found = variable(name)
+    if found.limits is not None:  # a signal that a sensor brought, with limits of its own
+        return Quantity(found.units, name, found.limits)
+    units = found.units
+    for row in TABLE:
+        if row.units == units and name.endswith(row.ending):
+            return row
+    raise LookupError(f"variable {name!r}: add limits for the unit {units!r} to {__name__}.TABLE")
+
+
+def recorded_limits(name: str) -> tuple[float, float]:
+    """Lowest and highest value of a variable in any store, in its unit."""
+    return quantity(name).recorded
+
+
+def simulated_limits(name: str) -> tuple[float, float]:
+    """As `recorded_limits`, of a simulated mission: truth and commands have closer ones."""
+    row = quantity(name)
+    if name.startswith("measured_") or row.simulated is None:
+        return row.recorded
+    return row.simulated

@@ -1,0 +1,206 @@
+"""Logs: a store of dives that vehicles have logged, with real time and place.
+
+A row of such a store is one dive, from GPS fix to GPS fix where there are any.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import StoreError
+from twin.geodesy import position
+from twin.records.attributes import (
+    DEPLOYMENT,
+    DIVE_DURATION,
+    FILES,
+    IMPORT_REPORT,
+    PLATFORM,
+    START_TIME,
+    says_simulated,
+)
+from twin.records.reader import MissionStore
+from twin.water.current.origin import HIGHEST_LATITUDE
+
+Array = NDArray[np.float64]
+
+NANOSECONDS = 1e9
+CURRENTS = (("vehicle_dac_north", "vehicle_dac_east"), ("dac_north", "dac_east"))
+"""Depth-averaged currents that a store may have, the better ones first: as the vehicle or its
+basestation reported them, from a flight model, or the import's, from depth rate and pitch."""
+FOLLOWS_WITHIN = 3600.0
+"""[s] between the end of a dive and the start of the next for their currents to be alike."""
+OVERLAP = 1.0
+"""[s] by which a dive may seem to start before the other's end: rounding of times."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LogRow:
+    """One dive of a log."""
+
+    deployment: str
+    start: float
+    """[s] unix time of its first sample; NaN where the store does not say"""
+    duration: float
+    """[s] between its ends; NaN where the store does not say"""
+    displacement: tuple[float, float] | None
+    """North, east [m] over ground between its fixes; None without both."""
+
+    def follows(self, before: LogRow) -> bool:
+        """Whether it belongs to the same deployment and starts shortly after the other ends."""
+        gap = self.start - (before.start + before.duration)
+        return self.deployment == before.deployment and -OVERLAP <= gap < FOLLOWS_WITHIN
+
+
+def log_rows(store: MissionStore) -> list[LogRow]:
+    """What a store says of each mission beside its signals, as of a dive."""
+    count = len(store)
+    deployments = store.array(DEPLOYMENT) if DEPLOYMENT in store else [""] * count
+    starts, durations = start_times(store), numbers(store, DIVE_DURATION)
+    moved = np.stack([numbers(store, f"displacement_{n}") for n in ("north", "east")], axis=1)
+    return [
+        LogRow(
+            deployment=str(deployments[k]),
+            start=float(starts[k]),
+            duration=float(durations[k]),
+            displacement=(
+                (float(moved[k, 0]), float(moved[k, 1])) if np.isfinite(moved[k]).all() else None
+            ),
+        )
+        for k in range(count)
+    ]
+
+
+def numbers(store: MissionStore, name: str) -> Array:
+    """A number of each mission, (mission,); NaN where the store has no such array."""
+    if name not in store:
+        return np.full(len(store), np.nan)
+    return np.asarray(store.array(name), float)
+
+
+def start_times(store: MissionStore) -> Array:
+    """Unix time [s] of each mission's first sample, (mission,); NaN where it is not known."""
+    if START_TIME not in store:
+        return np.full(len(store), np.nan)
+    values = store.array(START_TIME)
+    if np.issubdtype(values.dtype, np.datetime64):
+        values = values.astype("datetime64[ns]").astype(np.int64) / NANOSECONDS
+    return np.asarray(values, float)
+
+
+class LogStore(MissionStore):
+    """A store of logs; its missions are dives.
+
+    Raises:
+      StoreError: missing, damaged, of a newer schema, or no store of logs.
+    """
+
+    def __init__(self, path: str | Path):
+        super().__init__(path)
+        if not self.logged:
+            raise StoreError(
+                f"store {path} was not made by `factory import`: its missions are flown"
+            )
+        for name in (DEPLOYMENT, START_TIME):
+            if name not in self.dataset.variables:
+                raise StoreError(f"store {path} of logs has no array {name}; import the logs again")
+        self.report: dict[str, Any] = self.json(IMPORT_REPORT)
+
+    @property
+    def source(self) -> str:
+        """Kind of the logs: slocum, seaglider, seaexplorer ..."""
+        return str(self.report["kind"])
+
+    @property
+    def platform(self) -> str:
+        """Names of the vehicles."""
+        return str(self.attributes.get(PLATFORM, "unknown"))
+
+    @property
+    def files(self) -> str:
+        """Names of the files that were imported, with spaces between; empty where unknown."""
+        return str(self.attributes.get(FILES, ""))
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the logs themselves say that they are of a simulation."""
+        return says_simulated(self.attributes)
+
+    @functools.cached_property
+    def log_rows(self) -> list[LogRow]:
+        """What the store says of each dive beside its signals."""
+        return log_rows(self)
+
+    @functools.cached_property
+    def deployments(self) -> list[str]:
+        """Name of each dive's deployment."""
+        return [str(name) for name in self.array(DEPLOYMENT)]
+
+    @functools.cached_property
+    def starts(self) -> Array:
+        """Unix time [s] of each dive's first sample."""
+        return start_times(self)
+
+    def number(self, name: str) -> Array:
+        """A number of each dive; NaN where the store has no such array."""
+        return numbers(self, name)
+
+    @functools.cached_property
+    def hours(self) -> float:
+        """Logged time of all dives [h]."""
+        return float(self.samples.sum()) * self.period / 3600.0
+
+    def missions_of(self, deployment: str) -> list[int]:
+        """Dives of a deployment, in order of time."""
+        chosen = [k for k, name in enumerate(self.deployments) if name == deployment]
+        return sorted(chosen, key=lambda k: self.starts[k])
+
+    def time(self, mission: int) -> Array:
+        """Unix time [s] of each sample of a dive."""
+        return np.asarray(self.starts[mission] + self.period * np.arange(self.samples[mission]))
+
+    def signal(self, name: str, mission: int) -> Array:
+        """A signal of a dive without padding; NaN where the store has no such signal."""
+        count = int(self.samples[mission])
+        if name not in self:
+            return np.full(count, np.nan)
+        return self.row(name, mission)[:count].astype(float)
+
+    def fixes(self, mission: int) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Latitude and longitude [degree] at the start and at the end of a dive; NaN without."""
+        names = ("start_latitude", "start_longitude", "end_latitude", "end_longitude")
+        a, b, c, d = (float(self.number(name)[mission]) for name in names)
+        return (a, b), (c, d)
+
+    def current(self, mission: int) -> tuple[float, float]:
+        """Depth-averaged current [m/s] of a dive, north and east; NaN when the store has none."""
+        for names in CURRENTS:
+            north, east = (float(self.number(name)[mission]) for name in names)
+            if np.isfinite(north) and np.isfinite(east):
+                return north, east
+        return np.nan, np.nan
+
+    def positions(self, mission: int) -> tuple[Array, Array, str]:
+        """Latitude and longitude [degree] of a dive's samples, and how they were found.
+
+        The vehicle's own track where it logged one, else a straight line in time between the two
+        fixes; NaN where neither is known.
+        """
+        start, end = self.fixes(mission)
+        count = int(self.samples[mission])
+        if not np.isfinite(start).all():
+            return np.full(count, np.nan), np.full(count, np.nan), "unknown"
+        north, east = (self.signal(f"measured_onboard_{n}", mission) for n in ("north", "east"))
+        if np.isfinite(north).any() and abs(start[0]) <= HIGHEST_LATITUDE:
+            return *position(north, east, *start), "on-board track"
+        if not np.isfinite(end).all():
+            return np.full(count, np.nan), np.full(count, np.nan), "unknown"
+        share = np.linspace(0.0, 1.0, count)
+        turn = (end[1] - start[1] + 180.0) % 360.0 - 180.0
+        latitude = start[0] + share * (end[0] - start[0])
+        return latitude, start[1] + share * turn, "straight line between GPS fixes"

@@ -1,0 +1,322 @@
+"""Reader: a store of missions opened, simulated or logged, with the checks that reading needs.
+
+What xarray lets pass would be used silently: it counts samples where there is no time, and reads
+an array whose files are gone as NaN. Every error names the store and, where there is one, the array
+and the mission.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import StoreError, unknown_name
+from twin.records.attributes import (
+    CONVENTIONS,
+    HISTORY,
+    N_SAMPLES,
+    SAMPLE_PERIOD,
+    SCENARIO,
+    SCHEMA,
+    SETTINGS,
+    SPLIT,
+    SPLITS,
+    VEHICLE_MJCF,
+    is_logged,
+    is_missions,
+)
+from twin.records.limits import recorded_limits
+from twin.records.schema import MISSION, TIME, VARIABLES
+from twin.records.store import check_arrays, gone_arrays, open_store, read_array
+from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Kind = Literal["simulated", "logged"]
+
+LEAST_SAMPLES = 2
+"""Of a mission: a rate takes two."""
+SPACING = 1e-3
+"""Part of the period by which steps of time may differ: rounding of float32 after a day."""
+LOGGED_VEHICLE = "slocum"
+"""Shipped vehicle that stands for the vehicles of logs, whose own file nobody has."""
+SIMULATED_VEHICLE = "glider"
+"""Shipped vehicle of simulated stores that do not say theirs."""
+
+
+class MissionStore:
+    """A complete store of missions: what simulated and logged ones have; a context manager.
+
+    Raises:
+      StoreError: missing, damaged, of a newer schema version, or of another schema.
+    """
+
+    def __init__(self, path: str | Path):
+        self.path = Path(path)
+        self.dataset: xr.Dataset = open_store(self.path)
+        if not is_missions(self.attributes):
+            self.close()
+            found = self.attributes.get(SCHEMA)
+            says = "no attribute" if found is None else "the attribute"
+            raise StoreError(
+                f"store {path} has {says} {SCHEMA}{'' if found is None else f' {found!r}'}, "
+                f"expected is {CONVENTIONS[SCHEMA]!r}: `factory generate`, `factory import` and "
+                "`twin simulate --out` write such stores"
+            )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __len__(self) -> int:
+        return int(self.dataset.sizes.get(MISSION, 0))
+
+    def __contains__(self, name: str) -> bool:
+        """Whether the store has an array of that name."""
+        return name in self.dataset
+
+    def close(self) -> None:
+        """Let go of the files."""
+        self.dataset.close()
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """What the store says about itself."""
+        return self.dataset.attrs
+
+    @property
+    def kind(self) -> Kind:
+        """Whether its missions were simulated or logged."""
+        return "logged" if is_logged(self.attributes) else "simulated"
+
+    @property
+    def logged(self) -> bool:
+        """Whether its missions are dives that a vehicle has logged."""
+        return self.kind == "logged"
+
+    @property
+    def history(self) -> str:
+        """When and how the store was made; empty where it does not say."""
+        return str(self.attributes.get(HISTORY, ""))
+
+    @functools.cached_property
+    def vehicle(self) -> Vehicle:
+        """The vehicle that flew the missions.
+
+        The MJCF text that the store holds, with the changes of its scenario; the shipped one that
+        stands for it where the store holds none.
+
+        Raises:
+          StoreError, VehicleError: the description is damaged.
+        """
+        if self.logged:
+            return load_vehicle(LOGGED_VEHICLE)
+        if SCENARIO in self.attributes:
+            described = self.json(SCENARIO)["vehicle"]
+            vehicle = parse_vehicle(described["mjcf"], Path(f"{described['name']}.xml"))
+            return vehicle.with_changes(described["changes"])
+        if VEHICLE_MJCF in self.attributes:
+            settings = self.json(SETTINGS) if SETTINGS in self.attributes else {}
+            name = settings.get("vehicle", self.path.stem)
+            return parse_vehicle(str(self.attributes[VEHICLE_MJCF]), Path(f"{name}.xml"))
+        return load_vehicle(SIMULATED_VEHICLE)
+
+    def json(self, attribute: str) -> Any:
+        """An attribute that holds JSON.
+
+        Raises:
+          StoreError: it is missing or damaged.
+        """
+        try:
+            return json.loads(self.attributes[attribute])
+        except (KeyError, ValueError, TypeError) as error:
+            raise StoreError(
+                f"store {self.path}: its attribute {attribute!r} cannot be read "
+                f"({type(error).__name__}: {error})"
+            ) from error
+
+    @property
+    def declared_period(self) -> float | None:
+        """[s] between samples by the store's attributes; None where they do not say."""
+        if SAMPLE_PERIOD in self.attributes:
+            return float(self.attributes[SAMPLE_PERIOD])
+        if SETTINGS in self.attributes:
+            return float(self.json(SETTINGS)[SAMPLE_PERIOD])
+        return None
+
+    @functools.cached_property
+    def period(self) -> float:
+        """[s] between samples.
+
+        Raises:
+          StoreError: no coordinate `time`, fewer than two samples, or unequal steps.
+        """
+        if TIME not in self.dataset.coords:
+            raise StoreError(
+                f"store {self.path} has no coordinate {TIME!r}, so that the time between samples "
+                "is not known; make it again"
+            )
+        time = self.array(TIME).astype(float)
+        if len(time) < LEAST_SAMPLES:
+            raise StoreError(
+                f"store {self.path} has {len(time)} sample per mission, which needs "
+                f"{LEAST_SAMPLES}; make it with longer missions"
+            )
+        steps = np.diff(time)
+        period = float(np.median(steps))
+        if not (period > 0.0 and np.allclose(steps, period, rtol=SPACING, atol=0.0)):
+            raise StoreError(
+                f"store {self.path} is not equally spaced in {TIME!r}; resample it first"
+            )
+        return period
+
+    @functools.cached_property
+    def samples(self) -> NDArray[np.int64]:
+        """Samples of each mission, (mission,); later ones are padding.
+
+        Raises:
+          StoreError: the store does not say.
+        """
+        if N_SAMPLES not in self:
+            raise StoreError(f"store {self.path} has no array {N_SAMPLES!r}; make it again")
+        return np.nan_to_num(self.array(N_SAMPLES).astype(float), nan=0.0).astype(np.int64)
+
+    def check_samples(self, missions: Sequence[int] | NDArray[np.intp], least: int = 1) -> None:
+        """Raise StoreError when a mission has too few samples, or more than the arrays."""
+        longest = self.dataset.sizes[TIME]
+        for mission in missions:
+            samples = self.samples[mission]
+            if not least <= samples <= longest:
+                raise StoreError(
+                    f"store {self.path} is damaged: {N_SAMPLES} of mission {mission} is {samples}; "
+                    f"its arrays allow {least} to {longest}; make the store again"
+                )
+
+    @functools.cached_property
+    def splits(self) -> list[str]:
+        """Name of each mission's split; CF flags (numbers with `flag_meanings`) and words are read.
+
+        Raises:
+          StoreError: the store does not say, or names another split.
+        """
+        if SPLIT not in self:
+            raise StoreError(
+                f"store {self.path} does not say which missions are for training (no array "
+                f"{SPLIT!r}); use --split all, or a store made by `factory generate`"
+            )
+        values = self.array(SPLIT)
+        if values.dtype.kind in "iuf":
+            table = self.flags(SPLIT)
+            words = [table.get(int(value), str(value)) for value in values]
+        else:
+            words = [v.decode() if isinstance(v, bytes) else str(v) for v in values]
+        for word in sorted(set(words) - set(SPLITS)):
+            raise StoreError(f"store {self.path}: {unknown_name('split', word, SPLITS)}")
+        return words
+
+    def flags(self, name: str) -> dict[int, str]:
+        """The words that the integers of an array stand for; empty when it has none."""
+        attributes = self.dataset[name].attrs
+        meanings = str(attributes.get("flag_meanings", "")).split()
+        values = np.atleast_1d(attributes.get("flag_values", np.arange(len(meanings))))
+        if len(values) != len(meanings):
+            raise StoreError(
+                f"store {self.path}: {name!r} has {len(values)} flag_values and {len(meanings)} "
+                "flag_meanings; make the store again"
+            )
+        return dict(zip((int(value) for value in values), meanings, strict=True))
+
+    def array(self, name: str) -> NDArray[Any]:
+        """A whole array.
+
+        Raises:
+          StoreError: the store has none of that name, or it is damaged.
+        """
+        if name not in self.dataset.variables:
+            raise StoreError(f"store {self.path} lacks the array {name!r}")
+        return read_array(self.dataset, name, self.path)
+
+    def signals(self) -> list[str]:
+        """Names of the signals (mission, time), in the schema's order."""
+        return [
+            name
+            for name in VARIABLES
+            if name in self and self.dataset[name].dims == (MISSION, TIME)
+        ]
+
+    def row(self, name: str, mission: int) -> NDArray[np.float32]:
+        """One signal of one mission, padding included, (time,).
+
+        Raises:
+          StoreError: its chunk is missing or damaged.
+        """
+        try:
+            return np.asarray(self.dataset[name][mission].values)
+        except Exception as error:  # whatever a decoder raises means damaged files
+            reason = " ".join(str(error).split())
+            raise StoreError(
+                f"store {self.path}: {name} of mission {mission} cannot be read "
+                f"({type(error).__name__}: {reason})"
+            ) from error
+
+    def rows(self, name: str, missions: Sequence[int] | NDArray[np.intp]) -> NDArray[Any]:
+        """One signal of some missions, padding included, (mission, time).
+
+        Raises:
+          StoreError: its files are gone or cannot be decoded.
+        """
+        some = self.dataset[[name]].isel({MISSION: missions}).transpose(MISSION, TIME)
+        return read_array(some, name, self.path)
+
+    def check_possible(
+        self, name: str, values: NDArray[Any], *, mission: int, advice: str = ""
+    ) -> None:
+        """Refuse a value that no vehicle can have: a single one would ruin a network's scales.
+
+        Args:
+          values: (time,); NaN is left to others.
+          advice: what else the reader may do about it, for the error.
+
+        Raises:
+          StoreError: names channel, mission, sample and what is possible.
+        """
+        if name not in VARIABLES:
+            return
+        low, high = recorded_limits(name)
+        bad = np.flatnonzero((values < low) | (values > high))
+        if bad.size:
+            unit = VARIABLES[name].units
+            raise StoreError(
+                f"store {self.path}: channel {name} of mission {mission} is "
+                f"{values[bad[0]]:.3g} at sample {bad[0]} ({bad[0] * self.period:.1f} s), possible "
+                f"are {low:g} to {high:g}{'' if unit == '1' else ' ' + unit}; repair the "
+                f"store{advice}"
+            )
+
+    def gone_arrays(self) -> list[str]:
+        """Arrays that the store's metadata name and whose files are gone."""
+        return gone_arrays(self.dataset, self.path)
+
+    def check_arrays(self) -> None:
+        """Raise StoreError when the files of an array are gone."""
+        check_arrays(self.dataset, self.path)
+
+    def check_mission(self, mission: int) -> None:
+        """Raise StoreError when there is no such mission."""
+        if not 0 <= mission < len(self):
+            raise StoreError(f"store {self.path} has missions 0 to {len(self) - 1}, not {mission}")
