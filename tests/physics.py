@@ -6,8 +6,7 @@ import mujoco
 import numpy as np
 
 from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector
-from twin.physics.mujoco_model import compile_model, parameter_block
-from twin.physics.native import block as b
+from twin.physics.mujoco_model import compile_model, header
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 DEEP = 1000.0
@@ -65,17 +64,13 @@ def added_mass_in_joint_space(model, data, added_mass: np.ndarray) -> np.ndarray
     return jacobian.T @ added_mass @ jacobian
 
 
-def block_of(model) -> np.ndarray:
-    return parameter_block(model)
-
-
 def hydrodynamic_wrench(model, data) -> np.ndarray:
-    """Water's wrench at the CB in FRD without buoyancy (gravity in the block is zero)."""
-    block = parameter_block(model)
-    before = block[b.P_GRAVITY]
-    block[b.P_GRAVITY] = 0.0
+    """Water's wrench at the CB in FRD without buoyancy (gravity in the header is zero)."""
+    head = header(model)
+    before = float(head["gravity"])
+    head["gravity"] = 0.0
     mujoco.mj_forward(model, data)
-    block[b.P_GRAVITY] = before
+    head["gravity"] = before
     hull = model.body("hull").id
     force, torque = data.xfrc_applied[hull, :3].copy(), data.xfrc_applied[hull, 3:].copy()
     torque += np.cross(data.xipos[hull] - data.xpos[hull], force)

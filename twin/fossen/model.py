@@ -123,6 +123,11 @@ class FossenModel:
         )
         low, high = self._law[0], self._law[1]
         given = np.asarray(initial_state.actuators, dtype=np.float64)
+        if given.size not in (0, low.size):
+            raise InputError(
+                f"the start has positions of {given.size} actuators, vehicle "
+                f"{self.vehicle.name!r} has {low.size}: {', '.join(self.vehicle.part_names)}"
+            )
         actuators0 = np.clip(given if given.size else self.vehicle.rest, low, high)
         run = integrate if method == "rk4" else _integrate_reference
         states, actuators, done = run(
@@ -185,7 +190,11 @@ class FossenModel:
         wanted = trim_positions(self.vehicle, shift, rotation, net_mass, positions)
         turning = self.vehicle.steered_index("heading")
         driven = self.vehicle.steered("speed") is not None
-        problem = SteadyProblem(self.parameters, wanted, turning, driven)
+        label = ", ".join(
+            f"{part.name} {part.text(float(position))}"
+            for part, position in zip(self.vehicle.parts, wanted, strict=True)
+        )
+        problem = SteadyProblem(self.parameters, wanted, turning, driven, label)
         return stable_motion(problem, self.vehicle.law.valid_angle)
 
     def trim(

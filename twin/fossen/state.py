@@ -40,8 +40,11 @@ class FossenState:
 
     def __post_init__(self) -> None:
         finite("time", self.time, ())
-        for name in ("position_ned", "attitude", "v_rel", "rates", "actuators"):
+        for name in ("position_ned", "attitude", "v_rel", "rates"):
             object.__setattr__(self, name, finite(name, getattr(self, name), (3,)))
+        object.__setattr__(
+            self, "actuators", finite("actuators", self.actuators, (np.size(self.actuators),))
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

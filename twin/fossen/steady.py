@@ -76,12 +76,23 @@ def down_axis(roll: float, pitch: float) -> Array:
 class SteadyProblem:
     """The steady equations at fixed positions of the parts, shape (parts,)."""
 
-    def __init__(self, p: Parameters, positions: Array, turning: int | None, driven: bool):
-        """`turning` is the index of the part that turns the vehicle; `driven`: by a propeller."""
+    def __init__(
+        self,
+        p: Parameters,
+        positions: Array,
+        turning: int | None,
+        driven: bool,
+        label: str = "",
+    ):
+        """`turning` is the index of the part that turns the vehicle; `driven`: by a propeller.
+
+        `label` says the positions in messages, in place of their bare numbers.
+        """
         self.p = p
         self.positions = np.asarray(positions, dtype=np.float64)
         self.turning = turning
         self.driven = driven
+        self.label = label
         carried = mass_distribution(p, self.positions)[0] - p.mass
         volume = pumped(p, self.positions)[0]
         self.net_mass = float(carried - p.reference_density * 1e-6 * volume)
@@ -95,7 +106,7 @@ class SteadyProblem:
 
     def text(self) -> str:
         """The positions as a message names them."""
-        return ", ".join(f"{value:g}" for value in self.positions)
+        return self.label or ", ".join(f"{value:g}" for value in self.positions)
 
     def _acceleration(self, nu_r: Array, down: Array) -> Array:
         no_current = np.zeros(3)

@@ -86,6 +86,7 @@ def compile_model(
         spec = mujoco.MjSpec.from_string(vehicle.xml)
     except ValueError as error:
         raise VehicleError(f"{_label(vehicle)}: {_first_line(error)}") from error
+    _check_free_joint(spec, vehicle)
     _write_inertia(spec, vehicle)
     if lean:
         _strip(spec)
@@ -322,6 +323,16 @@ def _strip(spec: mujoco.MjSpec) -> None:
     for site in list(spec.sites):
         if site.name not in used:
             spec.delete(site)
+
+
+def _check_free_joint(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
+    """Before compiling, which would blame a keyframe for the missing joint."""
+    joints = spec.body("hull").joints
+    if not joints or joints[0].type != mujoco.mjtJoint.mjJNT_FREE:
+        raise VehicleError(
+            f"{_label(vehicle)}: the free joint 'hull' (<freejoint name=\"hull\"/>) is missing: "
+            "put it first into body 'hull'"
+        )
 
 
 def _check_structure(model: mujoco.MjModel, vehicle: Vehicle) -> None:

@@ -105,7 +105,15 @@ def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass
             if part is None:
                 reader.fail(f"joint {joint.get('name')!r}", "driven by an actuator of its own")
             joints.append(part)
-            if joint.get("type", "hinge") == "slide":
+            sliding = joint.get("type", "hinge") == "slide"
+            other = slide if sliding else hinge
+            if other is not None:
+                reader.fail(
+                    f"the joints of body {name!r}",
+                    f"at most one slide and one hinge (type='slide', type='hinge'): {other!r} and "
+                    f"{part!r} both drive a {'slide' if sliding else 'hinge'}",
+                )
+            if sliding:
                 slide = part
             else:
                 hinge = part

@@ -57,6 +57,8 @@ def density_at(program, depth):  # type: ignore[no-untyped-def]
     if depth <= 0.0 or last == 0:
         return program[PROGRAM_HEADER]
     x = depth / program[1]
+    if not x >= 0.0:
+        return math.nan  # its step is no length: this profile is damaged
     if x >= last:
         return program[PROGRAM_HEADER + last]
     i = int(x)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from factory.flight.fly import build_mission, build_scenario, fly
-from factory.flight.vehicle_errors import ADDED_MASS_CELLS, apply_errors, spread_vehicle
+from factory.flight.vehicle_errors import ADDED_MASS_CELLS, spread_vehicle
 from factory.recipe.parameters import declared, override
 from factory.recipe.plan import plan_missions
 from factory.recipe.recipe import make_recipe
@@ -85,7 +85,7 @@ def test_every_spread_coefficient_reaches_the_vehicle() -> None:
     for name, (group, place) in names.items():
         spread = spread_vehicle(VEHICLE, parameters(**{f"vehicle__{name}": 1.07}))
         for other in ("drag", "lift", "side_force", "roll_moment", "pitch_moment", "yaw_moment"):
-            factors = np.array(getattr(spread, other)) / np.array(getattr(VEHICLE, other))
+            factors = np.array(getattr(spread.law, other)) / np.array(getattr(VEHICLE.law, other))
             expected = np.ones(len(factors))
             if other == group:
                 expected[place] = 1.07
@@ -144,23 +144,24 @@ def test_a_compressible_hull_in_stratified_water_is_neutral_at_half_its_depth() 
 
 def test_the_guidance_does_not_know_the_spread_vehicle() -> None:
     made = parameters(vehicle__k_m=1.1, vehicle__k_alpha=0.9)
-    nominal_table = build_mission(made, VEHICLE).compile(VEHICLE)[0]
-    spread_table = build_mission(made, VEHICLE).compile(spread_vehicle(VEHICLE, made))[0]
-    np.testing.assert_array_equal(nominal_table, spread_table)
-    scenario = build_scenario(made, VEHICLE)
+    mission, scenario = build_mission(made, VEHICLE), build_scenario(made, VEHICLE)
+    nominal_table, nominal_gains = mission.compile(VEHICLE)
+    tables = Simulation(scenario).tables
+    np.testing.assert_array_equal(tables.plan, nominal_table)
+    np.testing.assert_array_equal(tables.gains, nominal_gains)
+    own_table, _ = mission.compile(spread_vehicle(VEHICLE, made))
+    assert not np.array_equal(own_table, nominal_table, equal_nan=True)
     assert scenario.vehicle.flow_frame.pitch_moment != VEHICLE.flow_frame.pitch_moment
 
 
 def test_zero_errors_leave_the_compiled_model_as_it_is() -> None:
     scenario = build_scenario(parameters(), VEHICLE)
-    plain, touched = Simulation(scenario), Simulation(scenario)
-    apply_errors(touched, parameters(), None)
+    assert scenario.ballast.heavy == 0.0
+    assert set(scenario.encoder_zeros.values()) == {0.0}
+    touched = Simulation(scenario)
+    plain = Simulation(dataclasses.replace(scenario, ballast=None, encoder_zeros={}))
     np.testing.assert_array_equal(plain.model.qpos0, touched.model.qpos0)
-    fixed = slice(0, 70)  # the block's numbers; addresses of tables follow
-    count = len(plain.model.numeric_data)
-    np.testing.assert_array_equal(
-        plain.model.numeric_data[-100:][fixed], touched.model.numeric_data[count - 100 :][fixed]
-    )
+    np.testing.assert_array_equal(plain.model.numeric_data, touched.model.numeric_data)
 
 
 def test_a_given_current_replaces_the_drawn_ones() -> None:

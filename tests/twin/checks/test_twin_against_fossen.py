@@ -39,7 +39,7 @@ def test_a_light_vehicle_agrees_as_well_as_its_battery_moves_slowly():
     """
     vehicle = load_vehicle("rogue")
     slow = vehicle.replace(
-        actuator_rate=vehicle.actuator_rate / 16, actuator_lag=vehicle.actuator_lag * 16
+        **{part.name: {"rate": part.rate / 16, "lag": part.lag * 16} for part in vehicle.parts}
     )
     for timestep in (None, 0.01):
         (quick,) = check.check_manoeuvres(vehicle, count=1, seed=2, timestep=timestep)

@@ -46,7 +46,7 @@ def test_an_edited_force_law_reaches_the_ekf_and_the_identification(tmp_path):
     for package in ("twin", "learn", "assets"):
         shutil.copytree(ROOT / package, tmp_path / package,
                         ignore=shutil.ignore_patterns("__pycache__"))  # fmt: skip
-    law = tmp_path / "twin" / "fossen" / "forces.py"
+    law = tmp_path / "twin" / "vehicle" / "laws" / "flow_frame.py"
     before = law.read_text()
 
     def run(text: str) -> dict[str, float]:
@@ -64,7 +64,7 @@ def test_an_edited_force_law_reaches_the_ekf_and_the_identification(tmp_path):
 
     first = run(before)
     versions = {path.name for path in (tmp_path / "twin" / "__pycache__" / "compiled").iterdir()}
-    drag = before.replace("flow[0] = -(p", "flow[0] = -3.0 * (p")
+    drag = before.replace("flow[0] = -(c", "flow[0] = -3.0 * (c")
     drag = drag.replace("    return odd, square, one, s", "    return odd, 3.0 * square, one, s")
     assert drag.count("3.0 * ") >= before.count("3.0 * ") + 2
     tripled = run(drag)

@@ -13,7 +13,7 @@ from twin.fossen.forces import (
     STRIPS,
     damping_wrench,
     displaced_mass,
-    flow_functions,
+    pumped,
     restoring,
     strip_immersion,
 )
@@ -28,12 +28,20 @@ from twin.fossen.matrices import (
 )
 from twin.fossen.steady import down_axis
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
+from twin.vehicle.laws.flow_frame import flow_functions
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.geostrophic import Geostrophic
 from twin.water.current.inertial import Inertial
 from twin.water.current.sampler import sample
 
 DEEP = 100.0
+
+
+def distribution(p, *positions):
+    """(CG (3,) [m], inertia about the CB (3, 3) [kg m2]) with the masses held there."""
+    mass, moment, inertia = mass_distribution(p, np.array([*positions, 0.0]))
+    assert mass == pytest.approx(p.mass, rel=1e-14)
+    return moment / mass, inertia
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +74,7 @@ def test_mass_matrix_is_that_of_two_blocks(model):
     v, p = model.vehicle, model.parameters
     rng = np.random.default_rng(2)
     shift, rotation = 0.03, 0.9
-    cg, inertia = mass_distribution(p, shift, rotation)
+    cg, inertia = distribution(p, shift, rotation)
     m_rb = rigid_body_mass(p.mass, cg, inertia)
     np.testing.assert_allclose(m_rb, m_rb.T, atol=1e-12)
     assert np.linalg.eigvalsh(m_rb + v.added_mass)[0] > 0
@@ -91,7 +99,7 @@ def test_mass_matrix_is_that_of_two_blocks(model):
 def test_coriolis_matrices_do_no_work_and_are_newtons(model):
     rng = np.random.default_rng(3)
     p = model.parameters
-    cg, inertia = mass_distribution(p, -0.02, -0.7)
+    cg, inertia = distribution(p, -0.02, -0.7)
     m_rb = rigid_body_mass(p.mass, cg, inertia)
     for _ in range(10):
         nu = random_nu(rng)
@@ -129,10 +137,9 @@ def test_integrated_equation_is_fossens_in_an_unsteady_sheared_current(model):
         nu = nu_r + np.concatenate((body_current, np.zeros(3)))
         nu_c_dot = np.concatenate((-np.cross(omega, body_current) + r.T @ flow[3:], np.zeros(3)))
         nu_dot = dy[7:] + nu_c_dot
-        cg, inertia = mass_distribution(p, *actuators[:2])
-        g, _ = restoring(
-            p, r[2].copy(), position[2], p.mass * cg, displaced_mass(p, position[2], actuators[2])
-        )
+        cg, inertia = distribution(p, *actuators[:2])
+        displaced = displaced_mass(p, position[2], pumped(p, actuators)[0])
+        g, _ = restoring(p, r[2].copy(), position[2], p.mass, p.mass * cg, displaced)
         left = (
             rigid_body_mass(p.mass, cg, inertia) @ nu_dot
             + rigid_body_coriolis(p.mass, cg, inertia, omega) @ nu
@@ -144,20 +151,21 @@ def test_integrated_equation_is_fossens_in_an_unsteady_sheared_current(model):
 
 
 def test_flow_functions_are_exact_inside_and_bounded_outside(model):
-    p = model.parameters
+    law = model.vehicle.flow_frame
     for angle in (-0.17, 0.0, 0.1):
-        odd, square, one, weight = flow_functions(angle, p.linear_angle, p.blend_angle)
+        odd, square, one, weight = flow_functions(angle, law.linear_angle, law.blend_angle)
         assert (odd, square, one, weight) == (angle, angle * angle, 1.0, 0.0)
     for angle in (0.5, -2.0, math.pi):
-        odd, square, one, weight = flow_functions(angle, p.linear_angle, p.blend_angle)
+        odd, square, one, weight = flow_functions(angle, law.linear_angle, law.blend_angle)
         assert odd == pytest.approx(math.sin(angle) * math.cos(angle))
         assert square == pytest.approx(math.sin(angle) ** 2)
         assert one == pytest.approx(math.cos(angle))
         assert weight == 1.0
     # The blend has no step at either end.
-    for edge in (p.linear_angle, p.blend_angle):
+    for edge in (law.linear_angle, law.blend_angle):
         below, above = (
-            np.array(flow_functions(edge + d, p.linear_angle, p.blend_angle)) for d in (-1e-9, 1e-9)
+            np.array(flow_functions(edge + d, law.linear_angle, law.blend_angle))
+            for d in (-1e-9, 1e-9)
         )
         np.testing.assert_allclose(below, above, atol=1e-7)
 
@@ -212,7 +220,7 @@ def test_hydrodynamic_power(model):
         rates_only = damping_wrench(p, nu) - damping_wrench(p, still)
         assert rates_only[3:] @ nu[3:] <= 0.0
         angles = np.abs([math.atan2(nu[2], nu[0]), math.asin(nu[1] / np.linalg.norm(nu[:3]))])
-        if angles.max() > p.blend_angle:
+        if angles.max() > model.vehicle.flow_frame.blend_angle:
             # every rate costs power there: (K_p p^2 + K_q q^2 + K_r r^2) V^2
             expected = -np.dot([19.83, 205.64, 389.30], nu[3:] ** 2) * (nu[:3] @ nu[:3])
             assert rates_only[3:] @ nu[3:] == pytest.approx(expected, rel=1e-9)
@@ -232,7 +240,7 @@ def test_rate_damping_survives_at_rest_and_the_wrench_is_mirror_symmetric(model)
 def test_immersion_runs_from_air_to_full_depth(model):
     p = model.parameters
     for depth, expected in ((-0.5 * p.hull_diameter, 0.0), (0.0, 0.5), (0.5 * p.hull_diameter, 1)):
-        _, immersion = restoring(p, down_axis(0.0, 0.0), depth, np.zeros(3), p.mass)
+        _, immersion = restoring(p, down_axis(0.0, 0.0), depth, p.mass, np.zeros(3), p.mass)
         assert immersion == pytest.approx(expected, abs=1e-12)
     xs = [strip_immersion(p, 0.0, 0.0, i)[0] for i in range(STRIPS)]
     assert sum(xs) == pytest.approx(0.0, abs=1e-12)
@@ -243,10 +251,10 @@ def test_waterplane_rights_the_hull_in_pitch(model):
     """At the surface a nose-up hull sinks its stern: buoyancy pushes the nose down."""
     p = model.parameters
     for pitch in (-0.1, 0.05, 0.3):
-        g, _ = restoring(p, down_axis(0.0, pitch), 0.0, np.zeros(3), p.mass)
+        g, _ = restoring(p, down_axis(0.0, pitch), 0.0, p.mass, np.zeros(3), p.mass)
         assert np.sign(-g[4]) == -np.sign(pitch)
     # Fully immersed the strips have no moment about the CB.
-    g, immersion = restoring(p, down_axis(0.2, 0.4), DEEP, np.zeros(3), p.mass)
+    g, immersion = restoring(p, down_axis(0.2, 0.4), DEEP, p.mass, np.zeros(3), p.mass)
     assert immersion == 1.0
     np.testing.assert_allclose(g, 0.0, atol=1e-9)
 
@@ -254,18 +262,18 @@ def test_waterplane_rights_the_hull_in_pitch(model):
 def test_restoring_signs(model):
     p = model.parameters
     level = down_axis(0.0, 0.0)
-    heavy, _ = restoring(p, level, DEEP, np.zeros(3), p.mass - 0.3)
+    heavy, _ = restoring(p, level, DEEP, p.mass, np.zeros(3), p.mass - 0.3)
     assert -heavy[2] == pytest.approx(0.3 * p.gravity)
-    nose_heavy, _ = restoring(p, level, DEEP, np.array([1.0, 0.0, 0.0]), p.mass)
+    nose_heavy, _ = restoring(p, level, DEEP, p.mass, np.array([1.0, 0.0, 0.0]), p.mass)
     assert -nose_heavy[4] == pytest.approx(-p.gravity)
-    port_heavy, _ = restoring(p, level, DEEP, np.array([0.0, -1.0, 0.0]), p.mass)
+    port_heavy, _ = restoring(p, level, DEEP, p.mass, np.array([0.0, -1.0, 0.0]), p.mass)
     assert -port_heavy[3] == pytest.approx(-p.gravity)
 
 
 def test_static_equilibrium(model):
     """Neutral and at rest the hull hangs with its CG below the CB and stays there."""
     p = model.parameters
-    cg, _ = mass_distribution(p, 0.001, 0.5)
+    cg, _ = distribution(p, 0.001, 0.5)
     pitch = math.atan2(-cg[0], math.hypot(cg[1], cg[2]))
     q = euler_to_quaternion(math.atan2(cg[1], cg[2]), pitch, 1.0)
     y = np.concatenate(([0.0, 0.0, DEEP], q, np.zeros(6)))
@@ -295,7 +303,7 @@ def test_pump_density_and_compressibility_change_the_displaced_mass():
 
 def test_actuators_follow_their_law():
     """The closed form against small explicit steps of clip((command - x) / lag, -rate, rate)."""
-    law = np.array([[-0.05, -1.5, -400.0], [0.05, 1.5, 400.0], [2.0, 2.0, 4.0], [0.02, 0.35, 50.0]])
+    law = np.array([[-0.05, -1.5, -400.0], [0.05, 1.5, 400.0], [2.0, 2.0, 4.0], [0.02, 0.35, 50.0], [0, 0, 0]])
     command = np.array([0.04, -2.0, 30.0])
     x = np.array([-0.05, 1.0, 0.0])
     start, h = x.copy(), 1e-4

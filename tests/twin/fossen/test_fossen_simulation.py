@@ -116,7 +116,8 @@ def test_energy_is_conserved_without_drag(seawing, gravity):
     schedule = Schedule(times=[0.0], commands=[start.actuators])
     track = model.simulate(start, schedule, 60.0, dt=0.02)
     p = model.parameters
-    cg, inertia = mass_distribution(p, 0.03, 0.8)
+    total, moment, inertia = mass_distribution(p, np.array([0.03, 0.8, 0.0]))
+    cg = moment / total
     mass = rigid_body_mass(p.mass, cg, inertia) + p.added_mass
     nu = np.hstack((track.v_rel, track.rates))
     kinetic = 0.5 * np.einsum("ti,ij,tj->t", nu, mass, nu)
@@ -179,7 +180,8 @@ def test_sheared_current_obeys_newton_in_the_inertial_frame(seawing):
     track = model.simulate(CRUISE, held, 8.0, dt=h, sample_period=h)
     r = quaternion_to_matrix(track.quaternion)
     actuators = np.asarray(CRUISE.actuators)
-    cg, inertia_cb = mass_distribution(p, *actuators[:2])
+    total, moment, inertia_cb = mass_distribution(p, actuators)
+    cg = moment / total
     inertia = inertia_cb - p.mass * (cg @ cg * np.eye(3) - np.outer(cg, cg))
 
     def to_ned(body):

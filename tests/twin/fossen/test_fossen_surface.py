@@ -29,7 +29,7 @@ def test_weight_and_buoyancy_have_no_moment_about_the_vertical(parameters, roll,
     moment = p.mass * np.array([0.01, -0.004, 0.003])
     down = down_axis(roll, pitch)
     for first_moment in (np.zeros(3), moment):
-        g, immersion = restoring(p, down, depth, first_moment, p.mass)
+        g, immersion = restoring(p, down, depth, p.mass, first_moment, p.mass)
         assert 0.0 < immersion < 1.0
         assert g[3:] @ down == pytest.approx(0.0, abs=1e-10)
         assert np.abs(g[3:]).max() > 1.0  # there is a moment, about the horizontal
@@ -46,7 +46,7 @@ def test_the_buoyancy_acts_on_the_strips(parameters, roll, pitch):
         push = -fraction / STRIPS * p.mass * p.gravity * down
         force += push
         moment += np.cross([x, 0.0, 0.0], push)
-    g, _ = restoring(p, down, depth, np.zeros(3), p.mass)
+    g, _ = restoring(p, down, depth, p.mass, np.zeros(3), p.mass)
     np.testing.assert_allclose(-g[:3], force + p.mass * p.gravity * down, atol=1e-9)
     np.testing.assert_allclose(-g[3:], moment, atol=1e-9)
 

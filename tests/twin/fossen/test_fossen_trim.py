@@ -10,7 +10,7 @@ import pytest
 from twin.errors import InputError, NoSteadyState
 from twin.fossen import FossenModel
 from twin.fossen.steady import SteadyProblem, steady_motions
-from twin.physics.steady_motion import Trim, solve_steady_state
+from twin.physics.steady_motion import Trim, solve_steady_state, trim_positions
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 # net mass kg, block position m, rotation deg: V, alpha, beta, roll, pitch, turn rate, down.
@@ -70,7 +70,7 @@ def test_spiral_eigenvalues(seawing):
     """The listed eigenvalues belong to the misprinted block inertia I_yy = 10.16 kg m2."""
     inertia = seawing.battery.inertia.copy()
     inertia[1, 1] = 10.16
-    misprinted = FossenModel(seawing.replace(movable_inertia=inertia))
+    misprinted = FossenModel(seawing.replace(battery={"inertia": inertia}))
     motion = misprinted.steady_motion(0.02, math.radians(45), 0.3)
     values = motion.eigenvalues
     np.testing.assert_allclose(values.real[:4], [-3.56, -3.00, -1.81, -1.35], atol=0.006)
@@ -120,10 +120,12 @@ def rogue(seawing: Vehicle) -> Vehicle:
         static_mass=11.22 - 2.0,
         static_cg=np.zeros(3),
         static_inertia=np.diag([0.05, 0.1, 0.1]),
-        movable_mass=2.0,
-        movable_inertia=np.diag([1e-3, 1e-3, 1e-3]),
-        movable_neutral_x=0.0,
-        movable_eccentricity=0.04,
+        battery={
+            "mass": 2.0,
+            "inertia": np.diag([1e-3, 1e-3, 1e-3]),
+            "neutral_x": 0.0,
+            "eccentricity": 0.04,
+        },
         added_mass=np.diag([2.0, 14.0, 14.0, 0.05, 0.1, 0.1]),
         drag=(18.0, 109.0),
         lift=(0.0, 306.0),
@@ -142,10 +144,12 @@ def slocum(seawing: Vehicle) -> Vehicle:
         static_mass=41.0,
         static_cg=np.zeros(3),
         static_inertia=np.diag([4.0, 12.0, 11.0]) - np.diag([1.0, 1.0, 1.0]),
-        movable_mass=9.0,
-        movable_inertia=np.diag([0.01, 0.01, 0.01]),
-        movable_neutral_x=0.0,
-        movable_eccentricity=0.05,
+        battery={
+            "mass": 9.0,
+            "inertia": np.diag([0.01, 0.01, 0.01]),
+            "neutral_x": 0.0,
+            "eccentricity": 0.05,
+        },
         added_mass=np.diag([5.0, 60.0, 70.0, 1.0, 1.0, 1.0]),
         drag=(2.15, 25.0),
         lift=(0.0, 132.5),
@@ -195,7 +199,9 @@ def test_every_usual_setting_has_one_stable_forward_motion(model):
         for shift in (0.01, 0.05):
             for rotation in (0.0, 0.8, 1.5):
                 signed = math.copysign(shift, net_mass)
-                problem = SteadyProblem(model.parameters, signed, rotation, net_mass)
+                positions = trim_positions(model.vehicle, signed, rotation, net_mass)
+                turning = model.vehicle.steered_index("heading")
+                problem = SteadyProblem(model.parameters, positions, turning, driven=False)
                 motions = steady_motions(problem, model.vehicle.flow_frame.linear_angle)
                 assert sum(m.stable and m.forward for m in motions) == 1
 

@@ -282,7 +282,7 @@ def test_command_writes_vehicle_and_one_json_object(tmp_path, store, capsys):
     assert PROGRAM.main(arguments) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["parameters"]["drag"]["determined"] is True
-    assert load_vehicle(out).drag[0] == pytest.approx(answer["parameters"]["drag"]["value"])
+    assert load_vehicle(out).flow_frame.drag[0] == pytest.approx(answer["parameters"]["drag"]["value"])
     assert motion_of(load_logs(store)[0], load_calibration(out)).speed.max() < 1.0
     assert PROGRAM.main(arguments) == 2
     assert "use --overwrite" in capsys.readouterr().err

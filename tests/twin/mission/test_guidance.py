@@ -14,6 +14,7 @@ from twin.vehicle.vehicle import load_vehicle
 VEHICLE = load_vehicle("glider").replace(
     pitch_pid=(0.1, 0.01, 0.5), heading_pid=(2.0, 0.01, 30.0), control_period=0.5
 )
+PARTS = VEHICLE.part_names
 
 
 class Scripted:
@@ -30,10 +31,14 @@ class Scripted:
         """One tick; returns shift, rotation, pump."""
         g.guidance_step(
             self.table, self.gains, self.state, self.time, depth, roll, pitch, heading, *rates,
-            0.0, 0.0, 0.0, self.command,
+            self.command,
         )  # fmt: skip
         self.time += 0.5
         return self.command.copy()
+
+    def trim(self, which, segment=0):
+        """One of a row's three commands: shift, rotation, pump."""
+        return self.table[segment, g.SEGMENT_COLUMNS :].reshape(3, 3)[which]
 
     def glide(self, *depths):
         """Ticks at each depth; returns the phases."""
@@ -165,7 +170,7 @@ def test_too_deep_aborts_to_the_surface_for_good(at_end):
 
 def test_pitch_loop_is_feedforward_plus_pid():
     run = Scripted(SawTooth(max_depth_m=100, pitch_deg=35, yos=1))
-    trim = run.table[0, g.DIVE_SHIFT]
+    trim = run.trim(g.DIVE_COMMAND)[0]
     setpoint = math.radians(-35)
     assert run.tick(pitch=setpoint)[0] == pytest.approx(trim)
     # nose 0.02 rad too high: mass forward; nose falling: mass held back
@@ -189,7 +194,7 @@ def test_integral_waits_while_the_battery_is_at_its_end():
     for _ in range(400):
         assert run.tick(pitch=math.radians(60))[0] == VEHICLE.actuator_max[0]
     assert run[g.DIVE_INTEGRAL] == 0.0
-    assert run.tick(pitch=math.radians(-35))[0] == pytest.approx(run.table[0, g.DIVE_SHIFT])
+    assert run.tick(pitch=math.radians(-35))[0] == pytest.approx(run.trim(g.DIVE_COMMAND)[0])
 
 
 def test_dive_and_climb_keep_their_own_integrals():
@@ -251,7 +256,7 @@ def test_same_inputs_give_the_same_bits():
 
 
 def observation(**values):
-    fields = dict.fromkeys(Observation.__slots__, 0.0)
+    fields = {**dict.fromkeys(Observation.__slots__, 0.0), "parts": dict.fromkeys(PARTS, 0.0)}
     return Observation(**{**fields, **values})
 
 
@@ -261,7 +266,7 @@ def test_mission_controller_is_the_same_guidance():
     run = Scripted(SawTooth(max_depth_m=100, heading_deg=40, yos=0.5))
     for tick, depth in enumerate([10.0, 50.0, 100.0, 60.0, 1.0, 1.0]):
         command = controller(observation(time=0.5 * tick, depth=depth, pitch=-0.5, heading=0.3))
-        np.testing.assert_array_equal(command.as_array(), run.tick(depth, 0.0, -0.5, 0.3))
+        np.testing.assert_array_equal(command.as_array(VEHICLE), run.tick(depth, 0.0, -0.5, 0.3))
     assert controller.done
     assert not controller.aborted
     assert controller.segment == 1
@@ -270,4 +275,4 @@ def test_mission_controller_is_the_same_guidance():
 def test_command_refuses_what_is_not_a_number():
     with pytest.raises(InputError, match="command: rotation = nan must be a finite number"):
         Command(rotation=math.nan)
-    assert Command(shift=0.01, pump=-3).as_array().tolist() == [0.01, 0.0, -3.0]
+    assert Command(shift=0.01, pump=-3).as_array(VEHICLE).tolist() == [0.01, 0.0, -3.0]

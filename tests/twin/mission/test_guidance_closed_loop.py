@@ -111,7 +111,7 @@ def test_spiral_turns_to_the_side_of_its_rotation_both_ways(rotation_deg):
 
 def test_errors_of_the_vehicle_are_trimmed_away():
     off = VEHICLE.replace(
-        movable_neutral_x=VEHICLE.battery.neutral_x + 1e-3,
+        battery={"neutral_x": VEHICLE.battery.neutral_x + 1e-3},
         static_cg=VEHICLE.static_cg + np.array([0.0, 2e-4, 0.0]),
     )
     mission = Mission(segments=[SawTooth(max_depth_m=500, heading_deg=20)], duration_s=1100)

@@ -29,7 +29,7 @@ class Flight:
         """One tick; the command of shift, rotation and pump."""
         g.guidance_step(
             self.table, self.gains, self.state, self.time, depth, roll, pitch, heading, *rates,
-            0.0, 0.0, 0.0, self.command,
+            self.command,
         )  # fmt: skip
         self.time += TICK
         return self.command.copy()

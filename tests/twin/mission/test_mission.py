@@ -186,7 +186,8 @@ def test_to_dict_round_trip_and_compiled_table_is_the_same(vehicle, mission):
     table_again, gains_again = again.compile(vehicle)
     np.testing.assert_array_equal(table, table_again)
     np.testing.assert_array_equal(gains, gains_again)
-    assert table.shape == (len(mission.segments) + 1, g.SEGMENT_COLUMNS)
+    width = g.SEGMENT_COLUMNS + 3 * len(vehicle.parts)
+    assert table.shape == (len(mission.segments) + 1, width)
     assert gains.shape == (g.GAINS,)
 
 
@@ -289,17 +290,23 @@ def test_compiled_rows_carry_commands_in_si(vehicle):
         max_depth_m=120,
     ).compile(vehicle)
     saw, spiral, hold, end = table
+
+    def command(row, which):
+        return row[g.SEGMENT_COLUMNS :].reshape(3, 3)[which]
+
     assert saw[g.DIVE_PITCH] == pytest.approx(-math.pi / 6)
     assert saw[g.CLIMB_PITCH] == pytest.approx(math.pi / 6)
     assert saw[g.HEADING] == pytest.approx(1.5 * math.pi)
-    assert saw[g.DIVE_PUMP] == pytest.approx(-200)  # 0.205 kg / 1025 kg/m3
-    assert saw[g.CLIMB_PUMP] == pytest.approx(200)
+    assert command(saw, g.DIVE_COMMAND)[2] == pytest.approx(-200)  # 0.205 kg / 1025 kg/m3
+    assert command(saw, g.CLIMB_COMMAND)[2] == pytest.approx(200)
     assert saw[g.YO_LIMIT] == 2
     assert math.isnan(saw[g.DURATION])
-    assert [spiral[g.DIVE_ROTATION], spiral[g.CLIMB_ROTATION]] == pytest.approx(
-        [math.pi / 4, -math.pi / 4]
-    )
-    assert hold[[g.DIVE_SHIFT, g.DIVE_PUMP, g.UNTIL_DEPTH]] == pytest.approx([0.01, -400, 70])
+    turned = [command(spiral, which)[1] for which in (g.DIVE_COMMAND, g.CLIMB_COMMAND)]
+    assert turned == pytest.approx([math.pi / 4, -math.pi / 4])
+    assert command(hold, g.REST_COMMAND) == pytest.approx([0.01, math.radians(9), -400])
+    assert hold[g.UNTIL_DEPTH] == 70
     assert end[g.KIND] == g.END_AT_SURFACE
     assert (table[:, g.ABORT_DEPTH] == 120).all()
-    assert gains.tolist() == [*vehicle.pitch_pid, *vehicle.heading_pid, vehicle.control_period]
+    loops = [*vehicle.pitch_pid, *vehicle.heading_pid, vehicle.control_period]
+    # the shift pitches, forward is nose down; the rotation turns
+    assert gains.tolist() == [*loops, 0.0, -1.0, 1.0, 1.0]

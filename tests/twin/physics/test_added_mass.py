@@ -18,7 +18,7 @@ from physics import (
 from twin.fossen import FossenModel, FossenState
 from twin.mission.schedule import Schedule
 from twin.physics.mujoco_model import INTEGRATORS
-from twin.physics.native import plant
+from twin.physics.native.install import install, uninstall
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.physics.start import Start
@@ -52,11 +52,11 @@ def test_acceleration_is_the_force_over_rigid_plus_added_mass(ratio, integrator)
     force = data.qfrc_smooth.copy()
     qacc = data.qacc.copy()
 
-    plant.uninstall()
+    uninstall()
     try:
         mujoco.mj_makeM(model, data)
     finally:
-        plant.install()
+        install()
     rigid = full_mass(model, data)
     exact = rigid + added_mass_in_joint_space(model, data, vehicle.added_mass)
     np.testing.assert_allclose(with_added, exact, rtol=1e-12, atol=1e-11)

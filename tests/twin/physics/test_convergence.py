@@ -96,7 +96,7 @@ def test_shipped_step_is_within_a_tenth_of_a_percent_of_the_true_speed():
     moving[1] = (0.012, 0.2, moving[1][2])
     moving[2] = (0.025, -0.4, moving[2][2])
     slow = VEHICLE.replace(
-        actuator_rate=VEHICLE.actuator_rate / 16, actuator_lag=VEHICLE.actuator_lag * 16
+        **{part.name: {"rate": part.rate / 16, "lag": part.lag * 16} for part in VEHICLE.parts}
     )
     for commands, vehicle in ((pumped(0.0), VEHICLE), (pumped(0.5), VEHICLE), (moving, slow)):
         reference = truth(commands, vehicle=vehicle)

@@ -9,14 +9,9 @@ from physics import glider, hydrodynamic_wrench, set_motion
 
 from twin.errors import VehicleError
 from twin.frames import flip_matrix6, flip_vector
-from twin.physics.mujoco_model import (
-    SEAWATER_VISCOSITY,
-    compile_model,
-    fluid_geoms,
-    parameter_block,
-)
-from twin.physics.native import block as b
-from twin.physics.native import plant
+from twin.physics.mujoco_model import compile_model, header
+from twin.physics.native.install import install, uninstall
+from twin.vehicle.laws.ellipsoid import SEAWATER_VISCOSITY, fluid_geoms
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
 
@@ -38,7 +33,7 @@ def test_still_water_wrench_equals_mujocos_fluid(vehicle):
         to_body = data.body("hull").xmat.reshape(3, 3).T
         v = flip_vector(to_body @ data.qvel[:3])
         rates = flip_vector(data.qvel[3:6])
-        added = parameter_block(model)[b.P_ADDED_MASS : b.P_ADDED_MASS + 36].reshape(6, 6)
+        added = header(model)["added_mass"]
         ours = ours - added[:, :3] @ np.cross(rates, v)
 
         # MuJoCo would give the battery, which has no fluid geom, its inertia-box drag
@@ -47,12 +42,12 @@ def test_still_water_wrench_equals_mujocos_fluid(vehicle):
         model.body_mass[battery.id] = 0.0
         model.opt.density = load_vehicle(vehicle).reference_density
         model.opt.viscosity = SEAWATER_VISCOSITY
-        plant.uninstall()
+        uninstall()
         try:
             mujoco.mj_forward(model, data)
             fluid = data.qfrc_fluid[:6].copy()
         finally:
-            plant.install()
+            install()
             model.opt.density = model.opt.viscosity = 0.0
             model.body_mass[battery.id] = mass
         expected = np.concatenate([flip_vector(to_body @ fluid[:3]), flip_vector(fluid[3:])])
@@ -62,10 +57,10 @@ def test_still_water_wrench_equals_mujocos_fluid(vehicle):
 def test_added_mass_of_the_hull_is_that_of_an_ellipsoid():
     """Lamb (1932): a slender ellipsoid entrains little along its axis, much across."""
     model = compile_model("glider", hydrodynamics="ellipsoid", lean=True)
-    added = parameter_block(model)[b.P_ADDED_MASS : b.P_ADDED_MASS + 36].reshape(6, 6)
+    added = header(model)["added_mass"]
     np.testing.assert_allclose(added, added.T, atol=1e-12)
     assert np.linalg.eigvalsh(added)[0] > 0
-    hull = fluid_geoms(model)[0]
+    hull = fluid_geoms(load_vehicle("glider").xml)[0]
     displaced = 1025 * 4 / 3 * np.pi * np.prod(hull[12:15])
     assert displaced == pytest.approx(65.28, rel=2e-3)
     assert 0.02 * displaced < 1025 * hull[21] < 0.06 * displaced

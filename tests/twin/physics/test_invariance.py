@@ -10,16 +10,18 @@ from hypothesis import strategies as st
 from physics import glider, hydrodynamic_wrench, set_motion
 
 from twin.mission.schedule import Schedule
-from twin.physics.mujoco_model import parameter_block
-from twin.physics.native import block as b
+from twin.physics.mujoco_model import write_tables
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.physics.start import Start
+from twin.physics.tables import Tables
+from twin.vehicle.laws.flow_frame import native_wrench
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.profile import Profile
 from twin.water.current.uniform import Uniform
 
 VEHICLE = load_vehicle("glider")
+VALUES, DENSITY = VEHICLE.law.values(), VEHICLE.reference_density
 COMMANDS = [
     (0.02, 0.6, VEHICLE.pump_for_net_mass(0.3)),
     (-0.02, -0.8, VEHICLE.pump_for_net_mass(-0.35)),
@@ -71,7 +73,7 @@ def test_uniform_current_only_carries_the_glider():
 
 def test_shear_pushes_through_the_added_mass():
     """dV_c/dt along the path acts as M_A R^T dV_c/dt: compared with still water at an instant."""
-    model, data = glider()
+    model, data = glider(reserve=256)
     down = 0.25
     gradient = 0.002  # 0.2 m/s per 100 m
     set_motion(data, pitch=-0.5, heading=0.7, velocity=(0.3, 0.1, down))
@@ -80,9 +82,8 @@ def test_shear_pushes_through_the_added_mass():
     current = Profile(
         depth=(0.0, 2 * depth), north=(-gradient * depth, gradient * depth), east=(0.0, 0.0)
     )
-    program = current.compile(100.0)  # zero at the glider's depth, so only its rate acts
-    block = parameter_block(model)
-    block[b.P_CURRENT], block[b.P_CURRENT_SIZE] = float(program.ctypes.data), len(program)
+    # zero at the glider's depth, so only its rate acts
+    write_tables(model, Tables(current=current.compile(100.0)))
     sheared = hydrodynamic_wrench(model, data)
     from twin.frames import euler_to_matrix
 
@@ -118,21 +119,10 @@ def test_drag_power_is_never_positive(alpha, beta, speed):
     rates=st.tuples(*[st.floats(-1, 1)] * 3),
 )
 def test_rate_damping_outside_the_range_always_damps(alpha, beta, rates):
-    from twin.physics.native.water import coefficient_wrench
-
-    block = quiet_block()
     v = flow(0.5, math.radians(alpha), math.radians(beta))
-    moving = np.array(coefficient_wrench(block, *v, *rates))
-    still = np.array(coefficient_wrench(block, *v, 0.0, 0.0, 0.0))
+    moving = np.array(native_wrench(VALUES, DENSITY, *v, *rates))
+    still = np.array(native_wrench(VALUES, DENSITY, *v, 0.0, 0.0, 0.0))
     assert (moving - still)[3:] @ np.array(rates) <= 1e-12
-
-
-def quiet_block():
-    model, _ = glider()
-    return parameter_block(model).copy()
-
-
-BLOCK = quiet_block()
 
 
 def flow(speed, alpha, beta):
@@ -145,20 +135,16 @@ def flow(speed, alpha, beta):
 
 def power(speed, alpha, beta, rates):
     """Power [W] of the force alone and of force and moment, identified law."""
-    from twin.physics.native.water import coefficient_wrench
-
     v = flow(speed, alpha, beta)
-    wrench = np.array(coefficient_wrench(BLOCK, *v, *rates))
+    wrench = np.array(native_wrench(VALUES, DENSITY, *v, *rates))
     linear = float(wrench[:3] @ np.array(v))
     return linear, linear + float(wrench[3:] @ np.array(rates))
 
 
 def test_identified_law_holds_as_printed_up_to_ten_degrees():
     """Zhang et al. (2013): forces in the flow frame are (-D, SF, -L)."""
-    from twin.physics.native.water import coefficient_wrench
-
     alpha, beta, speed = math.radians(9.9), math.radians(-9.9), 0.5
-    wrench = np.array(coefficient_wrench(BLOCK, *flow(speed, alpha, beta), 0.0, 0.0, 0.0))
+    wrench = np.array(native_wrench(VALUES, DENSITY, *flow(speed, alpha, beta), 0.0, 0.0, 0.0))
     ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
     to_body = np.array([[ca * cb, -ca * sb, -sa], [sb, cb, 0.0], [sa * cb, -sa * sb, ca]])
     in_flow = to_body.T @ wrench[:3] / speed**2

@@ -8,8 +8,8 @@ import pytest
 from physics import glider, set_motion
 
 from twin.errors import LayoutError, TwinError
-from twin.physics.native import plant
 from twin.physics.native import struct_offsets as layout
+from twin.physics.native.install import install, uninstall
 
 OTHER = """<mujoco><custom><numeric name="big" size="400" data="7"/></custom>
 <worldbody><body><freejoint/><geom size=".1"/><body pos="0 0 1"><joint/><geom size=".1"/></body>
@@ -31,11 +31,11 @@ def test_a_shifted_field_is_refused(slot):
 def test_another_model_in_the_process_is_untouched():
     glider()  # installs the callbacks
     xml = OTHER.replace("<joint/>", '<joint name="hinge"/>').replace('joint=""', 'joint="hinge"')
-    plant.uninstall()
+    uninstall()
     try:
         bare = _roll_out(xml)
     finally:
-        plant.install()
+        install()
     np.testing.assert_array_equal(_roll_out(xml), bare)
 
 
@@ -62,14 +62,14 @@ def test_two_gliders_in_one_process_do_not_disturb_each_other():
 
 def test_a_foreign_callback_is_not_silently_replaced():
     glider()
-    plant.uninstall()
+    uninstall()
     mujoco.set_mjcb_passive(lambda model, data: None)
     try:
         with pytest.raises(TwinError, match="mjcb_passive is already taken"):
-            plant.install()
+            install()
     finally:
         mujoco.set_mjcb_passive(None)
-        plant.install()
+        install()
 
 
 def test_users_own_forces_survive():

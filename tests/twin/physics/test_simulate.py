@@ -14,7 +14,7 @@ from twin.mission import Mission, SawTooth, load_mission
 from twin.mission.controller import Command, MissionController
 from twin.mission.schedule import Schedule
 from twin.physics.fleet import make_batch
-from twin.physics.native import block as b
+from twin.physics.mujoco_model import state
 from twin.physics.scenario import Scenario, Start, scenario_from_dict
 from twin.physics.simulation import Simulation, simulate, simulate_many
 from twin.records.store import mission_dataset, open_store, read_trajectory, write_store
@@ -264,12 +264,13 @@ def test_store_round_trip(tmp_path):
 def test_repeated_forward_does_not_advance_guidance_or_log():
     simulation = Simulation(Scenario(vehicle=VEHICLE, plan=YO, duration=60.0))
     mujoco.mj_step(simulation.model, simulation.data, nstep=11)
-    ticks, logged = (simulation.data.userdata[i] for i in (b.U_TICKS, b.U_LOGGED))
+    ours = state(simulation.data)
+    ticks, logged = float(ours["ticks"]), float(ours["logged"])
     for _ in range(5):
         mujoco.mj_forward(simulation.model, simulation.data)
     # a forward at a new time may begin what is due there, once
-    assert simulation.data.userdata[b.U_TICKS] <= ticks + 1
-    assert simulation.data.userdata[b.U_LOGGED] <= logged + 1
+    assert ours["ticks"] <= ticks + 1
+    assert ours["logged"] <= logged + 1
 
 
 def test_forward_dynamics_depend_on_the_state_alone():

@@ -185,7 +185,7 @@ def test_a_battery_beside_the_axis_is_refused_or_flown_alike():
 @pytest.mark.xfail(strict=True, reason="the axis of rotation moves to the hull's axis unasked")
 @pytest.mark.parametrize("height", [0.02, -0.02])
 def test_a_battery_above_or_below_the_axis_turns_about_its_own_joint(height):
-    """MuJoCo's own kinematics of the file are what `movable_position` must say, or it refuses."""
+    """MuJoCo's own kinematics of the file are what `battery.position` must say, or it refuses."""
     import mujoco
 
     try:
@@ -197,7 +197,7 @@ def test_a_battery_above_or_below_the_axis_turns_about_its_own_joint(height):
     data.qpos[7:9] = 0.013, 0.7
     mujoco.mj_forward(model, data)
     found = data.body("battery").xipos - data.body("hull").xpos
-    expected = vehicle.movable_position(0.013, 0.7) * [1.0, -1.0, -1.0]
+    expected = vehicle.battery.position(0.013, 0.7) * [1.0, -1.0, -1.0]
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 

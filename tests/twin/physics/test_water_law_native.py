@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from physics import glider
 
-from twin.physics.mujoco_model import parameter_block
-from twin.physics.native.water import coefficient_wrench
+from twin.vehicle.laws.flow_frame import native_wrench
+from twin.vehicle.vehicle import load_vehicle
 
-MODEL, _ = glider()
-BLOCK = parameter_block(MODEL).copy()
+VEHICLE = load_vehicle("glider")
+VALUES, DENSITY = VEHICLE.law.values(), VEHICLE.reference_density
 DAMPING = np.array([-19.83, -205.64, -389.30])
 """[N m s2/(m2 rad)] K_p, K_q, K_r of Zhang et al. (2013)"""
 RATES = (0.01, 0.02, 0.03)
@@ -26,7 +25,7 @@ def wrench(alpha, beta, rates=RATES, speed=0.5):
     """Force and moment (6,) at these flow angles [rad]."""
     u = speed * math.cos(alpha) * math.cos(beta)
     w = speed * math.sin(alpha) * math.cos(beta)
-    return np.array(coefficient_wrench(BLOCK, u, speed * math.sin(beta), w, *rates))
+    return np.array(native_wrench(VALUES, DENSITY, u, speed * math.sin(beta), w, *rates))
 
 
 def rate_moment(alpha, beta, rates, speed=0.5):
@@ -108,10 +107,9 @@ def test_the_law_is_that_of_the_fossen_model_at_every_flow_angle(alpha, beta, ra
     """Two codes after one paper, also where no manoeuvre of `twin check` goes."""
     from twin.fossen import FossenModel
     from twin.fossen.forces import damping_wrench
-    from twin.vehicle.vehicle import load_vehicle
 
     a, b = math.radians(alpha), math.radians(beta)
-    p = FossenModel(load_vehicle("glider")).parameters
+    p = FossenModel(VEHICLE).parameters
     flow = 0.5 * np.array([math.cos(a) * math.cos(b), math.sin(b), math.sin(a) * math.cos(b)])
     theirs = damping_wrench(p, np.concatenate([flow, rates]))
     np.testing.assert_allclose(wrench(a, b, rates), theirs, atol=1e-9)

@@ -36,7 +36,7 @@ def test_the_field_of_the_battery_turns_as_its_mass_does(rotation):
     calibrated away at rotation 0, so only its change counts.
     """
     vehicle = load_vehicle("glider")
-    below = vehicle.movable_position(0.0, math.radians(rotation))[1:] / vehicle.movable_eccentricity
+    below = vehicle.battery.position(0.0, math.radians(rotation))[1:] / vehicle.battery.eccentricity
     to_port, downwards = -below[0], below[1]
     strength = math.radians(FIELD_DEG)
     changes = {"x": 0.0, "y": downwards - 1.0, "z": -to_port}

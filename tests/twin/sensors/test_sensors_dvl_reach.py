@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from twin.sensors import Dvl
+from twin.sensors import Dvl, Surroundings
 from twin.sensors.dvl import MODES, OUTPUTS, beam_directions, beam_solutions
 from twin.water.current.profile import Profile
 
@@ -38,11 +38,12 @@ def measure(dvl, *, altitude=None, depth=DEPTH, angles=LEVEL, rates=RATES, gyro=
     values |= dict(zip(names, rates, strict=True))
     truth = {f"true_{name}": np.full(N, float(value)) for name, value in values.items()}
     felt = rates if gyro is None else gyro
+    gyros = {f"measured_{n}": np.full(N, r) for n, r in zip(names, felt, strict=True)}
+    bottom_depth = None if altitude is None else depth + altitude
     out = dvl.measure(
-        truth, dt=DT, drawn={"dvl_scale": 0.0, "dvl_sound_speed": 0.0},
+        truth | gyros, dt=DT, drawn={"dvl_scale": 0.0, "dvl_sound_speed": 0.0},
         rng=np.random.default_rng(0),
-        gyro={f"measured_{n}": np.full(N, r) for n, r in zip(names, felt, strict=True)},
-        bottom_depth=None if altitude is None else depth + altitude, current=current,
+        surroundings=Surroundings(bottom_depth=bottom_depth, current=current),
     )  # fmt: skip
     return np.stack([out[name] for name in OUTPUTS], axis=1), out["measured_dvl_mode"], body
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from twin.sensors import Onboard, Pressure
+from twin.sensors import Onboard, Pressure, Surroundings
 from twin.water.density import DensityProfile
 
 DT = 0.5
@@ -93,7 +93,8 @@ def test_pressure_is_the_weight_of_the_water_above_and_gives_the_depth_back(lati
     depth = np.array([5.0, 100.0, 500.0])
     out = gauge.measure(
         {"true_depth": depth}, dt=DT, drawn={"pressure_offset_dbar": 0.0, "pressure_gain": 0.0},
-        rng=np.random.default_rng(0), density=DensityProfile.constant(1025.0), latitude=latitude,
+        rng=np.random.default_rng(0),
+        surroundings=Surroundings(density=DensityProfile.constant(1025.0), latitude=latitude),
     )  # fmt: skip
     dbar = 1025.0 * normal_gravity(latitude) * depth / 1e4
     np.testing.assert_allclose(out["measured_pressure"], dbar, rtol=2e-4)
@@ -107,7 +108,7 @@ def test_an_error_of_the_gauge_becomes_metres_of_its_own_water():
         gauge = Pressure(noise=0.0, vehicle_density=assumed)
         out = gauge.measure(
             {"true_depth": np.array([50.0])}, dt=DT, drawn=drawn, rng=np.random.default_rng(0),
-            density=DensityProfile.constant(1025.0), latitude=36.8,
+            surroundings=Surroundings(density=DensityProfile.constant(1025.0), latitude=36.8),
         )  # fmt: skip
         metres = 1e4 / (1025.0 * normal_gravity(36.8))
         assert out["measured_depth"][0] - 50.0 == pytest.approx(metres, rel=1e-3)

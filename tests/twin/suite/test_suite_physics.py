@@ -18,9 +18,9 @@ from dm_control.rl.control import PhysicsError
 from twin import suite
 from twin.errors import InputError, VehicleError
 from twin.mission.schedule import Schedule
-from twin.physics.mujoco_model import compile_model, parameter_block
+from twin.physics.mujoco_model import compile_model, header
 from twin.physics.native import block as b
-from twin.physics.native import plant
+from twin.physics.native.install import install, uninstall
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
 from twin.physics.start import Start
@@ -152,7 +152,7 @@ def test_measurements_are_the_trajectorys():
 
 def test_every_measurement_is_there_by_name_and_finite():
     values = placed().measurements()
-    assert set(values) == set(MEASUREMENTS)
+    assert set(values) == {*MEASUREMENTS, *VEHICLE.part_names}
     assert all(math.isfinite(value) for value in values.values())
     assert values["speed"] == pytest.approx(np.linalg.norm(PUSHED.v_rel), rel=0.02)
     assert values["angle_of_attack"] == pytest.approx(math.atan2(-0.01, 0.3), abs=0.02)
@@ -255,22 +255,28 @@ def test_vehicle_files_load_in_dm_controls_ways(way):
             physics.reload_from_xml_path(str(path))
         else:
             physics.reload_from_xml_string(path.read_text(encoding="utf-8"))
-    block = parameter_block(physics.model.ptr)
-    assert block[b.P_MAGIC] == b.MAGIC
-    assert block[b.P_CURRENT_SIZE] == 0.0
-    assert physics.data.userdata.size == plant.USER_SIZE
+    head = header(physics.model.ptr)
+    assert head["magic"] == b.MAGIC
+    assert head["current"]["size"] == 0.0
+    assert physics.data.userdata.size == b.STATE_WORDS
     with physics.reset_context():
         physics.set_start(PUSHED)
     np.testing.assert_array_equal(flown(physics, 20), flown(placed(current=None), 20))
 
 
-def test_a_binary_model_forgets_the_addresses_in_it():
-    binary = placed().model.to_bytes()
-    physics = Physics.from_byte_string(binary)
-    assert parameter_block(physics.model.ptr)[b.P_CURRENT_SIZE] == 0.0
-    with physics.reset_context():
-        physics.set_start(PUSHED)
-    np.testing.assert_array_equal(flown(physics, 20), flown(placed(current=None), 20))
+def test_a_binary_model_keeps_its_water(tmp_path):
+    original = placed()
+    file = tmp_path / "glider.mjb"
+    mujoco.mj_saveModel(original.model.ptr, str(file))
+    binary = original.model.to_bytes()
+    expected = flown(original, 20)
+    del original
+    for physics in (Physics.from_byte_string(binary), Physics.from_binary_path(str(file))):
+        assert header(physics.model.ptr)["current"]["size"] > 0.0
+        with physics.reset_context():
+            physics.set_start(PUSHED)
+        np.testing.assert_array_equal(flown(physics, 20), expected)
+    assert not np.array_equal(expected, flown(placed(current=None), 20))
 
 
 def test_from_model_takes_our_models_as_they_are_and_no_others():
@@ -348,11 +354,11 @@ def test_foreign_models_are_untouched():
         return environment.physics.get_state()
 
     with_gliders = swim()
-    plant.uninstall()
+    uninstall()
     try:
         without = swim()
     finally:
-        plant.install()
+        install()
     np.testing.assert_array_equal(with_gliders, without)
 
 

@@ -158,7 +158,7 @@ def test_energy_counts_the_hotel_load_and_every_move():
     assert task.spent == pytest.approx(power * physics.time(), rel=1e-6)
     for _ in range(10):
         environment.step([0.0, 0.0, VEHICLE.actuator_max[2]])
-    pumped = (physics.pump() - held[2]) * 1e-6
+    pumped = (physics.part("pump") - held[2]) * 1e-6
     pressure = VEHICLE.reference_density * VEHICLE.gravity * physics.depth() + losses.hull_vacuum
     assert task.spent > power * physics.time() + 0.9 * pumped * pressure / losses.pump_efficiency
 

@@ -102,7 +102,7 @@ def broken(old: str, new: str):
         ('data="7.19 386.29"', 'data="7.19 nan"', "drag.*must be 2 finite numbers"),
         ('mass="54.28"', 'mass="-1"', "static_mass must be positive"),
         ('<site name="imu"', '<site name="ins"', "<site name='imu'> is missing"),
-        ('<general name="pump"', '<general name="vbd"', "<general name='pump'> is missing .found"),
+        ('<general name="pump"', '<general name="vbd"', "actuator 'vbd' must be of a kind: add <text name='vbd.kind'"),
         (
             "0      0      3.61   0     7.88  0",
             "0      0      9.99   0     7.88  0",
@@ -118,11 +118,11 @@ def test_a_broken_file_is_named(old, new, message):
 
 
 def test_wrong_structure_is_refused_when_compiled():
-    swapped = GLIDER.xml.replace('name="shift" type="slide"', 'name="rail" type="slide"').replace(
-        'joint="shift"', 'joint="rail"'
-    )
-    with pytest.raises(VehicleError, match="joints must be"):
-        compile_model(parse_vehicle(swapped, GLIDER.path))
+    rail = '<joint name="shift"'
+    assert rail in GLIDER.xml
+    loose = GLIDER.xml.replace(rail, '<joint name="loose" axis="0 1 0"/>' + rail, 1)
+    with pytest.raises(VehicleError, match="joint 'loose' must be driven by an actuator"):
+        compile_model(parse_vehicle(loose, GLIDER.path))
     double = GLIDER.xml.replace('density="0" viscosity="0"', 'density="1025" viscosity="0"')
     with pytest.raises(VehicleError, match="density and viscosity must be 0"):
         compile_model(parse_vehicle(double, GLIDER.path))
@@ -132,7 +132,7 @@ def test_wrong_structure_is_refused_when_compiled():
     ("line", "missing"),
     [
         ('<freejoint name="hull"/>', r"the free joint 'hull' \(<freejoint name=\"hull\"/>\) is"),
-        ('type="slide"', r"the slide joint 'shift' \(type=\"slide\"\) is missing"),
+        ('type="slide"', r"'battery' must be at most one slide and one hinge .*'shift' and 'rotation'"),
     ],
 )
 def test_a_missing_joint_is_named_not_the_keyframe_that_it_breaks(line, missing):

@@ -122,7 +122,7 @@ def prove(table: np.ndarray, numeric_size: int, user_size: int) -> None:
         <worldbody><body><freejoint/><inertial pos="0.1 0 0" mass="3" diaginertia="1 1 1"/>
         <body><joint name="j" type="slide"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>
         </body></body></worldbody>
-        <actuator><general joint="j" dyntype="integrator"/><motor joint="j"/></actuator></mujoco>"""
+        <actuator><general joint="j" dyntype="integrator"/><pid joint="j"/></actuator></mujoco>"""
     )
     data = mujoco.MjData(model)
     data.time = time
