@@ -98,7 +98,8 @@ def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass
     masses = []
     for body in reader.moving_bodies():
         name = body.get("name", "")
-        slide = hinge = None
+        slide: str | None = None
+        hinge: str | None = None
         joints: list[str] = []
         for joint in body.findall("joint"):
             part = driven.get(joint.get("name"))
