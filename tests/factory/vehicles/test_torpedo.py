@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 import factory
-from factory.__main__ import main
+from factory.__main__ import PROGRAM
 from factory.flight.fly import build_scenario
 from factory.flight.vehicle_errors import encoder_zeros, spread_vehicle
 from factory.generation.bulk import generate
@@ -151,7 +151,7 @@ def test_a_part_with_the_name_of_a_signal_is_refused(torpedo: Vehicle) -> None:
     with pytest.raises(VehicleError, match="cannot be called 'pitch'"):
         declare_parts(vehicle)
     shift = dataclasses.replace(torpedo.part("elevator"), name="shift")
-    with pytest.raises(VehicleError, match="'degree'.*'m' elsewhere"):
+    with pytest.raises(VehicleError, match=r"'degree'.*'m' elsewhere"):
         declare_parts(dataclasses.replace(torpedo, parts=(shift,), steering={}))
 
 
@@ -166,7 +166,9 @@ def test_info_page_and_exports_show_its_parts(run: GeneratedStore, tmp_path: Pat
     labels = {axes.get_xlabel() for axes in store_page(run).axes}
     assert {"propeller [rad s-1]", "rudder [degree]", "elevator [degree]"} <= labels
     assert (
-        main(["export", str(run.path), "--to", "og1", "--mission", "0", "--out", str(tmp_path)])
+        PROGRAM.main(
+            ["export", str(run.path), "--to", "og1", "--mission", "0", "--out", str(tmp_path)]
+        )
         == 0
     )
     (file,) = tmp_path.glob("*.nc")
@@ -176,7 +178,7 @@ def test_info_page_and_exports_show_its_parts(run: GeneratedStore, tmp_path: Pat
 
 
 def test_distributions_of_a_vehicle_file(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["distributions", "--vehicle", str(FILE), "--preset", "field"]) == 0
+    assert PROGRAM.main(["distributions", "--vehicle", str(FILE), "--preset", "field"]) == 0
     out = capsys.readouterr().out
     assert "vehicle.elevator_lift_slope" in out
     assert "ballast" not in out

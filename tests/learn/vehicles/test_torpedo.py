@@ -11,7 +11,7 @@ import pytest
 import learn
 from factory.generation.bulk import generate
 from factory.recipe.recipe import make_recipe
-from learn.__main__ import main
+from learn.__main__ import PROGRAM
 from learn.api import fit_settings
 from learn.data.features import FEATURES, GLIDER_PARTS, feature, mirror_signs, select_features
 from learn.data.parts import parts_of
@@ -38,11 +38,11 @@ def test_fit_and_evaluate_run_and_say_what_does_not_suit(
     store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    words = ["--seconds", "5", "--members", "1", "--name", "torpedo"]
-    assert main(["fit", str(store), *words]) == 0
+    words = ["--seconds", "1", "--members", "1", "--name", "torpedo"]
+    assert PROGRAM.main(["fit", str(store), *words]) == 0
     said = capsys.readouterr()
     assert "leaving out the paper's test" in said.out + said.err
-    assert main(["evaluate", "torpedo", str(store), "--out", "page"]) == 0
+    assert PROGRAM.main(["evaluate", "torpedo", str(store), "--out", "page"]) == 0
     said = capsys.readouterr()
     assert f"no baseline {', '.join(GLIDING)}: vehicle 'torpedo' has a propeller" in said.err
     assert "networks" in said.out
