@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import InputError
-from twin.mission import Mission, load_mission
+from twin.mission import Mission
 from twin.mission.controller import Controller
 from twin.mission.schedule import Schedule
+from twin.mission.shipped import load_mission_for
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
 from twin.physics.simulation import simulate as fly
 from twin.records.trajectory import Trajectory
@@ -84,9 +85,10 @@ def simulate(
             raise InputError("give a mission or a controller, not both: each gives the commands")
         if mission is None and controller is None:
             mission = DEFAULT_MISSION
+        flown = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(str(vehicle))
         scenario = Scenario(
-            vehicle=vehicle if isinstance(vehicle, Vehicle) else load_vehicle(str(vehicle)),
-            plan=load_mission(mission) if isinstance(mission, str | Path) else mission,
+            vehicle=flown,
+            plan=load_mission_for(flown, mission) if isinstance(mission, str | Path) else mission,
             duration=duration,
             start=start,
             current=parse_current(current) if isinstance(current, str) else current,

@@ -9,8 +9,8 @@ import time
 import mujoco
 import numpy as np
 
-from twin.mission import load_mission
 from twin.mission.schedule import Schedule
+from twin.mission.shipped import load_mission_for, usual_mission
 from twin.physics.fleet import make_batch
 from twin.physics.mujoco_model import header, joint_places
 from twin.physics.native import block as b
@@ -54,7 +54,7 @@ def bench(vehicle: Vehicle, *, threads: int, rounds: int = ROUNDS) -> BenchResul
     command = [part.manoeuvre(rng, 1.0, vehicle) for part in vehicle.parts]
     steady = Schedule(times=[0.0], commands=[command])
     scenario = Scenario(vehicle=vehicle, plan=steady, duration=600.0)
-    mission = Scenario(vehicle=vehicle, plan=load_mission("default"))
+    mission = Scenario(vehicle=vehicle, plan=load_mission_for(vehicle, usual_mission(vehicle)))
     wet, dry, guided = _deep(scenario), _deep(scenario), Simulation(mission)
     dry.model.opt.gravity[:] = 0.0  # without water it would fall out of range
     dry.data.xfrc_applied[:] = 0.0

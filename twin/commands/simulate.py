@@ -93,20 +93,19 @@ class Simulate(JsonOption):
         outside = beyond_grid(simulation.tables.current, north, east)
         if outside.any():
             console.warn(
-                f"the glider left the current file's area at {trajectory.time[outside][0]:.0f} s; "
+                f"the vehicle left the current file's area at {trajectory.time[outside][0]:.0f} s; "
                 "from there on the velocity at its edge was used"
             )
 
     def _scenario(self) -> Scenario:
-        from twin.mission import load_mission
+        from twin.mission.shipped import load_mission_for
         from twin.physics.scenario import Scenario
         from twin.vehicle.vehicle import load_vehicle
         from twin.water.current.spec import parse_current
         from twin.water.density_spec import parse_density
 
         vehicle = load_vehicle(self.vehicle)
-        mission = load_mission(self.mission)
-        mission.check(vehicle)
+        mission = load_mission_for(vehicle, self.mission)
         return Scenario(
             vehicle=vehicle,
             plan=mission,
@@ -175,6 +174,10 @@ class Simulate(JsonOption):
                     f"{figures['mean_current_north_m_s']:z.3f}, "
                     f"{figures['mean_current_east_m_s']:z.3f} m/s"
                 ),
+                **{
+                    f"{part} (min, max)": f"{f['min']:z.4g}, {f['max']:z.4g} {f['units']}"
+                    for part, f in figures["parts"].items()
+                },
                 "samples": figures["samples"],
             },
             title=title,

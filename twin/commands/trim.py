@@ -1,35 +1,44 @@
-"""`twin trim`: the steady glide or spiral of fixed actuator positions."""
+"""`twin trim`: the steady motion of fixed positions of the parts."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+import tyro
 
 from twin.cli.console import Console, JsonOption
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trim(JsonOption):
-    """Steady state of these actuator positions: speed, angles, turn, through the water."""
+    """Steady state of these positions of the parts: speed, angles, turn, through the water."""
 
-    net_mass: float
-    """net buoyancy mass [kg], positive is heavy and dives"""
-    shift: float
+    net_mass: float = 0.0
+    """net buoyancy mass [kg] of a vehicle with a pump, positive is heavy and dives"""
+    shift: float = 0.0
     """battery position forward of neutral [m]"""
     rotation: float = 0.0
-    """battery rotation [deg]; positive puts the mass to port and turns to starboard"""
+    """position of what turns the vehicle [deg]: a battery's rotation, positive puts the mass to
+    port and turns to starboard, or a rudder's deflection"""
+    positions: Annotated[
+        tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(name="set", metavar="PART=VALUE")
+    ] = ()
+    """position of any part, in its own unit (rad, m, cm3, rad/s), such as --set propeller=60; may
+    be given several times or as a list with commas; what is not named rests"""
     model: Literal["mujoco", "fossen"] = "mujoco"
     """equations to solve: the MuJoCo twin or the independent Fossen model"""
     vehicle: str = "glider"
     """shipped vehicle name, or the path of an MJCF file"""
     hydrodynamics: Literal["coefficients", "ellipsoid"] = "coefficients"
-    """water law of the MuJoCo model"""
+    """the vehicle file's own hull law, or MuJoCo's ellipsoid law on the geometry"""
 
     def run(self, console: Console) -> int:
         """Solve and print; NoSteadyState exits 1 with the reason."""
         import math
 
         from twin.errors import InputError
+        from twin.physics.steady_motion import positions_text, trim_positions
         from twin.vehicle.vehicle import load_vehicle
 
         for name, value in (
@@ -40,19 +49,18 @@ class Trim(JsonOption):
             if not math.isfinite(value):
                 raise InputError(f"--{name} must be a finite number, not {value}")
         vehicle = load_vehicle(self.vehicle)
-        rotation = math.radians(self.rotation)
+        if self.hydrodynamics != "coefficients":
+            vehicle = vehicle.with_law(self.hydrodynamics)
+        request = (self.shift, math.radians(self.rotation), self.net_mass)
+        given = parse_positions(self.positions)
         if self.model == "fossen":
-            if self.hydrodynamics != "coefficients":
-                raise InputError("--model fossen has only --hydrodynamics coefficients")
             from twin.fossen import FossenModel
 
-            result = FossenModel(vehicle).trim(self.shift, rotation, self.net_mass)
+            result = FossenModel(vehicle).trim(*request, positions=given)
         else:
             from twin.physics.settle import trim
 
-            result = trim(
-                vehicle, self.shift, rotation, self.net_mass, hydrodynamics=self.hydrodynamics
-            )
+            result = trim(vehicle, *request, positions=given)
         figures = asdict(result)
         if not result.in_identified_range:
             console.warn(
@@ -60,7 +68,12 @@ class Trim(JsonOption):
                 f"{result.sideslip_deg:.1f} deg is outside the identified range of "
                 f"{math.degrees(vehicle.law.valid_angle):.0f} deg: trust the trend, not the figures"
             )
-        console.answer(**figures)
+        positions = trim_positions(vehicle, *request, positions=given)
+        console.answer(
+            **figures,
+            vehicle=vehicle.name,
+            positions=dict(zip(vehicle.part_names, positions.tolist(), strict=True)),
+        )
         radius = result.turn_radius_m
         console.pairs(
             {
@@ -73,6 +86,35 @@ class Trim(JsonOption):
                 "turn radius": "straight" if radius is None else f"{radius:.1f} m",
                 "vertical speed (down)": f"{result.vertical_speed_m_s:z.4f} m/s",
             },
-            title=f"{vehicle.name}, {self.model}: steady motion",
+            title=f"{vehicle.name}, {self.model}: steady motion at "
+            f"{positions_text(vehicle, positions)}",
         )
         return 0
+
+
+def parse_positions(texts: tuple[str, ...]) -> dict[str, float]:
+    """Positions of parts by name, of texts such as "rudder=0.1" or "rudder=0.1,elevator=0".
+
+    Raises:
+      InputError: a text is not names with finite numbers, or gives a part twice.
+    """
+    import math
+
+    from twin.errors import InputError
+
+    positions: dict[str, float] = {}
+    for text in ",".join(texts).split(",") if texts else ():
+        name, _, number = (word.strip() for word in text.partition("="))
+        try:
+            value = float(number)
+        except ValueError:
+            value = math.nan
+        if not (name and math.isfinite(value)):
+            raise InputError(
+                f"--set {text!r} must be a part and its position, such as propeller=60 (its unit "
+                "is the part's own: rad, m, cm3, rad/s)"
+            )
+        if name in positions:
+            raise InputError(f"--set gives {name} twice; once is enough")
+        positions[name] = value
+    return positions

@@ -87,7 +87,7 @@ class View:
 
     def _live(self) -> tuple[Subject, Flight]:
         """Flown once without a picture, which takes a moment, to know how large the sea must be."""
-        from twin.mission import load_mission
+        from twin.mission.shipped import load_mission_for
         from twin.physics.scenario import Scenario
         from twin.physics.simulation import simulate
         from twin.render.film import Subject
@@ -97,8 +97,8 @@ class View:
 
         if self.tracks is not None:
             raise InputError("--tracks needs a store: dead-reckoned tracks belong to its missions")
-        vehicle, plan = load_vehicle(self.vehicle or "glider"), load_mission(self.plan)
-        plan.check(vehicle)
+        vehicle = load_vehicle(self.vehicle or "glider")
+        plan = load_mission_for(vehicle, self.plan)
         scenario = Scenario(vehicle=vehicle, plan=plan, current=parse_current(self.current))
         title = f"Mission {plan.name}, live"
         subject = Subject(trajectory=simulate(scenario), vehicle=vehicle, title=title)

@@ -23,7 +23,14 @@ from twin.fossen.state import FossenState, FossenTrajectory
 from twin.fossen.steady import SteadyMotion, SteadyProblem, stable_motion
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
 from twin.mission.schedule import Schedule
-from twin.physics.steady_motion import Trim, trim_positions
+from twin.physics.steady_motion import (
+    Trim,
+    advice,
+    driven,
+    positions_text,
+    require_drive,
+    trim_positions,
+)
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.sampler import sample
 
@@ -189,12 +196,15 @@ class FossenModel:
         """
         wanted = trim_positions(self.vehicle, shift, rotation, net_mass, positions)
         turning = self.vehicle.steered_index("heading")
-        driven = self.vehicle.steered("speed") is not None
-        label = ", ".join(
-            f"{part.name} {part.text(float(position))}"
-            for part, position in zip(self.vehicle.parts, wanted, strict=True)
+        problem = SteadyProblem(
+            self.parameters,
+            wanted,
+            turning,
+            driven(self.vehicle, wanted),
+            request=positions_text(self.vehicle, wanted),
+            hint=advice(self.vehicle),
         )
-        problem = SteadyProblem(self.parameters, wanted, turning, driven, label)
+        require_drive(self.vehicle, wanted, problem.net_mass)
         return stable_motion(problem, self.vehicle.law.valid_angle)
 
     def trim(

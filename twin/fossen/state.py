@@ -62,7 +62,8 @@ class FossenTrajectory:
     rates: Array
     """p, q, r [rad/s], shape (n, 3), body FRD"""
     actuators: Array
-    """shift [m], rotation [rad], pump [cm3], shape (n, 3)"""
+    """positions of the parts in their units, shape (n, parts); a glider's are shift [m], rotation
+    [rad], pump [cm3]"""
     current_ned: Array
     """current at the CB [m/s], shape (n, 3)"""
     velocity_ned: Array

@@ -34,8 +34,15 @@ SMALLEST_STEP = math.radians(0.05)
 SCAN_POINTS = 721
 """angles of attack, from -180 to 180 deg, searched for straight glides"""
 
+SPEED_ROUNDS, SPEED_SETTLED = 30, 1e-4
+"""Rounds in which the speed of a straight glide settles, and its relative change once it has: a
+guess for the root finder"""
+
 SETTLE_TIME = 3000.0
 """[s] fifty times the slowest decay of the Sea-Wing at a usual net mass"""
+
+EDGE_POINTS = 41
+"""angles of attack looked at between two of the scan where the lift changes its side"""
 
 DIFFERENCE_STEP = 1e-6
 """[SI] step of the central differences of the linearisation, near the cube root of epsilon"""
@@ -82,17 +89,20 @@ class SteadyProblem:
         positions: Array,
         turning: int | None,
         driven: bool,
-        label: str = "",
+        *,
+        request: str = "",
+        hint: str = "give others",
     ):
         """`turning` is the index of the part that turns the vehicle; `driven`: by a propeller.
 
-        `label` says the positions in messages, in place of their bare numbers.
+        `request` says the positions, and `hint` what to change, in messages.
         """
+        self.request = request or ", ".join(f"{value:g}" for value in positions)
+        self.hint = hint
         self.p = p
         self.positions = np.asarray(positions, dtype=np.float64)
         self.turning = turning
         self.driven = driven
-        self.label = label
         carried = mass_distribution(p, self.positions)[0] - p.mass
         volume = pumped(p, self.positions)[0]
         self.net_mass = float(carried - p.reference_density * 1e-6 * volume)
@@ -103,10 +113,6 @@ class SteadyProblem:
     def rotation(self) -> float:
         """Position of the part that turns it; 0 without one."""
         return 0.0 if self.turning is None else float(self.positions[self.turning])
-
-    def text(self) -> str:
-        """The positions as a message names them."""
-        return self.label or ", ".join(f"{value:g}" for value in self.positions)
 
     def _acceleration(self, nu_r: Array, down: Array) -> Array:
         no_current = np.zeros(3)
@@ -147,22 +153,36 @@ class SteadyProblem:
 
         Speed and pitch follow from the resultant of lift and drag; None when it points to the
         wrong side, so that only an inverted glider could balance it. The pitch moment is free.
+        A law that is not purely quadratic is asked again at the speed that it gave.
         """
         unit = np.array([math.cos(alpha), 0.0, math.sin(alpha), 0.0, 0.0, 0.0])
-        wrench = damping_wrench(self.p, unit)
-        resultant = math.hypot(wrench[0], wrench[2])
         side = math.copysign(1.0, self.net_mass)
-        if side * wrench[2] >= 0.0:
-            return None
-        speed = math.sqrt(abs(self.net_mass) * self.p.gravity / resultant)
-        pitch = math.asin(side * wrench[0] / resultant)
+        speed, pitch = 1.0, math.nan
+        for turn in range(SPEED_ROUNDS):
+            wrench = damping_wrench(self.p, speed * unit) / speed**2
+            resultant = math.hypot(wrench[0], wrench[2])
+            if side * wrench[2] >= 0.0:
+                return None
+            found = math.sqrt(abs(self.net_mass) * self.p.gravity / resultant)
+            if turn and abs(speed - found) < SPEED_SETTLED * found:
+                break
+            speed, pitch = found, math.asin(side * wrench[0] / resultant)
         return np.array([speed * unit[0], 0.0, speed * unit[2], 0.0, pitch, 0.0])
 
     def straight_roots(self) -> list[Array]:
         """Guesses for every straight glide, from the sign changes of the pitch acceleration."""
+        angles = np.linspace(-math.pi, math.pi, SCAN_POINTS)
+        balanced = [self.straight_glide(float(alpha)) is not None for alpha in angles]
+        found = self._crossings(angles)
+        for k in np.flatnonzero(np.diff(balanced)):  # no lift at one end: steep glides lie here
+            found += self._crossings(np.linspace(angles[k], angles[k + 1], EDGE_POINTS))
+        return found
+
+    def _crossings(self, angles: Array) -> list[Array]:
+        """Straight glides where the pitch acceleration changes sign between angles of attack."""
         found: list[Array] = []
         previous: tuple[float, float] | None = None
-        for alpha in np.linspace(-math.pi, math.pi, SCAN_POINTS):
+        for alpha in angles:
             x = self.straight_glide(float(alpha))
             if x is None:
                 previous = None
@@ -286,10 +306,7 @@ def steady_motions(problem: SteadyProblem, linear_angle: float) -> list[SteadyMo
     Raises NoSteadyState when the net mass is zero or no motion is found.
     """
     if abs(problem.net_mass) < NEUTRAL and not problem.driven:
-        raise NoSteadyState(
-            "net mass 0 kg: a neutrally buoyant glider has no force to glide with; "
-            "give a net mass above or below 0"
-        )
+        raise NoSteadyState("net mass 0 kg: a neutrally buoyant vehicle has no force to move with")
     straight_problem = problem.with_rotation(0.0)
     straight = solve_steady_state(straight_problem.residual, straight_problem.straight_guesses())
     if problem.rotation == 0.0:
@@ -305,9 +322,8 @@ def steady_motions(problem: SteadyProblem, linear_angle: float) -> list[SteadyMo
         motions = _motions(problem, guesses, linear_angle)
     if not motions:
         raise NoSteadyState(
-            f"no steady motion with the parts at {problem.text()}, net mass "
-            f"{problem.net_mass:g} kg: "
-            "move the shift forward to dive or aft to climb, or turn the rotation less"
+            f"no steady motion at {problem.request}, net mass {problem.net_mass:g} kg: "
+            f"{problem.hint}"
         )
     motions.sort(key=lambda m: (not m.stable, abs(m.trim.angle_of_attack_deg)))
     return motions
@@ -323,9 +339,9 @@ def stable_motion(problem: SteadyProblem, linear_angle: float) -> SteadyMotion:
     growth = float(np.max(best.eigenvalues.real))
     fault = "flies tail first" if best.stable else f"grows by {growth:.3g} 1/s"
     raise NoSteadyState(
-        f"no stable forward motion with the parts at {problem.text()}, net mass "
-        f"{problem.net_mass:g} kg: the one at "
+        f"no stable forward motion at {problem.request}, net mass {problem.net_mass:g} kg: the one "
+        f"at "
         f"pitch {best.trim.pitch_deg:.1f} deg, angle of attack "
         f"{best.trim.angle_of_attack_deg:.1f} deg {fault}; "
-        "move the shift forward to dive or aft to climb, or turn the rotation less"
+        f"{problem.hint}"
     )

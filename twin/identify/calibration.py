@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import VehicleError
+from twin.vehicle.laws import FlowFrame
 from twin.vehicle.vehicle import CUBIC_CM, Vehicle, load_vehicle
 
 Array = NDArray[np.float64]
@@ -59,6 +60,25 @@ class Calibration:
     """[rad], true heading less measured, mean over all headings"""
     heading_cycles: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """[rad] of cos, sin of the heading (magnets aboard) and of twice the heading (soft iron)."""
+
+    def __post_init__(self) -> None:
+        vehicle = self.vehicle
+        lacks = [
+            what
+            for what, there in (
+                (f"the hull law {FlowFrame.kind!r}", isinstance(vehicle.law, FlowFrame)),
+                ("one moving battery", len(vehicle.masses) == 1),
+                ("a pump", vehicle.steered("buoyancy") is not None),
+            )
+            if not there
+        ]
+        if lacks:
+            raise VehicleError(
+                f"vehicle {vehicle.name!r} cannot be identified: that needs a glider with the hull "
+                f"law {FlowFrame.kind!r}, one moving battery and a pump, and it lacks "
+                f"{' and '.join(lacks)} (hull law {vehicle.law.kind!r}; parts: "
+                f"{', '.join(vehicle.part_names) or 'none'})"
+            )
 
     def true_pitch(self, measured: Array) -> Array:
         """Pitch [rad] of the hull, from the sensor's [rad]."""
@@ -128,7 +148,8 @@ def load_calibration(
         file's.
 
     Raises:
-      VehicleError: unknown or unreadable file, or a figure in it that is none.
+      VehicleError: unknown or unreadable file, a vehicle that is no glider with a battery and a
+        pump, or a figure in the file that is none.
     """
     loaded = load_vehicle(vehicle)
     calibration = Calibration(vehicle=loaded, water_density=loaded.reference_density)

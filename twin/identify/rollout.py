@@ -52,6 +52,8 @@ STEP = 0.02
 """Spreads of the finite differences: well above what the time step leaves."""
 PROMPT_LAG, PROMPT_RATE = 0.2, 1e4
 """[s] and units per second of actuators that follow the logged positions."""
+REACH = 10.0
+"""Travels of an actuator by which its logged positions may lie beyond its ends."""
 PITCH_BIAS = np.deg2rad(0.3)
 """[rad] of bias that the attitude sensor may have from one window to the next."""
 MOST_PITCH = np.deg2rad(3.0)
@@ -239,14 +241,17 @@ def _scenario(window: _Window, calibration: Calibration) -> Scenario:
     times[0] = -log.period
     motion = motion_of(log, calibration)
     vehicle = calibration.vehicle
-    reach = 10.0 * (vehicle.actuator_max - vehicle.actuator_min)
+    prompt = {
+        own.name: {
+            "lag": PROMPT_LAG,
+            "rate": PROMPT_RATE,
+            "low": own.low - REACH * (own.high - own.low),
+            "high": own.high + REACH * (own.high - own.low),
+        }
+        for own in vehicle.parts
+    }
     return Scenario(
-        vehicle=vehicle.replace(
-            actuator_lag=np.full(3, PROMPT_LAG),
-            actuator_rate=np.full(3, PROMPT_RATE),
-            actuator_min=vehicle.actuator_min - reach,
-            actuator_max=vehicle.actuator_max + reach,
-        ),
+        vehicle=vehicle.replace(**prompt),
         plan=Schedule(times=times, commands=commands),
         duration=log.period * (last - first),
         sample_period=log.period,

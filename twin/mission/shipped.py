@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from twin.errors import MissionError, unknown_name
 from twin.mission.plan import Mission
 
+if TYPE_CHECKING:
+    from twin.vehicle.vehicle import Vehicle
+
+DEFAULT, PROPELLED = "default", "survey"
+"""What a vehicle flies when nothing is said: a glider, and one with a propeller"""
 _FOLDER = Path(__file__).resolve().parent.parent / "missions"
 
 
@@ -28,3 +34,28 @@ def load_mission(mission: str | Path = "default") -> Mission:
     if path.suffix == ".toml" or path.is_file():
         return Mission.from_toml(path)
     raise MissionError(unknown_name("mission", text, mission_names()) + " or a path to a .toml")
+
+
+def usual_mission(vehicle: Vehicle) -> str:
+    """Name of the shipped mission that suits a vehicle."""
+    return PROPELLED if vehicle.steered("speed") is not None else DEFAULT
+
+
+def load_mission_for(vehicle: Vehicle, mission: str | Path = DEFAULT) -> Mission:
+    """As `load_mission`, checked for a vehicle.
+
+    Raises:
+      MissionError: as `load_mission`, or the vehicle cannot fly it; where the default mission is
+        for another kind of vehicle, the message names the one that suits this one.
+    """
+    loaded = load_mission(mission)
+    try:
+        loaded.check(vehicle)
+    except MissionError as error:
+        usual = usual_mission(vehicle)
+        if str(mission) not in (DEFAULT, PROPELLED) or str(mission) == usual:
+            raise
+        raise MissionError(
+            f"{error}; the shipped mission for such a vehicle is {usual!r}"
+        ) from None
+    return loaded

@@ -30,6 +30,7 @@ def from_log(
     rows are a run from its start, and times are its multiples: MuJoCo's clock adds up steps and
     drifts by nanoseconds.
     """
+    declare_parts(vehicle)
     qpos, qvel, act, ctrl = (rows[name] for name in ("qpos", "qvel", "act", "ctrl"))
     quaternion = flip_quaternion(qpos[:, 3:7])
     roll, pitch, heading = quaternion_to_euler(quaternion)
@@ -44,7 +45,6 @@ def from_log(
     force = specific_force(to_ned, acceleration, rates, spin, vehicle)
     degrees = np.rad2deg
     signals: dict[str, Array] = {}
-    declare_parts(vehicle)
 
     def put(prefix: str, names: str, values: Array) -> None:
         for name, column in zip(names.split(), values.T, strict=True):
@@ -70,13 +70,8 @@ def from_log(
     time = rows["time"].copy()
     if sample_period is not None:
         time = sample_times(len(rows), sample_period)
-    return Trajectory(
-        time=time,
-        signals=signals,
-        states=states,
-        state_columns=state_columns(vehicle),
-        **fields,
-    )
+    columns = state_columns(vehicle)
+    return Trajectory(time=time, signals=signals, states=states, state_columns=columns, **fields)
 
 
 def specific_force(

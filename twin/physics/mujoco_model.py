@@ -301,6 +301,8 @@ def _write_inertia(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
         i = inertia * signs
         body.mass, body.ipos = kilograms, cg
         body.iquat = [1, 0, 0, 0]
+        # the file may have said it the other way, and both at once are refused
+        body.inertia, body.fullinertia = np.zeros(3), np.full(6, np.nan)
         if np.count_nonzero(i - np.diag(np.diag(i))):
             body.fullinertia = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
         else:

@@ -6,10 +6,14 @@ in the unit of its kind. Those of a glider's shift, rotation and pump are in the
 
 from __future__ import annotations
 
+import functools
+from pathlib import Path
+
 from twin.errors import VehicleError
 from twin.records.limits import TABLE
 from twin.records.schema import SIMULATED, VARIABLES, Variable, declare
 from twin.records.trajectory import actuator_names
+from twin.vehicle.mjcf import MjcfReader
 from twin.vehicle.vehicle import Vehicle
 
 UNITS = frozenset(row.units for row in TABLE)
@@ -35,8 +39,9 @@ def part_variables(vehicle: Vehicle) -> dict[str, Variable]:
         ):
             if name in _OWN and part.name not in shared:
                 raise VehicleError(
-                    f"vehicle {vehicle.name!r}: a part cannot be called {part.name!r}, since "
-                    f"{name!r} is another signal of every store; give its actuator another name"
+                    f"vehicle {vehicle.name!r} ({vehicle.path}): a part must not be called "
+                    f"{part.name!r}, which is a signal of every vehicle; give its actuator another "
+                    "name"
                 )
             known = VARIABLES.get(name)
             if known is None:
@@ -48,9 +53,9 @@ def part_variables(vehicle: Vehicle) -> dict[str, Variable]:
                     )
             elif known.units != quantity.unit:
                 raise VehicleError(
-                    f"vehicle {vehicle.name!r}: {name!r} would be in {quantity.unit!r}, and is in "
-                    f"{known.units!r} elsewhere ({known.long_name}); give part {part.name!r} "
-                    "another name"
+                    f"vehicle {vehicle.name!r} ({vehicle.path}): {name} of its part {part.name!r} "
+                    f"({part.kind}) would be stored in {quantity.unit}, but is "
+                    f"{known.long_name!r} in {known.units} already; give its actuator another name"
                 )
             found[name] = known
     return found
@@ -76,11 +81,20 @@ _KINDS = ("true", "commanded", "measured")
 
 
 def state_columns(vehicle: Vehicle) -> tuple[str, ...]:
-    """Columns of a vehicle's states: qpos, qvel, act, ctrl (x north, y west, z up; SI, rad)."""
-    joints = [f"{mass.name}_{part}" for mass in vehicle.masses for part in mass.joints]
+    """Names of the columns of a trajectory's `states`: qpos, qvel, act, ctrl (SI, rad, cm3)."""
+    return _columns(vehicle.xml, vehicle.path, vehicle.part_names)
+
+
+@functools.lru_cache(maxsize=16)
+def _columns(xml: str, path: Path, parts: tuple[str, ...]) -> tuple[str, ...]:
+    joints = [
+        f"{body.get('name')}_{joint.get('name')}"
+        for body in MjcfReader(xml, path).moving_bodies()
+        for joint in body.findall("joint")
+    ]
     return (
         *("x", "y", "z", "qw", "qx", "qy", "qz", *joints),
         *("vx", "vy", "vz", "wx", "wy", "wz", *(f"{joint}_rate" for joint in joints)),
-        *(f"act_{name}" for name in vehicle.part_names),
-        *(f"ctrl_{name}" for name in vehicle.part_names),
+        *(f"act_{part}" for part in parts),
+        *(f"ctrl_{part}" for part in parts),
     )

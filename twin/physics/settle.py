@@ -24,7 +24,15 @@ from twin.frames import (
 )
 from twin.physics.mujoco_model import compile_model, joint_places, state
 from twin.physics.quiet import quiet_mujoco
-from twin.physics.steady_motion import Trim, solve_steady_state, trim_positions
+from twin.physics.steady_motion import (
+    Trim,
+    advice,
+    driven,
+    positions_text,
+    require_drive,
+    solve_steady_state,
+    trim_positions,
+)
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -39,8 +47,6 @@ PATIENCE = 3600.0
 """[s] a glider that still has not settled after an hour has no usable steady state"""
 START_SPEED, START_PITCH = 0.3, 0.5
 """[m/s], [rad]: released gliding in the direction that its buoyancy drives"""
-NEUTRAL = 1e-9
-"""[kg] below this net mass nothing drives a glide"""
 SAME_MOTION = 0.02
 """Largest distance [m/s, rad, rad/s] between the flown motion and the polished root"""
 
@@ -83,6 +89,11 @@ class LockedGlider:
         linear = to_ned.T @ (flip_vector(acceleration[:3]) - turning)
         return np.concatenate([linear, flip_vector(acceleration[3:])])
 
+    def net_mass(self) -> float:
+        """[kg] at reference density, positive heavy: that of the parts where they are held."""
+        mujoco.mj_forward(self.model, self.data)
+        return float(state(self.data)["net_mass"])
+
     def motion(self) -> Array:
         """(u, v, w, roll, pitch, turn rate) of the current data."""
         quaternion = flip_quaternion(self.data.qpos[3:7])
@@ -112,21 +123,13 @@ def trim(
       InputError: outside the parts' travel. NoSteadyState: it does not settle, and how.
     """
     wanted = trim_positions(vehicle, shift, rotation, net_mass, positions)
-    driven = vehicle.steered_index("speed")
-    driving = driven is not None and abs(wanted[driven]) > 0.0
-    pump = vehicle.steered_index("buoyancy")
-    heavy = 0.0 if pump is None else vehicle.net_mass_for_pump(wanted[pump])
-    if abs(heavy) < NEUTRAL and not driving:
-        raise NoSteadyState(
-            "net mass 0 kg: a neutrally buoyant glider has no force to glide with; "
-            "give a net mass above or below 0"
-        )
     glider = LockedGlider(vehicle, hydrodynamics, wanted)
+    heavy = glider.net_mass()
+    require_drive(vehicle, wanted, heavy)
+    driving = driven(vehicle, wanted)
     with quiet_mujoco():
         settled = _fly_until_settled(glider, 0.0 if driving else math.copysign(1.0, heavy))
-    request = ", ".join(
-        f"{part.name} {part.text(value)}" for part, value in zip(vehicle.parts, wanted, strict=True)
-    )
+    request = positions_text(vehicle, wanted)
     ours = state(glider.data)
     if ours["failed"]:
         raise NoSteadyState(
@@ -137,15 +140,15 @@ def trim(
     if settled is None:
         last = glider.motion()
         raise NoSteadyState(
-            f"no steady state at {request}: after {PATIENCE:.0f} s the glider moves unsteadily "
+            f"no steady state at {request}: after {PATIENCE:.0f} s the vehicle moves unsteadily "
             f"(pitch {math.degrees(last[4]):.1f} deg, roll {math.degrees(last[3]):.1f} deg, speed "
-            f"{np.linalg.norm(last[:3]):.2f} m/s); turn the rotation less or move the shift"
+            f"{np.linalg.norm(last[:3]):.2f} m/s); {advice(vehicle)}"
         )
     if settled[0] <= 0.0:
         raise NoSteadyState(
-            f"no forward steady state at {request}: the glider falls tail first (angle of attack "
+            f"no forward steady state at {request}: the vehicle goes tail first (angle of attack "
             f"{math.degrees(math.atan2(settled[2], settled[0])):.0f} deg), where the coefficients "
-            "say nothing; move the shift forward to dive or aft to climb"
+            f"say nothing; {advice(vehicle)}"
         )
     roots = solve_steady_state(glider.residual, [settled])
     if not roots or np.abs(roots[0] - settled).max() > SAME_MOTION:

@@ -169,10 +169,16 @@ class Simulation:
           userdata: of the simulation that was stepped, shape (model.nuserdata,).
 
         Raises:
-          TwinError: it was stepped too far without a collection, so that samples are lost.
+          TwinError: it was stepped too far without a collection, so that samples are lost, or
+            what native code keeps in `userdata` was overwritten.
         """
         ours = userdata[: b.STATE_WORDS].view(b.STATE)[0]
-        logged = min(int(ours["logged"]), len(self._collected))
+        if not 0.0 <= ours["logged"] <= len(self._collected):
+            raise TwinError(
+                f"userdata says that {ours['logged']:g} of at most {len(self._collected)} samples "
+                "are logged: it was overwritten; call Simulation.reset"
+            )
+        logged = int(ours["logged"])
         ring = userdata[b.STATE_WORDS :].view(self._row)
         if logged < self._count:  # it was reset
             self._count = 0

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twin.errors import InputError
+from twin.errors import InputError, NoSteadyState, unknown_name
 from twin.vehicle.parts import BatterySlide
 
 if TYPE_CHECKING:
@@ -29,6 +29,9 @@ an hour would change its speed by 4 micrometres per second."""
 
 DISTINCT_ROOTS = 1e-6
 """Two roots closer than this in every unknown are the same motion."""
+
+NEUTRAL = 1e-9
+"""[kg] a net mass below this drives no glide"""
 
 LIMIT_SLACK = 1e-9
 """Part of an actuator's travel by which a value may exceed it through rounding."""
@@ -138,10 +141,55 @@ def trim_positions(
         _check_reach(vehicle, "net mass", net_mass, low, high, "kg", 1.0)
         wanted[vehicle.part_names.index(pump.name)] = vehicle.pump_for_net_mass(net_mass)
     for name, value in (positions or {}).items():
+        if name not in vehicle.part_names:
+            what = f"part of vehicle {vehicle.name!r}"
+            raise InputError(unknown_name(what, name, vehicle.part_names))
         part = vehicle.part(name)
         _check_reach(vehicle, name, value, part.low, part.high, part.unit, 1.0)
         wanted[vehicle.part_names.index(name)] = value
     return wanted
+
+
+def driven(vehicle: Vehicle, positions: NDArray[np.float64]) -> bool:
+    """Whether a propeller drives the vehicle at these positions of its parts, shape (parts,)."""
+    driving = vehicle.steered_index("speed")
+    return driving is not None and abs(float(positions[driving])) > 0.0
+
+
+def require_drive(vehicle: Vehicle, positions: NDArray[np.float64], net_mass: float) -> None:
+    """Raise NoSteadyState, saying what to give, when nothing drives the vehicle.
+
+    net_mass: [kg] at these positions of its parts.
+    """
+    if abs(net_mass) >= NEUTRAL or driven(vehicle, positions):
+        return
+    ways = []
+    if vehicle.steered("buoyancy") is not None:
+        ways.append("give a net mass above or below 0")
+    driving = vehicle.steered("speed")
+    if driving is not None:
+        ways.append(
+            f"give its part {driving.name!r} a position, up to {driving.high:g} {driving.unit}"
+        )
+    raise NoSteadyState(
+        f"net mass {abs(net_mass):g} kg: a neutrally buoyant vehicle has no force to move with; "
+        + (" or ".join(ways) or f"vehicle {vehicle.name!r} has no part that drives it")
+    )
+
+
+def positions_text(vehicle: Vehicle, positions: NDArray[np.float64]) -> str:
+    """Positions of the parts, shape (parts,), as messages name them."""
+    pairs = zip(vehicle.parts, positions, strict=True)
+    return ", ".join(f"{part.name} {part.text(value)}" for part, value in pairs)
+
+
+def advice(vehicle: Vehicle) -> str:
+    """What to change when positions of the parts give no steady motion."""
+    if isinstance(vehicle.steered("pitch"), BatterySlide):
+        return "move the shift forward to dive or aft to climb, or turn the rotation less"
+    turned = [vehicle.steering[name] for name in ("pitch", "heading") if name in vehicle.steering]
+    what = f"turn {' and '.join(turned)} less" if turned else "change the positions of its parts"
+    return f"{what}, or drive it faster" if "speed" in vehicle.steering else what
 
 
 def _check_reach(

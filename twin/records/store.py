@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 STATE, STATES = "state", "simulation_state"
+COLUMNS = "columns"
+"""Attribute of `simulation_state` that names its columns: qpos, qvel, act, ctrl (x north, y west, z
+up; SI, rad, cm3)."""
 
 UNFINISHED = ".generating"
 """Folder inside a store that the factory has begun and not completed."""
@@ -37,11 +40,7 @@ def mission_dataset(
     parameters: Sequence[Mapping[str, float]] | None = None,
     attributes: Mapping[str, Any] | None = None,
 ) -> xr.Dataset:
-    """The trajectories as one dataset of the schema, padded with NaN to the longest.
-
-    Raises:
-      StoreError: they are of vehicles with other parts, whose states have other columns.
-    """
+    """The trajectories as one dataset of the schema, padded with NaN to the longest."""
     import xarray as xr
 
     longest = max(len(t.time) for t in trajectories)
@@ -68,14 +67,8 @@ def mission_dataset(
             if name in trajectory.signals:
                 values[i, : len(trajectory.time)] = trajectory.signals[name]
         variables[name] = ((MISSION, TIME), values, entry.attributes())
-    columns = trajectories[0].state_columns
-    for trajectory in trajectories:
-        if trajectory.state_columns != columns:
-            raise StoreError(
-                "trajectories of vehicles with other parts cannot share a store: their states are "
-                f"{' '.join(columns)} and {' '.join(trajectory.state_columns)}"
-            )
-    states = np.full((len(trajectories), longest, trajectories[0].states.shape[1]), np.nan)
+    width = _state_width(trajectories)
+    states = np.full((len(trajectories), longest, width), np.nan)
     for i, trajectory in enumerate(trajectories):
         states[i, : len(trajectory.time)] = trajectory.states
     variables[STATES] = (
@@ -84,7 +77,7 @@ def mission_dataset(
         {
             "units": "1",
             "long_name": "exact MuJoCo state, for replay and rendering",
-            "columns": " ".join(columns),
+            COLUMNS: " ".join(trajectories[0].state_columns),
         },
     )
     dataset = xr.Dataset(variables, coordinates, {**SIMULATED_ATTRIBUTES, **(attributes or {})})
@@ -92,6 +85,25 @@ def mission_dataset(
         values = np.array([row.get(name, np.nan) for row in parameters or ()])
         dataset[name] = (MISSION, values)
     return dataset
+
+
+def _state_width(trajectories: Sequence[Trajectory]) -> int:
+    """Columns of their states; raises StoreError when they are those of different vehicles."""
+    first = trajectories[0]
+    for index, other in enumerate(trajectories):
+        alike = other.state_columns == first.state_columns
+        if not (alike and other.states.shape[1:] == first.states.shape[1:]):
+            raise StoreError(
+                f"a store holds the missions of one kind of vehicle: trajectory {index} has the "
+                f"parts {', '.join(other.actuators) or 'none'}, trajectory 0 has "
+                f"{', '.join(first.actuators) or 'none'}; write a store for each"
+            )
+    return int(first.states.shape[1])
+
+
+def stored_columns(one: xr.Dataset) -> tuple[str, ...]:
+    """Names of the columns of a dataset's states; empty when it has none."""
+    return tuple(str(one[STATES].attrs.get(COLUMNS, "")).split()) if STATES in one else ()
 
 
 def write_store(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -200,10 +212,21 @@ def open_store(path: str | Path) -> xr.Dataset:
         dataset = xr.open_zarr(path, consolidated=None)
     except Exception as error:
         raise StoreError(f"store {path} cannot be read: {' '.join(str(error).split())}") from error
-    for name, array in dataset.data_vars.items():
-        if array.dims == (MISSION, TIME):
-            declare_stored(str(name), array.attrs)
+    declare_signals(dataset)
     return dataset
+
+
+def declare_signals(dataset: xr.Dataset) -> None:
+    """Declare the signals that this process does not know, parts in the order of the vehicle's."""
+    signals = {
+        str(name): array.attrs
+        for name, array in dataset.data_vars.items()
+        if array.dims == (MISSION, TIME)
+    }
+    parts = [c.removeprefix("act_") for c in stored_columns(dataset) if c.startswith("act_")]
+    first = [f"{prefix}_{part}" for part in parts for prefix in ("true", "commanded")]
+    for name in dict.fromkeys((*(n for n in first if n in signals), *signals)):
+        declare_stored(name, signals[name])
 
 
 def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
@@ -232,13 +255,6 @@ def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
         state_columns=stored_columns(one),
         provenance=dict(dataset.attrs),
     )
-
-
-def stored_columns(dataset: xr.Dataset) -> tuple[str, ...]:
-    """Names of the columns of a dataset's states; none without states."""
-    if STATES not in dataset:
-        return ()
-    return tuple(str(dataset[STATES].attrs["columns"]).split())
 
 
 def gone_arrays(dataset: xr.Dataset, path: str | Path) -> list[str]:

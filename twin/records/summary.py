@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from twin.records.schema import variable
 from twin.records.trajectory import Trajectory
 
 
 def summarise(trajectory: Trajectory) -> dict[str, Any]:
-    """Figures of a trajectory: SI units and degrees, as the names say."""
+    """Figures of a trajectory: SI units and degrees, as the names say; parts in stored units."""
     t = trajectory
     position, v_rel = t.position, t.v_rel
     speed = np.linalg.norm(v_rel, axis=1)
@@ -35,4 +36,12 @@ def summarise(trajectory: Trajectory) -> dict[str, Any]:
         "angle_of_attack_p98_deg": float(np.percentile(np.abs(alpha), 98)),
         "mean_current_north_m_s": float(t["true_current_north"].mean()),
         "mean_current_east_m_s": float(t["true_current_east"].mean()),
+        "parts": {
+            part: {
+                "min": float(t[f"true_{part}"].min()),
+                "max": float(t[f"true_{part}"].max()),
+                "units": variable(f"true_{part}").units,
+            }
+            for part in t.actuators
+        },
     }

@@ -31,7 +31,8 @@ class Trajectory(Mapping[str, Array]):
     """One mission, sampled at a fixed period: a mapping from signal names to arrays.
 
     `signals` maps schema names to float64 arrays of shape (time,); `states` holds the MuJoCo rows
-    (time, columns): qpos, qvel, act, ctrl, from which any sample can be rendered or resumed.
+    (time, columns): qpos, qvel, act, ctrl, from which any sample can be rendered or resumed; a
+    glider's have 9, 8, 3 and 3 numbers.
     """
 
     time: Array
@@ -39,7 +40,7 @@ class Trajectory(Mapping[str, Array]):
     signals: dict[str, Array]
     states: Array
     state_columns: tuple[str, ...] = ()
-    """Names of the columns of `states`, which depend on the vehicle's parts."""
+    """Name of each column of `states`; empty where nothing says them"""
     complete: bool = True
     """False when the simulation stopped early (unstable)."""
     provenance: dict[str, Any] = dataclasses.field(default_factory=dict)

@@ -9,9 +9,10 @@ import numpy as np
 
 from twin.errors import InputError, StoreError
 from twin.records.attributes import N_SAMPLES, SCHEMA, SIMULATED_ATTRIBUTES
-from twin.records.schema import MISSION, TIME, VARIABLES, declare_stored, variable
+from twin.records.schema import MISSION, TIME, VARIABLES, variable
 from twin.records.store import (
     STATES,
+    declare_signals,
     mission_dataset,
     read_trajectory,
     stored_columns,
@@ -89,9 +90,7 @@ def _read(dataset: xr.Dataset, path: Path, mission: int) -> Trajectory:
         raise StoreError(f"{path} holds no mission: `Trajectory.save` writes such files")
     if not 0 <= mission < dataset.sizes[MISSION]:
         raise StoreError(f"{path} has missions 0 to {dataset.sizes[MISSION] - 1}, not {mission}")
-    for name, array in dataset.data_vars.items():
-        if array.dims == (MISSION, TIME):
-            declare_stored(str(name), array.attrs)
+    declare_signals(dataset)
     one = dataset.isel({MISSION: mission})
     one = one.isel({TIME: slice(0, int(one[N_SAMPLES]))})
     rows = one[STATES].values if STATES in one else np.zeros((0, 0))

@@ -20,6 +20,8 @@ from twin.render.playback import (
     moving_parts,
     part_positions,
     poses,
+    spins,
+    turns,
 )
 
 Array = NDArray[np.float64]
@@ -55,7 +57,7 @@ class Replay:
             quaternion=interpolate_quaternion(times, every.time[two], every.quaternion[two]),
             **{
                 name: between(getattr(every, name))
-                for name in ("position", "parts", "roll", "pitch", "heading", "speed")
+                for name in ("position", "parts", "angles", "roll", "pitch", "heading", "speed")
             },
             net_mass=between(every.net_mass),
             current=between(every.current),
@@ -68,6 +70,8 @@ class Live:
     def __init__(self, scenario: Scenario):
         with quiet_mujoco():
             self._simulation = Simulation(scenario)
+        self._seen = (0.0, np.zeros(len(scenario.vehicle.parts)))
+        """Time [s] of the last row, and how far [rad] each spinning part had turned by then"""
 
     def at(self, time: float) -> Poses:
         """The physics' own state at the last step before `time`.
@@ -94,13 +98,15 @@ class Live:
         logged = from_log(simulation.rows[-1:], simulation.scenario.vehicle)
         roll, pitch, heading = quaternion_to_euler(flip(data.qpos[3:7]))
         joints = moving_parts(logged)
+        parts = part_positions(logged, joints, logged.time)
         current = [logged[f"true_current_{name}"][0] for name in ("north", "east")]
         return Poses(
             time=np.array([data.time]),
             position=flip_vector(data.qpos[:3])[None],
             quaternion=data.qpos[None, 3:7].copy(),
             joints=joints,
-            parts=part_positions(logged, joints, logged.time),
+            parts=parts,
+            angles=self._turned(float(data.time), joints, parts[0])[None],
             roll=np.rad2deg([roll]),
             pitch=np.rad2deg([pitch]),
             heading=np.mod(np.rad2deg([heading]), 360.0),
@@ -108,3 +114,13 @@ class Live:
             net_mass=logged["true_net_mass"],
             current=np.array([current]),
         )
+
+    def _turned(self, time: float, joints: tuple[str, ...], parts: Array) -> Array:
+        """Angle [rad] of each moving part; a spinning one goes on from the last row's."""
+        before, angles = self._seen
+        step = max(time - before, 0.0)  # after a jump back it goes on from where it was
+        angles = np.resize(angles, len(joints))
+        for place, joint in enumerate(joints):
+            angles[place] = angles[place] + step * parts[place] if spins(joint) else parts[place]
+        self._seen = (time, angles)
+        return angles * [turns(joint) or spins(joint) for joint in joints]

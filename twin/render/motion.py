@@ -54,6 +54,7 @@ class Motion:
         for joint, position in zip(poses.joints, poses.parts[index], strict=True):
             if joint in self._addresses:  # a part may move without being drawn so
                 data.qpos[self._addresses[joint]] = position
+        self._turn(poses, index)
         data.mocap_pos[self._mocap[WATER]] = -shift
         data.mocap_pos[self._mocap[LEVEL]] = [0.0, 0.0, -shift[2]]
         data.mocap_pos[self._mocap[DRIFT]] = drift
@@ -66,6 +67,16 @@ class Motion:
         mujoco.mj_kinematics(stage.model, data)
         mujoco.mj_camlight(stage.model, data)
         return here - shift
+
+    def _turn(self, poses: Poses, index: int) -> None:
+        """Turn fins and propellers about their axes on the hull; a picture has the true angle."""
+        turn, found = np.zeros(4), np.zeros(4)
+        for part, angle in zip(poses.joints, poses.angles[index], strict=True):
+            drawn = self._stage.turned.get(part)
+            if drawn is not None:
+                mujoco.mju_axisAngle2Quat(turn, drawn.axis, angle)
+                mujoco.mju_mulQuat(found, turn, drawn.rest)
+                self._stage.model.body_quat[drawn.body] = found
 
     def _reveal(self, poses: Poses, index: int, here: Array) -> None:
         """Show the ribbons up to now; the true one ends at the glider, or at its tail."""

@@ -15,8 +15,8 @@ from twin.records.trajectory import Trajectory, actuator_names
 
 Array = NDArray[np.float64]
 
-SLIDES, TURNS = "m", "degree"
-"""Units of what moves on a rail and about an axis"""
+SLIDES, TURNS, SPINS = "m", "degree", "rad s-1"
+"""Units of what moves on a rail, about an axis, and round and round"""
 NEEDED = ("north", "east", "depth", "roll", "pitch", "heading")
 """Signals without which nothing can be drawn; true ones, or measured ones in real logs."""
 
@@ -32,9 +32,12 @@ class Poses:
     quaternion: Array
     """Hull to MuJoCo's world (w, x, y, z), shape (n, 4)"""
     joints: tuple[str, ...]
-    """The parts that slide or turn, as the vehicle's joints are called"""
+    """The parts that slide, turn or spin, as the vehicle's joints and bodies are called"""
     parts: Array
-    """Their positions [m] or [rad], shape (n, number of joints)"""
+    """Their positions [m], [rad] or [rad/s], shape (n, number of joints)"""
+    angles: Array
+    """Angle [rad] through which each has turned, the integral of a spinning one's rate; 0 for what
+    slides. Shape (n, number of joints)"""
     roll: Array
     pitch: Array
     heading: Array
@@ -80,6 +83,7 @@ def poses(trajectory: Trajectory, times: Array) -> Poses:
         quaternion=interpolate_quaternion(times, recorded, quaternions),
         joints=joints,
         parts=part_positions(trajectory, joints, times),
+        angles=part_angles(trajectory, joints, times),
         roll=np.interp(times, recorded, signal(trajectory, "roll")),
         pitch=np.interp(times, recorded, signal(trajectory, "pitch")),
         heading=np.interp(times, recorded, heading),
@@ -90,18 +94,18 @@ def poses(trajectory: Trajectory, times: Array) -> Poses:
 
 
 def moving_parts(signals: Collection[str]) -> tuple[str, ...]:
-    """The parts that slide or turn, of which a vehicle's log may hold no truth and no command.
+    """The parts that slide, turn or spin; a vehicle's log may hold none of them.
 
     Args:
       signals: names of signals.
     """
     logged = (part for part in actuator_names(VARIABLES) if f"measured_{part}" in signals)
     parts = actuator_names(signals) or tuple(logged)
-    return tuple(part for part in parts if variable(f"true_{part}").units in (SLIDES, TURNS))
+    return tuple(part for part in parts if _unit(part) in (SLIDES, TURNS, SPINS))
 
 
 def part_positions(trajectory: Trajectory, joints: Sequence[str], times: Array) -> Array:
-    """Positions of parts at `times` [s], in m or rad, shape (times, joints)."""
+    """Positions of parts at `times` [s], in m, rad or rad/s, shape (times, joints)."""
     columns = []
     for joint in joints:
         values = np.interp(times, trajectory.time, optional(trajectory, joint, 0.0))
@@ -109,9 +113,32 @@ def part_positions(trajectory: Trajectory, joints: Sequence[str], times: Array) 
     return np.stack(columns, axis=-1) if columns else np.zeros((len(times), 0))
 
 
+def part_angles(trajectory: Trajectory, joints: Sequence[str], times: Array) -> Array:
+    """Angles [rad] through which parts have turned at `times` [s], shape (times, joints)."""
+    time, columns = trajectory.time, []
+    for joint in joints:
+        values = optional(trajectory, joint, 0.0)
+        if spins(joint):
+            steps = np.diff(time) * (values[1:] + values[:-1]) / 2
+            turned = np.interp(times, time, np.concatenate([[0.0], np.cumsum(steps)]))
+        else:
+            turned = np.deg2rad(np.interp(times, time, values)) * turns(joint)
+        columns.append(turned)
+    return np.stack(columns, axis=-1) if columns else np.zeros((len(times), 0))
+
+
 def turns(part: str) -> bool:
-    """Whether the part turns; otherwise it slides."""
-    return variable(f"true_{part}").units == TURNS
+    """Whether the part turns to an angle, as a rudder does."""
+    return _unit(part) == TURNS
+
+
+def spins(part: str) -> bool:
+    """Whether the part's position is a rate of turn, as a propeller's is."""
+    return _unit(part) == SPINS
+
+
+def _unit(part: str) -> str:
+    return variable(f"true_{part}").units
 
 
 def signal(trajectory: Trajectory, name: str) -> Array:

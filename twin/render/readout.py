@@ -6,10 +6,12 @@ import dataclasses
 
 import numpy as np
 
-from twin.render.playback import Poses, turns
+from twin.render.playback import Poses, spins, turns
 
 UNKNOWN = "–"
 MINUS = "−"
+SHARED = 2
+"""Moving parts that still share one readout"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -39,21 +41,37 @@ def readouts(poses: Poses, index: int) -> list[Readout]:
         Readout(
             name="NET BUOYANCY", value=buoyancy(float(poses.net_mass[index])), widest="▼ 0.00 kg"
         ),
-        *([_parts(poses, index)] if poses.joints else []),
+        *_parts(poses, index),
     ]
 
 
-def _parts(poses: Poses, index: int) -> Readout:
-    """What slides and turns; what is pumped shows as net buoyancy."""
-    values = [
-        f"{signed(np.rad2deg(value), 0)}°" if turns(joint) else f"{signed(1000 * value, 0)} mm"
+def _parts(poses: Poses, index: int) -> list[Readout]:
+    """What slides, turns and spins; what is pumped shows as net buoyancy.
+
+    Two share a readout, as a glider's battery has them; of more each has its own.
+    """
+    single = [
+        _part(joint, float(value), fine=len(poses.joints) > SHARED)
         for joint, value in zip(poses.joints, poses.parts[index], strict=True)
     ]
-    return Readout(
-        name="  ".join(joint.replace("_", " ").upper() for joint in poses.joints),
-        value="  ".join(values),
-        widest="  ".join("+00°" if turns(joint) else "+00 mm" for joint in poses.joints),
+    if not 0 < len(single) <= SHARED:
+        return single
+    names, values, widest = (
+        "  ".join(getattr(item, field) for item in single) for field in ("name", "value", "widest")
     )
+    return [Readout(name=names, value=values, widest=widest)]
+
+
+def _part(joint: str, value: float, *, fine: bool) -> Readout:
+    """One part; `fine`: a decimal of its angle too."""
+    name = joint.replace("_", " ").upper()
+    if spins(joint):
+        return Readout(name=name, value=f"{plain(value, 0)} rad/s", widest=f"{MINUS}000 rad/s")
+    if turns(joint):
+        digits = 1 if fine else 0
+        widest = "+00.0°" if fine else "+00°"
+        return Readout(name=name, value=f"{signed(np.rad2deg(value), digits)}°", widest=widest)
+    return Readout(name=name, value=f"{signed(1000 * value, 0)} mm", widest="+00 mm")
 
 
 def clock(seconds: float) -> str:

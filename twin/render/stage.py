@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.frames import flip_vector
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
 from twin.render import arrows, palette, sea, shapes
 from twin.render.arrows import Profile
 from twin.render.canvas import frame_of
 from twin.render.playback import Poses, optional, signal
-from twin.render.props import BACKDROP_GROUP, CLOSE_UP_GROUP, Props
+from twin.render.props import BACKDROP_GROUP, CLOSE_UP_GROUP, VEHICLE, Props
 from twin.render.ribbon import TEXELS, Ribbon, simplify
 from twin.render.scale import Scale, track_values
 from twin.render.scene_geometry import Layout, plan
@@ -56,6 +57,17 @@ class Reshaped:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Turned:
+    """A body that is turned as the part of its name is."""
+
+    body: int
+    rest: Array
+    """Its quaternion on the hull in the vehicle file, shape (4,)"""
+    axis: Array
+    """Unit vector, MuJoCo's hull axes, through the body's origin, shape (3,)"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Line:
     """A track on the stage: its ribbon and the geoms that show it."""
 
@@ -89,6 +101,8 @@ class Stage:
     """The current beside the glider, chase camera"""
     hull_length: float
     """[m]"""
+    turned: dict[str, Turned]
+    """The fins and propellers that are drawn, by the names of their parts"""
 
     def ladder(self, poses: Poses, index: int) -> list[tuple[float, Array, Array]]:
         """The arrows beside the glider at one frame; see `arrows.ladder`."""
@@ -163,7 +177,20 @@ def build(
         snow=snow,
         arrows=[_reshaped(model, name) for name in ladder],
         hull_length=vehicle.hull_length,
+        turned=_turned(model, vehicle),
     )
+
+
+def _turned(model: mujoco.MjModel, vehicle: Vehicle) -> dict[str, Turned]:
+    """The bodies of the file that show its parts' turning; a part without one is not seen."""
+    found: dict[str, Turned] = {}
+    for part in vehicle.parts:
+        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"{VEHICLE}{part.name}")
+        if body < 0 or part.drawn_axis is None:
+            continue
+        axis = flip_vector(np.array(part.drawn_axis))
+        found[part.name] = Turned(body=body, rest=model.body_quat[body].copy(), axis=axis)
+    return found
 
 
 def _beside(track: NamedTrack, index: int, true: Path) -> Path:

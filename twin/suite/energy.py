@@ -133,7 +133,7 @@ class Energy(GliderTask):
 
     def reference(self, physics: Physics) -> Reference:
         """Deep yos on the course."""
-        sense = yo_sense(physics, *TURN_DEPTHS)
+        sense = yo_sense(physics, self.vehicle, *TURN_DEPTHS)
         return Reference(
             pitch=-sense * CRUISE_PITCH, heading=self.course, net_mass=sense * self.cruise_mass
         )

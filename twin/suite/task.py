@@ -51,9 +51,10 @@ class Reference:
 class GliderTask(base.Task):
     """A task for one vehicle.
 
-    Actions command the actuators: shift, rotation and pump, each from -1 to 1 over its travel, or
-    in m, rad and cm3 with `normalised=False`. The actuators follow with their lags and rates. An
-    episode ends with discount 0 when the hull breaks the surface or goes below `max_depth`.
+    Actions command the vehicle's parts in their order (a glider's: shift, rotation and pump), each
+    from -1 to 1 over its travel, or in its own unit with `normalised=False`. The parts follow with
+    their lags and rates. An episode ends with discount 0 when the hull breaks the surface or goes
+    below `max_depth`.
     """
 
     def __init__(

@@ -19,7 +19,7 @@ from twin.suite.task import (
     place_marker,
     with_marker,
 )
-from twin.vehicle.vehicle import load_vehicle
+from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.profile import Profile
 
 TIME_LIMIT = 3600.0
@@ -141,7 +141,7 @@ class Waypoints(GliderTask):
         current = physics.current()
         across = -current[0] * math.sin(bearing) + current[1] * math.cos(bearing)
         lead = math.asin(min(max(across / self.cruise_progress, -1.0), 1.0))
-        sense = yo_sense(physics, *TURN_DEPTHS)
+        sense = yo_sense(physics, self.vehicle, *TURN_DEPTHS)
         return Reference(
             pitch=-sense * CRUISE_PITCH,
             heading=bearing - lead,
@@ -149,10 +149,16 @@ class Waypoints(GliderTask):
         )
 
 
-def yo_sense(physics: Physics, shallow: float, deep: float) -> float:
-    """+1 to dive, -1 to climb, between two depths [m]; remembered in the commanded pump."""
+def yo_sense(physics: Physics, vehicle: Vehicle, shallow: float, deep: float) -> float:
+    """+1 to dive, -1 to climb, between two depths [m].
+
+    The commanded pump remembers it; of a vehicle without one, the pitch does.
+    """
     if physics.depth() >= deep:
         return -1.0
     if physics.depth() <= shallow:
         return 1.0
-    return 1.0 if physics.data.ctrl[2] < 0.0 else -1.0
+    pump = vehicle.steered("buoyancy")
+    if pump is None:
+        return 1.0 if physics.pitch() < 0.0 else -1.0
+    return 1.0 if physics.data.ctrl[vehicle.part_names.index(pump.name)] < pump.rest else -1.0

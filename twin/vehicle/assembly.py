@@ -100,12 +100,10 @@ def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass
         name = body.get("name", "")
         slide: str | None = None
         hinge: str | None = None
-        joints: list[str] = []
         for joint in body.findall("joint"):
             part = driven.get(joint.get("name"))
             if part is None:
                 reader.fail(f"joint {joint.get('name')!r}", "driven by an actuator of its own")
-            joints.append(part)
             sliding = joint.get("type", "hinge") == "slide"
             other = slide if sliding else hinge
             if other is not None:
@@ -133,7 +131,6 @@ def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass
                 eccentricity=-float(place[2]),
                 slide=slide,
                 hinge=hinge,
-                joints=tuple(joints),
             )
         )
     return tuple(masses)

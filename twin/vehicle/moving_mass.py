@@ -29,8 +29,6 @@ class MovingMass:
     """part that slides it, None: none does"""
     hinge: str | None = None
     """part that turns it, None: none does"""
-    joints: tuple[str, ...] = ()
-    """these parts in the order of the file's joints, hence of MuJoCo's coordinates"""
 
     def position(self, shift: float, rotation: float) -> Array:
         """CG [m], shape (3,), body FRD, at `shift` [m] and `rotation` [rad].

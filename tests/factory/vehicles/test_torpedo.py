@@ -148,10 +148,10 @@ def test_a_part_with_the_name_of_a_signal_is_refused(torpedo: Vehicle) -> None:
 
     elevator = dataclasses.replace(torpedo.part("elevator"), name="pitch")
     vehicle = dataclasses.replace(torpedo, parts=(elevator,), steering={})
-    with pytest.raises(VehicleError, match="cannot be called 'pitch'"):
+    with pytest.raises(VehicleError, match="must not be called 'pitch'"):
         declare_parts(vehicle)
     shift = dataclasses.replace(torpedo.part("elevator"), name="shift")
-    with pytest.raises(VehicleError, match=r"'degree'.*'m' elsewhere"):
+    with pytest.raises(VehicleError, match="stored in degree, but is"):
         declare_parts(dataclasses.replace(torpedo, parts=(shift,), steering={}))
 
 

@@ -303,7 +303,9 @@ def test_pump_density_and_compressibility_change_the_displaced_mass():
 
 def test_actuators_follow_their_law():
     """The closed form against small explicit steps of clip((command - x) / lag, -rate, rate)."""
-    law = np.array([[-0.05, -1.5, -400.0], [0.05, 1.5, 400.0], [2.0, 2.0, 4.0], [0.02, 0.35, 50.0], [0, 0, 0]])
+    law = np.array(
+        [[-0.05, -1.5, -400.0], [0.05, 1.5, 400.0], [2.0, 2.0, 4.0], [0.02, 0.35, 50.0], [0, 0, 0]]
+    )
     command = np.array([0.04, -2.0, 30.0])
     x = np.array([-0.05, 1.0, 0.0])
     start, h = x.copy(), 1e-4

@@ -206,7 +206,7 @@ def test_written_vehicle_loads_flies_and_says_where_it_comes_from(tmp_path, name
     assert dive["true_depth"][-1] > 2.0
     second = vehicle_xml(again, {"store": "another"})
     assert second.count('name="identification"') == second.count('name="sensor_errors"') == 1
-    assert parse_vehicle(second, path).drag == again.vehicle.flow_frame.drag
+    assert parse_vehicle(second, path).flow_frame.drag == again.vehicle.flow_frame.drag
     with pytest.raises(InputError, match="exists already"):
         write_vehicle(calibration, path, {})
 
@@ -282,7 +282,9 @@ def test_command_writes_vehicle_and_one_json_object(tmp_path, store, capsys):
     assert PROGRAM.main(arguments) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["parameters"]["drag"]["determined"] is True
-    assert load_vehicle(out).flow_frame.drag[0] == pytest.approx(answer["parameters"]["drag"]["value"])
+    assert load_vehicle(out).flow_frame.drag[0] == pytest.approx(
+        answer["parameters"]["drag"]["value"]
+    )
     assert motion_of(load_logs(store)[0], load_calibration(out)).speed.max() < 1.0
     assert PROGRAM.main(arguments) == 2
     assert "use --overwrite" in capsys.readouterr().err

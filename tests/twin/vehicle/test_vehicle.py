@@ -102,7 +102,11 @@ def broken(old: str, new: str):
         ('data="7.19 386.29"', 'data="7.19 nan"', "drag.*must be 2 finite numbers"),
         ('mass="54.28"', 'mass="-1"', "static_mass must be positive"),
         ('<site name="imu"', '<site name="ins"', "<site name='imu'> is missing"),
-        ('<general name="pump"', '<general name="vbd"', "actuator 'vbd' must be of a kind: add <text name='vbd.kind'"),
+        (
+            '<general name="pump"',
+            '<general name="vbd"',
+            "actuator 'vbd' must be of a kind: add <text name='vbd.kind'",
+        ),
         (
             "0      0      3.61   0     7.88  0",
             "0      0      9.99   0     7.88  0",
@@ -132,7 +136,10 @@ def test_wrong_structure_is_refused_when_compiled():
     ("line", "missing"),
     [
         ('<freejoint name="hull"/>', r"the free joint 'hull' \(<freejoint name=\"hull\"/>\) is"),
-        ('type="slide"', r"'battery' must be at most one slide and one hinge .*'shift' and 'rotation'"),
+        (
+            'type="slide"',
+            r"'battery' must be at most one slide and one hinge .*'shift' and 'rotation'",
+        ),
     ],
 )
 def test_a_missing_joint_is_named_not_the_keyframe_that_it_breaks(line, missing):

@@ -147,9 +147,12 @@ def block_start(address, head):
 
 
 @inline
-def table_of(start, part):
-    """A table of the block as an array."""
-    return array(start + 8 * int(part["start"]), int(part["size"]))
+def table_of(start, head, part):
+    """A table of the block as an array; never beyond the block, even while another thread changes
+    where the table is."""
+    body = int(head.words) - HEADER_WORDS
+    first = min(max(int(part["start"]), 0), body)
+    return array(start + 8 * first, min(max(int(part["size"]), 0), body - first))
 
 
 @inline

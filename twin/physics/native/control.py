@@ -23,7 +23,7 @@ def run_control(head, start, table, data, time, state):
     state.ticks += 1.0
     count, rows = int(head.nu), int(head.plan_rows)
     control = array(field(table, data, at.D_CTRL), count)
-    plan = table_of(start, head.plan)
+    plan = table_of(start, head, head.plan)
     if rows < 1:
         return
     if head.control == CONTROL_SCHEDULE:

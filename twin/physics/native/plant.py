@@ -138,7 +138,7 @@ def water(model, data):
     # current and its rate along the path, NED, then through-water velocity in FRD
     cn, ce, cd, rn, re, rd = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     if head.current["size"] > 0.0:
-        program = table_of(start, head.current)
+        program = table_of(start, head, head.current)
         cn, ce, cd, rn, re, rd = sample(
             program,
             time,
@@ -160,8 +160,8 @@ def water(model, data):
 
     density = head.reference_density
     if head.density["size"] > 0.0:
-        density = density_at(table_of(start, head.density), depth)
-    law, values = int(head.law), table_of(start, head.law_values)
+        density = density_at(table_of(start, head, head.density), depth)
+    law, values = int(head.law), table_of(start, head, head.law_values)
     if centred:
         dp, dq, dr = law_rate_damping(law, values, timestep, density, u, v, w, p, q, r)
         p += 0.5 * kept(dp, head.rotary_inertia[0]) * (p - state.earlier[3])

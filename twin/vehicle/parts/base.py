@@ -115,6 +115,8 @@ class Part:
     """MJCF type of the joint that it drives, None: it acts at a site"""
     one_way: ClassVar[bool] = False
     """True: its position never rises again"""
+    spins: ClassVar[bool] = False
+    """True: its position is a rate [rad/s], and it is drawn turned by the integral of it"""
     turn: ClassVar[int] = 50
     """Place in the order in which random manoeuvres draw a command for each part."""
 
@@ -250,6 +252,14 @@ class Part:
         return 0.0
 
     # --- what is drawn and shown ----------------------------------------------------------------
+
+    @property
+    def drawn_axis(self) -> tuple[float, float, float] | None:
+        """Unit vector, body FRD, about which pictures turn the body of the file that has its name.
+
+        None: they turn none; what drives a joint moves with its joint.
+        """
+        return None
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """A random command for a manoeuvre that is `heavy` (1 dives, -1 climbs)."""

@@ -258,6 +258,11 @@ class Fin(Part):
         pitch, yaw = self._turning()
         return math.copysign(1.0, pitch if axis == "pitch" else yaw)
 
+    @property
+    def drawn_axis(self) -> tuple[float, float, float]:
+        """Its hinge."""
+        return self.axis
+
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """Up to half of its travel either way."""
         return float(0.5 * min(self.high, -self.low) * rng.uniform(-1.0, 1.0))

@@ -73,6 +73,7 @@ class Propeller(Part):
     quantity: ClassVar[Quantity] = Quantity(
         unit="rad s-1", scale=1.0, long_name="rate, ahead positive", limits=(-1000.0, 1000.0)
     )
+    spins: ClassVar[bool] = True
     turn: ClassVar[int] = 40
 
     diameter: float
@@ -129,6 +130,11 @@ class Propeller(Part):
     def controls(self) -> tuple[str, ...]:
         """It drives."""
         return ("speed",)
+
+    @property
+    def drawn_axis(self) -> tuple[float, float, float]:
+        """Its shaft, along the hull."""
+        return (1.0, 0.0, 0.0)
 
     def thrust(self, rate: float, speed: float, density: float) -> float:
         """Thrust [N] at `rate` [rad/s] and `speed` [m/s] of advance, deep under water."""
