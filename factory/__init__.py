@@ -15,15 +15,14 @@ from twin.lazy import attach
 if TYPE_CHECKING:
     from factory.facade import generate as generate
     from factory.facade import import_logs as import_logs
+    from factory.facade import parameters as parameters
     from factory.generation.bulk import Summary as Summary
-    from factory.recipe.parameters import PARAMETERS as PARAMETERS
     from factory.recipe.presets import PRESETS as PRESETS
     from factory.stores.generated import GeneratedStore as GeneratedStore
     from factory.stores.generated import open_missions as open  # noqa: F401
     from twin.records.logs import LogStore as LogStore
 
 _PLACES = {
-    "PARAMETERS": "factory.recipe.parameters:PARAMETERS",
     "PRESETS": "factory.recipe.presets:PRESETS",
     "LogStore": "twin.records.logs:LogStore",
     "GeneratedStore": "factory.stores.generated:GeneratedStore",
@@ -31,6 +30,7 @@ _PLACES = {
     "generate": "factory.facade:generate",
     "import_logs": "factory.facade:import_logs",
     "open": "factory.stores.generated:open_missions",
+    "parameters": "factory.facade:parameters",
 }
 """Where each public name is."""
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from factory.generation.bulk import Summary
 from factory.generation.bulk import generate as _generate
+from factory.recipe.parameter import Parameter
 from factory.recipe.recipe import make_recipe
 
 if TYPE_CHECKING:
@@ -58,6 +59,21 @@ def generate(
         current=current,
     )
     return _generate(recipe, out, workers=workers, resume=resume, overwrite=overwrite)
+
+
+def parameters(vehicle: str | Path = "glider") -> dict[str, Parameter]:
+    """Everything that missions of a vehicle are drawn from, with unit and reason, by name.
+
+    Args:
+      vehicle: shipped name, or the path of an MJCF file.
+
+    Raises:
+      VehicleError: unknown name, or a file that cannot be used.
+    """
+    from factory.recipe.parameters import parameter_table
+    from twin.vehicle.vehicle import load_vehicle
+
+    return parameter_table(load_vehicle(vehicle))
 
 
 def import_logs(

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from learn.data.features import INPUT_SETS, select_features
+from learn.data.parts import parts_of
 from learn.data.preparation import check_window
 from learn.networks.config import NetworkConfig
 from learn.networks.registry import NETWORKS
@@ -174,9 +175,11 @@ def fit_settings(
     Raises:
       InputError: a name is unknown, a value impossible, or a setting has no use here.
     """
-    base = _resumed(resumed) or FitConfig(
+    base = _resumed(resumed)
+    parts = tuple(parts_of(store or (base.store if base else DEFAULT_STORE)))
+    base = base or FitConfig(
         store=str(DEFAULT_STORE),
-        features=select_features(INPUT_SETS[DEFAULT_INPUTS]),
+        features=select_features(INPUT_SETS[DEFAULT_INPUTS], (), parts),
         members=DEFAULT_MEMBERS,
     )
     sizes = _given(hidden=hidden, layers=layers, delays=delays)
@@ -201,7 +204,8 @@ def fit_settings(
     if other_inputs:
         if inputs is not None and inputs not in INPUT_SETS:
             raise InputError(unknown_name("set of inputs", inputs, INPUT_SETS))
-        chosen = select_features(tuple(features) or INPUT_SETS[inputs or DEFAULT_INPUTS], without)
+        wanted = tuple(features) or INPUT_SETS[inputs or DEFAULT_INPUTS]
+        chosen = select_features(wanted, without, parts)
     budget = _given(seconds=seconds, epochs=epochs)
     if epochs is not None and seconds is None:
         budget["seconds"] = 0.0

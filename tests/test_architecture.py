@@ -39,6 +39,7 @@ FLIPS = {
     "twin.render.playback": "scenes are MuJoCo's",
     "twin.render.scene_geometry": "scenes are MuJoCo's",
     "twin.render.shapes": "scenes are MuJoCo's",
+    "twin.render.stage": "scenes are MuJoCo's",
 }
 """Modules outside the native plant that turn z-up axes into north-east-down, and why."""
 

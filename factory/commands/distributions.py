@@ -17,29 +17,35 @@ class Distributions(JsonOption):
     """whose distributions to show"""
     set: tuple[str, ...] = ()
     """replacements to apply first, as in `factory generate`"""
+    vehicle: str = "glider"
+    """shipped vehicle name, or the path of an MJCF file"""
     config: Path | None = None
     """TOML file with replacements"""
 
     def run(self, console: Console) -> int:
         """Print the table."""
         from factory.recipe.overrides import read_changes
-        from factory.recipe.parameters import PARAMETERS, declared, override
+        from factory.recipe.parameters import declared, override, parameter_table
         from factory.recipe.presets import PRESETS
+        from twin.vehicle.vehicle import load_vehicle
 
         changes = read_changes(self.config, self.set)
-        distributions = override(declared(PRESETS[self.preset].spread), changes)
+        table = parameter_table(load_vehicle(self.vehicle))
+        distributions = override(declared(PRESETS[self.preset].spread, table), changes)
         console.table(
             [
                 {
                     "parameter": name,
                     "distribution": distribution.text(),
-                    "unit": PARAMETERS[name].unit,
-                    "why": PARAMETERS[name].why,
+                    "unit": table[name].unit,
+                    "why": table[name].why,
                 }
                 for name, distribution in distributions.items()
             ]
         )
         console.answer(
-            preset=self.preset, distributions={n: d.text() for n, d in distributions.items()}
+            preset=self.preset,
+            vehicle=self.vehicle,
+            distributions={n: d.text() for n, d in distributions.items()},
         )
         return 0

@@ -147,10 +147,11 @@ def import_numpy_with_one_thread() -> None:
 def raw_bytes(recipe: Recipe) -> int:
     """Size [bytes] of the same signals as plain float32, without padding."""
     from factory.recipe.plan import samples_in
-    from twin.records.schema import SIMULATED
+    from twin.physics.part_signals import simulated_signals
 
-    measured = {entry.name for entry in recipe.suite.writes(SIMULATED)}
-    signals = len(measured.union(SIMULATED))
+    simulated = simulated_signals(recipe.vehicle)
+    measured = {entry.name for entry in recipe.suite.writes(simulated)}
+    signals = len(measured.union(simulated))
     return 4 * signals * sum(samples_in(duration) for duration in recipe.plan.durations_s)
 
 

@@ -42,8 +42,17 @@ class Flight:
         return {**self.trajectory.signals, **self.measured}
 
 
+PROFILE = ("max_depth_m", "min_depth_m", "pitch_deg", "climb_pitch_deg")
+"""Fields of every dive and climb"""
+MOTION = {"buoyancy": ("net_mass_kg", "climb_net_mass_kg"), "speed": ("speed_m_s",)}
+"""Fields of those of vehicles with a pump, and of those with a propeller"""
+
+
 def build_mission(parameters: Parameters, vehicle: Vehicle) -> Mission:
     """The mission that the guidance is given."""
+    driven = [
+        name for control, names in MOTION.items() if vehicle.steered(control) for name in names
+    ]
     heading = parameters.number("mission.start_heading_deg")
     start_heading = heading
     segments: list[Segment] = []
@@ -53,17 +62,13 @@ def build_mission(parameters: Parameters, vehicle: Vehicle) -> Mission:
             segments.append(Surface(duration_s=number(drawn, "mission.surface_duration_s")))
             continue
         profile: dict[str, Any] = {
-            "max_depth_m": number(drawn, "mission.max_depth_m"),
-            "min_depth_m": number(drawn, "mission.min_depth_m"),
-            "pitch_deg": number(drawn, "mission.pitch_deg"),
-            "climb_pitch_deg": number(drawn, "mission.climb_pitch_deg"),
-            "net_mass_kg": number(drawn, "mission.net_mass_kg"),
-            "climb_net_mass_kg": number(drawn, "mission.climb_net_mass_kg"),
+            **{name: number(drawn, f"mission.{name}") for name in (*PROFILE, *driven)},
             "yos": _unless_nan(number(drawn, "mission.yos")),
             "duration_s": _unless_nan(number(drawn, "mission.segment_duration_s")),
         }
         if kind == SAW_TOOTH:
-            heading = (heading + number(drawn, "mission.heading_change_deg")) % 360.0
+            if vehicle.steered("heading"):
+                heading = (heading + number(drawn, "mission.heading_change_deg")) % 360.0
             segments.append(SawTooth(heading_deg=heading, **profile))
         else:
             segments.append(Spiral(rotation_deg=number(drawn, "mission.rotation_deg"), **profile))
@@ -87,8 +92,8 @@ def build_scenario(
     return Scenario(
         vehicle=spread_vehicle(nominal, parameters),
         believed=nominal,
-        ballast=ballast_of(parameters),
-        encoder_zeros=encoder_zeros(parameters),
+        ballast=ballast_of(nominal, parameters),
+        encoder_zeros=encoder_zeros(nominal, parameters),
         plan=build_mission(parameters, nominal),
         duration=parameters.duration_s,
         current=build_current(parameters) if current is None else current,

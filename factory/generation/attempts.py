@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from factory.flight.bounds import Impossible
 from factory.flight.fly import Flight, fly
 from factory.generation.flown_mission import FailedAttempt, FlownMission
-from factory.recipe.parameters import PARAMETERS
 from factory.recipe.recipe import Recipe
 from factory.recipe.sampling import sensor_seed
 from twin.errors import (
@@ -79,7 +78,7 @@ def fly_mission(
 def to_narrow(recipe: Recipe, reason: str) -> str:
     """Which distributions to narrow: those that the reason speaks of, else those replaced."""
     words = set(re.findall(r"\w+", reason))
-    named = [name for name in PARAMETERS if name.partition(".")[2] in words] or [*recipe.changes]
+    named = [name for name in recipe.table if name.partition(".")[2] in words] or [*recipe.changes]
     if not named:
         return f"preset {recipe.preset!r} does not suit vehicle {recipe.vehicle.name!r}"
     now = ", ".join(f"{name} (now {recipe.distributions[name].text()})" for name in named)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from factory.generation.checkpoint import Checkpoint
 from factory.generation.flown_mission import FailedAttempt, FlownMission
 from factory.recipe.distribution import Choice, Fixed, Value
-from factory.recipe.parameters import PARAMETERS, Parameter
+from factory.recipe.parameter import Parameter
 from factory.recipe.recipe import Recipe, sha256
 from factory.recipe.sampling import KINDS
 from twin.errors import StoreError
@@ -120,7 +120,7 @@ def small_arrays(recipe: Recipe, missions: Sequence[FlownMission]) -> dict[str, 
             {"units": "1", "long_name": "attempts that failed before this one"},
         ),
     }
-    for name, parameter in PARAMETERS.items():
+    for name, parameter in recipe.table.items():
         array = _parameter_array(recipe, name, parameter, missions, longest)
         if array is not None:
             small[parameter.variable] = array
@@ -197,7 +197,7 @@ def store_attributes(
     ]
     now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     return {
-        names.SOURCE: f"simulation, {recipe.vehicle.name} glider in MuJoCo",
+        names.SOURCE: f"simulation, vehicle {recipe.vehicle.name} in MuJoCo",
         names.PRESET: recipe.preset,
         names.SEED: recipe.seed,
         names.HOURS: recipe.plan.hours,

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from factory.generation.checkpoint import Checkpoint
-from factory.recipe.parameters import PARAMETERS
 from factory.stores.generated import GeneratedStore
 from twin.errors import StoreError
 from twin.records.attributes import DURATION, SPLITS
@@ -41,7 +40,7 @@ def unfinished(path: Path) -> Unfinished | None:
 def drawn_rows(run: GeneratedStore) -> list[dict[str, object]]:
     """One row for each drawn parameter: its distribution beside what was drawn."""
     rows: list[dict[str, object]] = []
-    for name, parameter in PARAMETERS.items():
+    for name, parameter in run.table.items():
         if parameter.variable not in run:
             continue
         values = run.array(parameter.variable).ravel()

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from factory.stores.generated import GeneratedStore
 from twin.plot import style
 from twin.records.attributes import SPLITS
+from twin.records.schema import VARIABLES
+from twin.records.trajectory import actuator_names
 
 Array = NDArray[np.float64]
 
@@ -41,10 +43,16 @@ INPUTS = (
     ("measured_pitch", "pitch [deg]"),
     ("measured_roll", "roll [deg]"),
     ("measured_depth", "depth [m]"),
-    ("measured_pump", "pumped volume [cm3]"),
-    ("measured_shift", "battery shift [mm]"),
-    ("measured_rotation", "battery rotation [deg]"),
 )
+PARTS = {
+    "measured_pump": "pumped volume [cm3]",
+    "measured_shift": "battery shift [mm]",
+    "measured_rotation": "battery rotation [deg]",
+}
+"""Labels of a glider's parts, in their order on the page; others go by their own names"""
+COLUMNS = 3
+HEAD_HEIGHT, ROW_HEIGHT = 5.0, 1.4
+"""[in] of the tracks and depths with the title, and of each row of histograms"""
 ERRORS = (
     ("pitch", "pitch error [deg]"),
     ("heading", "heading error [deg]"),
@@ -89,22 +97,26 @@ def store_page(run: GeneratedStore) -> Figure:
     """Tracks, depths, currents, targets and inputs of a store; sensor errors if it has any."""
     noisy = run.sensor_preset != "ideal"
     names = ["true_north", "true_east", "true_depth", "true_current_north", "true_current_east"]
-    names += [name for name, _ in (*TARGETS, *INPUTS)]
+    inputs = [*INPUTS, *part_inputs(run)]
+    names += [name for name, _ in (*TARGETS, *inputs)]
     names += [f"{kind}_{name}" for name, _ in ERRORS for kind in ("true", "measured")]
     data = sample_store(run, sorted(set(names)))
     with style.styled():
-        figure = style.new_figure(style.PAGE_WIDTH, 10.6 if noisy else 9.2)
-        heights = [3.0, 1.9, 1.7, 1.7, 1.7, *([1.7] if noisy else [])]
+        panels = [("targets", *entry) for entry in TARGETS]
+        panels += [("inputs", *entry) for entry in inputs]
+        panels += [("", "", "")] * (-len(panels) % COLUMNS)
+        panels += [("sensor errors", *entry) for entry in ERRORS] if noisy else []
+        rows = len(panels) // COLUMNS
+        figure = style.new_figure(style.PAGE_WIDTH, HEAD_HEIGHT + ROW_HEIGHT * rows)
+        heights = [3.0, 1.9, *[1.7] * rows]
         grid = figure.add_gridspec(len(heights), 6, height_ratios=heights)
         _draw_tracks(figure.add_subplot(grid[0, :3]), data, len(run))
         _draw_currents(figure.add_subplot(grid[0, 3:]), data)
         _draw_depths(figure.add_subplot(grid[1, :]), data)
-        panels = [(2, "targets", *entry) for entry in TARGETS]
-        panels += [(3, "inputs", *entry) for entry in INPUTS[:3]]
-        panels += [(4, "inputs", *entry) for entry in INPUTS[3:]]
-        panels += [(5, "sensor errors", *entry) for entry in ERRORS] if noisy else []
-        for place, (row, kind, name, label) in enumerate(panels):
-            column = 2 * (place % 3)
+        for place, (kind, name, label) in enumerate(panels):
+            if not name:
+                continue
+            row, column = 2 + place // COLUMNS, 2 * (place % COLUMNS)
             axes = figure.add_subplot(grid[row, column : column + 2])
             draw = _draw_error if kind == "sensor errors" else _draw_histogram
             draw(axes, data, name, label)
@@ -112,6 +124,18 @@ def store_page(run: GeneratedStore) -> Figure:
                 axes.set_ylabel(kind)
         figure.suptitle(_headline(run), fontsize=9.5, fontweight="bold", x=0.01, ha="left")
     return figure
+
+
+def part_inputs(run: GeneratedStore) -> list[tuple[str, str]]:
+    """The readings of the vehicle's parts with their labels."""
+    stored = [f"measured_{name}" for name in actuator_names(run.signals())]
+    stored = [name for name in stored if name in run]
+    known = [(name, label) for name, label in PARTS.items() if name in stored]
+    return known + [
+        (name, f"{name.removeprefix('measured_')} [{VARIABLES[name].units}]")
+        for name in stored
+        if name not in PARTS
+    ]
 
 
 def _headline(run: GeneratedStore) -> str:

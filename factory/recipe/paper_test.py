@@ -2,7 +2,8 @@
 
 The paper's test mission lasts 10 000 s and combines two spirals and a wings-level part; the
 settings are those of the shipped mission `spiral-level-spiral`, which no training mission of
-preset `paper` commands (see the exclusions in `factory.recipe.parameters`). The low current is the
+preset `paper` of the shipped gliders commands (see the exclusions in
+`factory.recipe.parameters` and in their files). The low current is the
 paper's; medium and strong are ours, since it only says that they are stronger.
 """
 
@@ -13,11 +14,13 @@ from collections.abc import Collection, Mapping
 from dataclasses import fields
 
 from factory.recipe.distribution import Distribution, Value
-from factory.recipe.parameters import PARAMETERS
+from factory.recipe.parameters import Table
 from factory.recipe.plan import TEST, Plan
 from factory.recipe.sampling import KINDS, Parameters, draw_values
+from twin.errors import InputError, MissionError
 from twin.mission import Mission, Spiral, load_mission
 from twin.mission.segments import Profile
+from twin.vehicle.vehicle import Vehicle
 
 MISSION_NAME = "spiral-level-spiral"
 CURRENTS: Mapping[str, tuple[float, float]] = {
@@ -35,8 +38,20 @@ def paper_test_plan() -> Plan:
     return Plan(durations_s=(duration,) * len(CURRENTS), splits=(TEST,) * len(CURRENTS))
 
 
+def check_paper_test(vehicle: Vehicle) -> None:
+    """Raise InputError when the vehicle cannot fly the paper's mission."""
+    try:
+        load_mission(MISSION_NAME).compile(vehicle)
+    except MissionError as error:
+        raise InputError(
+            f"preset 'paper-test' flies the mission of a glider, {MISSION_NAME}, and {error}; "
+            "choose preset paper or field"
+        ) from error
+
+
 def paper_test_parameters(
     index: int,
+    table: Table,
     distributions: Mapping[str, Distribution],
     changed: Collection[str],
     *,
@@ -55,19 +70,19 @@ def paper_test_parameters(
         "current.speed": math.hypot(north, east),
         "current.steady_direction_deg": math.degrees(math.atan2(east, north)) % 360.0,
     }
-    values = draw_values(distributions, seed=seed, mission=index, attempt=attempt)
+    values = draw_values(table, distributions, seed=seed, mission=index, attempt=attempt)
     values |= {name: value for name, value in own.items() if name not in changed}
     return Parameters(
-        duration_s=mission.duration_s, values=values, segments=tuple(_segments(mission))
+        duration_s=mission.duration_s, values=values, segments=tuple(_segments(mission, table))
     )
 
 
-def _segments(mission: Mission) -> list[Mapping[str, Value]]:
+def _segments(mission: Mission, table: Table) -> list[Mapping[str, Value]]:
     rows: list[Mapping[str, Value]] = []
     heading = mission.start_heading_deg
     for segment in mission.segments:
         assert isinstance(segment, Profile)
-        row: dict[str, Value] = {n: math.nan for n, p in PARAMETERS.items() if p.per_segment}
+        row: dict[str, Value] = {n: math.nan for n, p in table.items() if p.per_segment}
         assert segment.kind in KINDS
         row["mission.kind"] = segment.kind
         for field in fields(Profile):

@@ -1,65 +1,39 @@
 """Parameters: everything that the factory draws for a mission, with unit, spread and reason.
 
 This is the one table of distributions. A row gives the parameter's name, its unit, what preset
-`paper` and preset `field` draw it from, and why. `--set NAME=DISTRIBUTION` and TOML files replace
-entries by name; stores keep the table that was used, and every drawn value under the name with
-an underscore for the dot.
+`paper` and preset `field` draw it from, and why. The rows below depend on no vehicle; those that
+do are in `factory.recipe.vehicle_parameters`, and a vehicle file may replace what any row draws
+for it. `--set NAME=DISTRIBUTION` and TOML files replace entries by name; stores keep the table
+that was used, and every drawn value under the name with an underscore for the dot.
 
-Rows of the group `mission` below SEGMENT are drawn again for every segment of a mission.
+Rows of the group `mission` that are marked per segment are drawn for every segment of a mission.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from factory.recipe.distribution import Distribution, parse_distribution
-from twin.errors import InputError
+from factory.recipe.parameter import Parameter
+from factory.recipe.vehicle_parameters import motion_rows, vehicle_rows
+from twin.errors import InputError, VehicleError, unknown_name
+from twin.vehicle.vehicle import SPREAD, Vehicle
 
-
-@dataclass(frozen=True)
-class Parameter:
-    """One row of the table."""
-
-    name: str
-    """group.name; the store's variable has an underscore for the dot"""
-    unit: str
-    """as CF writes it; "1" is dimensionless"""
-    paper: str
-    """distribution in presets paper and paper-test"""
-    field: str
-    """distribution in preset field"""
-    why: str
-    """one line: what it is and why these values"""
-    per_segment: bool = False
-    """drawn for every segment"""
-
-    @property
-    def variable(self) -> str:
-        """Name in the store."""
-        return self.name.replace(".", "_")
-
-
-FLOWN_BY_TEST_SPIRALS = "(37, 43) (-33, -27)"
 FLOWN_BY_TEST_LEVEL = "(28, 32)"
-"""Exclusion zones of preset paper: its training missions never command the rotations of the two
-spirals of preset paper-test (40 and -30 deg), nor the pitch of its wings-level part (30 deg)."""
+"""Exclusion zone of preset paper: its training missions never command the pitch of the wings-level
+part of preset paper-test (30 deg). The rotations of its two spirals (40 and -30 deg) are excluded
+in the files of the gliders that fly it."""
 
-_ONE_TENTH = "uniform(0.9, 1.1)"
-_SPREAD = "factor on the vehicle file's value; +-10 % is our guess of how well it is known"
+Table = Mapping[str, Parameter]
+"""Rows by name, in their order."""
 
-
-def _coefficient(name: str, what: str) -> Parameter:
-    return Parameter(f"vehicle.{name}", "1", "1", _ONE_TENTH, f"{what}: {_SPREAD}")
-
-
-TABLE: tuple[Parameter, ...] = (
-    # --- mission -------------------------------------------------------------------------------
+_MISSION: tuple[Parameter, ...] = (
     Parameter("mission.duration_h", "h", "uniform(0.5, 1)", "uniform(1, 3)",
               "length; field missions hold several dives between GPS fixes"),
     Parameter("mission.start_heading_deg", "degree", "uniform(0, 360)", "uniform(0, 360)",
-              "heading at launch; the glider starts at rest in the water"),
+              "heading at launch; the vehicle starts at rest in the water"),
     Parameter("mission.start_depth_m", "m", "0", "0",
               "launch at the surface, so that every mission begins with surge from rest"),
     Parameter("mission.surface_every", "1", "none", "1",
@@ -83,63 +57,16 @@ TABLE: tuple[Parameter, ...] = (
               per_segment=True),
     Parameter("mission.climb_pitch_deg", "degree", f"uniform(15, 45) except {FLOWN_BY_TEST_LEVEL}",
               "uniform(18, 42)", "pitch magnitude of the climb", per_segment=True),
-    Parameter("mission.net_mass_kg", "kg", "uniform(0.15, 0.45)", "uniform(0.25, 0.45)",
-              "how heavy the dive is (pump volume); the Sea-Wing's pump reaches 0.5 kg",
-              per_segment=True),
-    Parameter("mission.climb_net_mass_kg", "kg", "uniform(0.15, 0.45)", "uniform(0.25, 0.45)",
-              "how light the climb is; both are scaled down to a smaller pump", per_segment=True),
-    Parameter("mission.heading_change_deg", "degree", "uniform(-180, 180)", "uniform(-120, 120)",
-              "new heading of a saw-tooth, from the last one", per_segment=True),
-    Parameter("mission.rotation_deg", "degree",
-              f"uniform(-45, 45) except {FLOWN_BY_TEST_SPIRALS} (-5, 5)",
-              "uniform(-40, 40) except (-5, 5)",
-              "battery rotation of a spiral; at 45 deg the Sea-Wing rolls 14 deg in a dive and 40 "
-              "in a climb, below 5 deg it is no spiral", per_segment=True),
     Parameter("mission.surface_duration_s", "s", "none", "uniform(180, 600)",
               "stay at the surface; a first fix takes 30 to 120 s", per_segment=True),
-    # --- vehicle: what the guidance does not know ----------------------------------------------
-    _coefficient("k_d0", "drag at zero angle of attack"),
-    _coefficient("k_d", "drag due to angle of attack"),
-    _coefficient("k_l0", "lift at zero angle of attack"),
-    _coefficient("k_alpha", "lift slope"),
-    _coefficient("k_beta", "side force"),
-    _coefficient("k_mr", "roll moment"),
-    _coefficient("k_p", "roll damping"),
-    _coefficient("k_m0", "pitch moment at zero angle of attack"),
-    _coefficient("k_m", "pitch moment"),
-    _coefficient("k_q", "pitch damping"),
-    _coefficient("k_my", "yaw moment"),
-    _coefficient("k_r", "yaw damping"),
-    _coefficient("added_mass_surge", "added mass (1,1)"),
-    _coefficient("added_mass_sway", "added mass (2,2)"),
-    _coefficient("added_mass_heave", "added mass (3,3)"),
-    _coefficient("added_mass_roll", "added inertia (4,4)"),
-    _coefficient("added_mass_pitch", "added inertia (5,5)"),
-    _coefficient("added_mass_yaw", "added inertia (6,6)"),
-    _coefficient("added_mass_sway_yaw", "added coupling (2,6)"),
-    _coefficient("added_mass_heave_pitch", "added coupling (3,5)"),
-    Parameter("vehicle.shift_offset_mm", "mm", "0", "uniform(-1, 1)",
-              "battery ahead of where its encoder says; 0.3 mm is 0.4 deg of pitch"),
-    Parameter("vehicle.rotation_offset_deg", "degree", "0", "uniform(-2, 2)",
-              "battery turned from where its encoder says"),
-    Parameter("vehicle.ballast_g", "g", "0", "uniform(-20, 20)",
-              "too heavy after ballasting, at the density it was ballasted for"),
-    Parameter("vehicle.cg_y_mm", "mm", "0", "uniform(-0.05, 0.05)",
-              "CG of the fixed block to starboard; 0.05 mm lists the hull by half a degree"),
-    Parameter("vehicle.cg_z_mm", "mm", "0", "uniform(-0.3, 0.3)",
-              "CG of the fixed block lower than the file says, of 3.2 mm"),
-    Parameter("vehicle.compressibility", "Pa-1", "0", "uniform(3e-10, 7e-10)",
-              "hull volume lost per pressure; 5e-10 is typical, sea water has 4.4e-10"),
-    Parameter("vehicle.shift_lag", "1", "1", "uniform(0.8, 1.2)",
-              "factor on the lag of the battery's shift; lags are not published"),
-    Parameter("vehicle.rotation_lag", "1", "1", "uniform(0.8, 1.2)",
-              "factor on the lag of the battery's rotation"),
-    Parameter("vehicle.pump_lag", "1", "1", "uniform(0.8, 1.2)", "factor on the pump's lag"),
-    Parameter("vehicle.shift_rate", "1", "1", "uniform(0.8, 1.2)",
-              "factor on the largest rate of the shift"),
-    Parameter("vehicle.rotation_rate", "1", "1", "uniform(0.8, 1.2)",
-              "factor on the largest rate of the rotation"),
-    Parameter("vehicle.pump_rate", "1", "1", "uniform(0.8, 1.2)", "factor on the pump's rate"),
+)  # fmt: skip
+_LEVEL = Parameter("mission.kind", "1", "saw-tooth", "saw-tooth",
+                   "nothing turns the vehicle: it cannot spiral", per_segment=True)  # fmt: skip
+"""In place of the row of that name"""
+_MOTION = len(_MISSION) - 1
+"""Place of the rows that depend on how the vehicle moves: before the stay at the surface"""
+
+_WATER: tuple[Parameter, ...] = (
     # --- current: its speed is shared out by the weights, so that it never exceeds the speed ----
     Parameter("current.speed", "m s-1", "uniform(0, 0.3)", "uniform(0, 0.3)",
               "sum of all amplitudes; mid-latitude rms is 0.14 m/s at the surface, 0.3 is strong"),
@@ -200,13 +127,43 @@ TABLE: tuple[Parameter, ...] = (
               "bottom below the deepest turning depth; the DVL sees 110 m"),
 )  # fmt: skip
 
-PARAMETERS: Mapping[str, Parameter] = {parameter.name: parameter for parameter in TABLE}
+
+def parameter_table(vehicle: Vehicle) -> dict[str, Parameter]:
+    """Every parameter of missions of a vehicle, with what its file says they are drawn from.
+
+    Raises:
+      VehicleError: the file's `spread.` names no parameter of the vehicle, or no distributions.
+    """
+    mission = list(_MISSION)
+    if vehicle.steered("heading") is None:
+        mission = [_LEVEL if row.name == _LEVEL.name else row for row in mission]
+    mission[_MOTION:_MOTION] = motion_rows(vehicle)
+    rows = {row.name: row for row in (*mission, *vehicle_rows(vehicle), *_WATER)}
+    for name, text in vehicle.spreads.items():
+        where = f"vehicle file {vehicle.path}: <text name={SPREAD + name!r}>"
+        if name not in rows:
+            raise VehicleError(f"{where}: {unknown_name('parameter', name, rows)}")
+        columns = [column.strip() for column in text.split(";")]
+        if len(columns) != len(SPREADS):
+            raise VehicleError(
+                f"{where}: data={text!r} must be what preset paper and what preset field draw, "
+                "such as 'uniform(0.1, 0.2); uniform(0.1, 0.3)'"
+            )
+        try:
+            for column in columns:
+                parse_distribution(column, name)
+        except InputError as error:
+            raise VehicleError(f"{where}: {error}") from error
+        rows[name] = dataclasses.replace(rows[name], paper=columns[0], field=columns[1])
+    return rows
+
+
 SPREADS = ("paper", "field")
 
 
-def declared(spread: str) -> dict[str, Distribution]:
+def declared(spread: str, table: Table) -> dict[str, Distribution]:
     """The table's distributions of one column: "paper" or "field"."""
-    return {p.name: parse_distribution(getattr(p, spread), p.name) for p in TABLE}
+    return {p.name: parse_distribution(getattr(p, spread), p.name) for p in table.values()}
 
 
 def override(
@@ -219,8 +176,8 @@ def override(
     """
     result = dict(distributions)
     for name, text in changes.items():
-        if name not in PARAMETERS:
-            near = difflib.get_close_matches(name, PARAMETERS, n=1, cutoff=0.5)
+        if name not in distributions:
+            near = difflib.get_close_matches(name, distributions, n=1, cutoff=0.5)
             hint = f": did you mean {near[0]!r}?" if near else ""
             raise InputError(
                 f"unknown parameter {name!r}{hint} (`factory distributions` lists them all)"

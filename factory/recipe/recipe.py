@@ -15,15 +15,16 @@ import mujoco
 import numba
 import numpy as np
 
-from factory.recipe.distribution import Distribution, Fixed, Uniform
+from factory.recipe.distribution import Distribution, Fixed
 from factory.recipe.given_current import GivenCurrent, given_current
-from factory.recipe.paper_test import paper_test_parameters, paper_test_plan
-from factory.recipe.parameters import PARAMETERS, declared, override
+from factory.recipe.paper_test import check_paper_test, paper_test_parameters, paper_test_plan
+from factory.recipe.parameters import Table, declared, override, parameter_table
 from factory.recipe.plan import Plan, plan_missions
 from factory.recipe.presets import PRESETS
 from factory.recipe.sampling import Parameters, draw_parameters
 from twin.errors import InputError, unknown_name
 from twin.physics.mujoco_model import INTEGRATORS, compile_model
+from twin.physics.part_signals import declare_parts
 from twin.physics.scenario import SAMPLE_PERIOD
 from twin.records import attributes
 from twin.records.schema import SCHEMA_VERSION
@@ -31,13 +32,6 @@ from twin.sensors import SUITE_PRESETS, SensorSuite
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.version import __version__
 
-PUMP = 2
-"""Place of the pump among a vehicle's actuators."""
-NET_MASSES = {
-    "mission.net_mass_kg": "actuator_min",
-    "mission.climb_net_mass_kg": "actuator_max",
-}
-"""The table gives net masses for the Sea-Wing's pump; which end of the pump limits each of them."""
 DEFAULT_HOURS = 10.0
 """[h], as much as the paper's training set"""
 
@@ -66,8 +60,13 @@ class Recipe:
             raise InputError(unknown_name("preset", self.preset, PRESETS))
         if self.seed < 0:
             raise InputError(f"--seed {self.seed} must be at least 0")
-        if PRESETS[self.preset].fixed_missions and self.hours is not None:
-            raise InputError(f"preset {self.preset!r} has missions of its own: leave --hours out")
+        if PRESETS[self.preset].fixed_missions:
+            if self.hours is not None:
+                raise InputError(
+                    f"preset {self.preset!r} has missions of its own: leave --hours out"
+                )
+            check_paper_test(self.vehicle)
+        declare_parts(self.vehicle)
         # everything that can be wrong shows here, before a store is touched
         _ = self.suite, self.distributions, self.plan, self.physics, self.given_current
 
@@ -94,24 +93,23 @@ class Recipe:
         return {"timestep_s": option.timestep, "integrator": names[int(option.integrator)]}
 
     @cached_property
+    def table(self) -> Table:
+        """Every parameter of missions of the vehicle."""
+        return parameter_table(self.vehicle)
+
+    @cached_property
     def distributions(self) -> dict[str, Distribution]:
         """What every parameter is drawn from."""
-        distributions = override(declared(PRESETS[self.preset].spread), self.changes)
+        distributions = override(declared(PRESETS[self.preset].spread, self.table), self.changes)
         if self.current is not None:
             for name in self._currents():
                 if name in self.changes:
                     raise InputError(f"--current replaces every drawn current: do not set {name}")
                 distributions[name] = Fixed(math.nan)
-        if not PRESETS[self.preset].fixed_missions:
-            for name, actuator_end in NET_MASSES.items():
-                if name not in self.changes:
-                    pump = float(getattr(self.vehicle, actuator_end)[PUMP])
-                    reach = abs(self.vehicle.net_mass_for_pump(pump))
-                    distributions[name] = within_reach(distributions[name], reach)
         return distributions
 
     def _currents(self) -> list[str]:
-        return [name for name in PARAMETERS if name.startswith("current.")]
+        return [name for name in self.table if name.startswith("current.")]
 
     @cached_property
     def given_current(self) -> GivenCurrent | None:
@@ -133,9 +131,10 @@ class Recipe:
         if PRESETS[self.preset].fixed_missions:
             settled = [*self.changes, *(self._currents() if self.current is not None else ())]
             return paper_test_parameters(
-                mission, self.distributions, settled, seed=self.seed, attempt=attempt
+                mission, self.table, self.distributions, settled, seed=self.seed, attempt=attempt
             )
         return draw_parameters(
+            self.table,
             self.distributions,
             seed=self.seed,
             mission=mission,
@@ -164,16 +163,6 @@ class Recipe:
         # as a store or journal gives it back: tuples become lists
         plain: dict[str, Any] = json.loads(json.dumps(description))
         return plain
-
-
-def within_reach(distribution: Distribution, reach: float) -> Distribution:
-    """A uniform distribution of net mass [kg] scaled down until its end is what the pump reaches.
-
-    The draws keep their order and their place in the range, and stores record what was drawn from.
-    """
-    if not isinstance(distribution, Uniform) or distribution.high <= reach or reach <= 0.0:
-        return distribution
-    return Uniform(distribution.low * reach / distribution.high, reach)
 
 
 def make_recipe(

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from factory.recipe.distribution import Distribution, Fixed, Value
-from factory.recipe.parameters import PARAMETERS
+from factory.recipe.parameters import Table
 from twin.errors import InputError, MissionError
-from twin.mission.glide import steady_glide
+from twin.mission.way import way
 from twin.vehicle.vehicle import Vehicle
 
 PLAN_STREAM, MISSION_STREAM = 0, 1
@@ -27,7 +27,7 @@ SENSOR_STREAM = 1
 MAX_SEGMENTS = 100
 """A mission of more segments means a wrong distribution of their length."""
 TIME_RESERVE = 1.5
-"""Segments without a clock are drawn until their steady glides take this many mission times."""
+"""Segments without a clock are drawn until their steady ways take this many mission times."""
 SAW_TOOTH, SPIRAL, SURFACE = "saw-tooth", "spiral", "surface"
 KINDS = (SAW_TOOTH, SPIRAL, SURFACE)
 
@@ -72,17 +72,23 @@ def sensor_seed(seed: int, mission: int, attempt: int) -> np.random.SeedSequence
 
 
 def draw_values(
-    distributions: Mapping[str, Distribution], *, seed: int, mission: int, attempt: int
+    table: Table,
+    distributions: Mapping[str, Distribution],
+    *,
+    seed: int,
+    mission: int,
+    attempt: int,
 ) -> dict[str, Value]:
     """The parameters that a mission draws once."""
     return {
         name: _stream(distributions[name], name, seed, mission, attempt)()
-        for name, parameter in PARAMETERS.items()
+        for name, parameter in table.items()
         if not parameter.per_segment and name != "mission.duration_h"
     }
 
 
 def draw_parameters(
+    table: Table,
     distributions: Mapping[str, Distribution],
     *,
     seed: int,
@@ -94,12 +100,12 @@ def draw_parameters(
     """The parameters of one attempt at one mission of `duration_s` seconds.
 
     Raises:
-      MissionError: segments that cannot fill the mission, or that the vehicle cannot glide.
+      MissionError: segments that cannot fill the mission, or that the vehicle cannot fly.
     """
-    values = draw_values(distributions, seed=seed, mission=mission, attempt=attempt)
+    values = draw_values(table, distributions, seed=seed, mission=mission, attempt=attempt)
     streams = {
         name: _stream(distributions[name], name, seed, mission, attempt)
-        for name, parameter in PARAMETERS.items()
+        for name, parameter in table.items()
         if parameter.per_segment
     }
     surface_every = values["mission.surface_every"]
@@ -151,7 +157,8 @@ def _dive(streams: Mapping[str, Callable[[], Value]]) -> Mapping[str, Value]:
     kind = segment["mission.kind"]
     if kind not in unused:
         raise InputError(f"mission.kind = {kind}: choose among {SAW_TOOTH} and {SPIRAL}")
-    segment[unused[str(kind)]] = math.nan
+    if unused[str(kind)] in segment:
+        segment[unused[str(kind)]] = math.nan
     return segment
 
 
@@ -162,13 +169,16 @@ def _shortest_time(segment: Mapping[str, Value], vehicle: Vehicle) -> float:
     if not math.isnan(yos):
         height = number(segment, "mission.max_depth_m") - number(segment, "mission.min_depth_m")
         slowness = 0.0
+        speed = number(segment, "mission.speed_m_s") if "mission.speed_m_s" in segment else None
         for sign, pitch, mass in (
-            (1.0, "mission.pitch_deg", "mission.net_mass_kg"),
-            (-1.0, "mission.climb_pitch_deg", "mission.climb_net_mass_kg"),
+            (1.0, "pitch_deg", "mission.net_mass_kg"),
+            (-1.0, "climb_pitch_deg", "mission.climb_net_mass_kg"),
         ):
-            angle = -sign * math.radians(number(segment, pitch))
-            glide = steady_glide(vehicle, angle, sign * number(segment, mass))
-            slowness += 1.0 / abs(glide.vertical_speed)
+            angle = -sign * number(segment, f"mission.{pitch}")
+            heavy = sign * number(segment, mass) if mass in segment else 0.0
+            kind = str(segment["mission.kind"])
+            steady = way(vehicle, kind, pitch, angle, heavy, speed, within_travel=True)
+            slowness += 1.0 / abs(steady.vertical_speed)
         times.append(yos * height * slowness / TIME_RESERVE)
     # a segment without limits is the last one
     return min(times, default=math.inf)

@@ -13,7 +13,8 @@ from factory.generation.flown_mission import FailedAttempt
 from factory.generation.shards import SENSOR_PREFIX, UNUSED_CODE
 from factory.recipe.distribution import Distribution, Fixed, Value, parse_distribution
 from factory.recipe.given_current import GivenCurrent, stored_current
-from factory.recipe.parameters import PARAMETERS, Parameter
+from factory.recipe.parameter import Parameter
+from factory.recipe.parameters import Table, parameter_table
 from factory.recipe.sampling import Parameters
 from twin.errors import StoreError
 from twin.records.attributes import ATTEMPT, DURATION, FAILED_MISSIONS, SCENARIO, SENSORS, SETTINGS
@@ -70,6 +71,11 @@ class GeneratedStore(MissionStore):
         return float(self.array(DURATION).sum()) / 3600.0
 
     @functools.cached_property
+    def table(self) -> Table:
+        """Every parameter of missions of the vehicle."""
+        return parameter_table(self.vehicle)
+
+    @functools.cached_property
     def suite(self) -> SensorSuite:
         """The sensors, from their settings in the store."""
         return SensorSuite.from_settings(self.settings["sensors"])
@@ -92,7 +98,7 @@ class GeneratedStore(MissionStore):
         Raises:
           StoreError: the factory that made the store knew other parameters.
         """
-        changed = sorted(self.distributions.keys() ^ PARAMETERS.keys())
+        changed = sorted(self.distributions.keys() ^ self.table.keys())
         if changed:
             raise StoreError(
                 f"store {self.path} was made by a factory with other parameters "
@@ -101,7 +107,7 @@ class GeneratedStore(MissionStore):
             )
         values: dict[str, Value] = {}
         columns: dict[str, list[Value]] = {}
-        for name, parameter in PARAMETERS.items():
+        for name, parameter in self.table.items():
             if name == "mission.duration_h":
                 continue
             if parameter.per_segment:

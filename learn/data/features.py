@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, StoreError, unknown_name
+from twin.records.schema import SIMULATED, VARIABLES
 
 Array = NDArray[np.float64]
 Channels = Mapping[str, Array]
@@ -41,8 +42,9 @@ class Feature:
     unit: str
     compute: Callable[[Channels, float], Array] = dataclasses.field(repr=False)
     """From channels (time,) and the sample period [s] to values (time,)."""
-    odd: bool = False
-    """Whether it changes its sign when the vehicle is mirrored, port for starboard."""
+    odd: bool | None = False
+    """Whether it changes its sign when the vehicle is mirrored, port for starboard; None: the
+    store's vehicle says."""
 
 
 def trailing_slope(values: Array, samples: int, period: float) -> Array:
@@ -236,65 +238,154 @@ DEFAULT_GROUPS = INPUT_SETS["full"]
 """Groups of the default inputs."""
 
 
-_CONTROLS = ("shift", "rotation", "pump")
+GLIDER_PARTS = ("shift", "rotation", "pump")
+"""Parts whose features are in the table. Those of other parts have the names of their channels:
+`measured_rudder` in the group `controls`, `commanded_rudder` in `commands`."""
+_PART_GROUPS = {"measured": "controls", "commanded": "commands"}
 
 SENSORS: dict[str, tuple[str, ...]] = {
     "imu": (*(f"measured_{axis}_rate" for axis in ("roll", "pitch", "yaw")), *_FORCES),
     "attitude": ("measured_roll", "measured_pitch", "measured_heading"),
-    "controls": tuple(f"{kind}_{name}" for kind in ("measured", "commanded") for name in _CONTROLS),
+    "controls": tuple(
+        f"{kind}_{name}" for kind in ("measured", "commanded") for name in GLIDER_PARTS
+    ),
 }
 """Channels of what a vehicle may lack; a mask of such a name takes out all that reads one."""
 
 
-def features_of(sensor: str) -> tuple[str, ...]:
-    """Features that read a sensor of `SENSORS`, by the sensor's name."""
-    return tuple(f.name for f in _TABLE if set(f.channels) & set(SENSORS[sensor]))
+def feature(name: str) -> Feature:
+    """The feature of that name, of the table or of a vehicle's part.
+
+    Raises:
+      InputError: there is none; the nearest is offered.
+    """
+    if name in FEATURES:
+        return FEATURES[name]
+    if not is_part_channel(name):
+        raise InputError(unknown_name("feature", name, FEATURES))
+    unit = VARIABLES[name].units if name in VARIABLES else ""
+    return dataclasses.replace(
+        _plain(name, _PART_GROUPS[name.partition("_")[0]], name, unit), odd=None
+    )
+
+
+def is_known(name: str) -> bool:
+    """Whether `feature` knows it."""
+    return name in FEATURES or is_part_channel(name)
+
+
+def is_part_channel(name: str) -> bool:
+    """Whether it is the reading or the command of a part that the table does not know."""
+    kind, _, part = name.partition("_")
+    return kind in _PART_GROUPS and bool(part) and name not in SIMULATED
+
+
+def features_of(sensor: str, features: Iterable[str] = tuple(FEATURES)) -> tuple[str, ...]:
+    """Those of `features` that read a sensor of `SENSORS`, by the sensor's name."""
+    channels = set(SENSORS[sensor])
+    return tuple(
+        name
+        for name in features
+        if channels & set(feature(name).channels)
+        or (sensor == _PART_GROUPS["measured"] and is_part_channel(name))
+    )
+
+
+def features_for(parts: Sequence[str]) -> dict[str, Feature]:
+    """Every feature that a vehicle with these parts has, by name in the order of networks."""
+    lacking = {name for name in GLIDER_PARTS if name not in parts}
+    gone = {f"{kind}_{name}" for kind in _PART_GROUPS for name in lacking}
+    found = {name: f for name, f in FEATURES.items() if not gone & set(f.channels)}
+    for kind in _PART_GROUPS:
+        for part in parts:
+            if part not in GLIDER_PARTS:
+                found[f"{kind}_{part}"] = feature(f"{kind}_{part}")
+    return found
 
 
 def select_features(
-    chosen: Iterable[str] = DEFAULT_GROUPS, without: Iterable[str] = ()
+    chosen: Iterable[str] = DEFAULT_GROUPS,
+    without: Iterable[str] = (),
+    parts: Sequence[str] = GLIDER_PARTS,
 ) -> tuple[str, ...]:
     """Names of features from names of features or groups, in the table's order.
+
+    A group holds what the vehicle has of it: `controls` are the readings of its parts.
 
     Args:
       chosen: features, groups and `imu` to use.
       without: features, groups and sensors (see `SENSORS`) to leave out, e.g. `imu` for a vehicle
         that logs neither gyroscopes nor accelerometers.
+      parts: names of the vehicle's parts, a glider's by default.
 
     Raises:
-      InputError: an unknown name, or nothing is left.
+      InputError: an unknown name, a feature of a part that the vehicle lacks, or nothing is left.
     """
+    table = features_for(parts)
 
     def names(entries: Iterable[str], known: Mapping[str, Iterable[str]]) -> set[str]:
         found: set[str] = set()
         for entry in entries:
+            if entry in FEATURES and entry not in table:
+                raise InputError(
+                    f"feature {entry!r} reads {', '.join(FEATURES[entry].channels)}, which the "
+                    f"store's vehicle has not (its parts: {', '.join(parts)}); choose --inputs "
+                    "full, or other --features"
+                )
             if entry not in known:
                 raise InputError(unknown_name("feature or feature group", entry, known))
             found.update(known[entry])
         return found
 
-    sensors = {name: features_of(name) for name in SENSORS}
-    single = {name: (name,) for name in FEATURES}
-    known, masks = {**sensors, **single, **GROUPS}, {**GROUPS, **single, **sensors}
+    sensors = {name: features_of(name, table) for name in SENSORS}
+    single = {name: (name,) for name in table}
+    groups = {
+        group: tuple(name for name, f in table.items() if f.group == group) for group in GROUPS
+    }
+    known, masks = {**sensors, **single, **groups}, {**groups, **single, **sensors}
     left = names(chosen, known) - names(without, masks)
     if not left:
         raise InputError("no input feature is left; choose more features or mask fewer")
-    return tuple(name for name in FEATURES if name in left)
+    return tuple(name for name in table if name in left)
 
 
-def mirror_signs(features: Iterable[str]) -> NDArray[np.float32]:
-    """-1 for features that the mirror port to starboard turns round, 1 for the others."""
-    return np.array([-1.0 if FEATURES[name].odd else 1.0 for name in features], np.float32)
+def mirror_signs(
+    features: Iterable[str], parts: Mapping[str, float | None] | None = None
+) -> NDArray[np.float32]:
+    """-1 for features that the mirror port to starboard turns round, 1 for the others.
+
+    Args:
+      parts: what the mirror makes of the position of each part of the vehicle: 1, -1, or None for
+        one whose mirror image the vehicle has not.
+
+    Raises:
+      InputError: a part's mirror image is not known.
+    """
+    signs = []
+    for name in features:
+        odd = feature(name).odd
+        if odd is None:
+            sign = (parts or {}).get(name.partition("_")[2])
+            if sign is None:
+                raise InputError(
+                    f"feature {name!r}: the vehicle has no mirror image of this part, so that its "
+                    "missions cannot be mirrored; train with --no-mirror"
+                )
+            odd = sign < 0.0
+        signs.append(-1.0 if odd else 1.0)
+    return np.array(signs, np.float32)
 
 
 def channels_of(features: Iterable[str]) -> tuple[str, ...]:
     """Schema variables that these features read, each once."""
-    return tuple(dict.fromkeys(c for name in features for c in FEATURES[name].channels))
+    return tuple(dict.fromkeys(c for name in features for c in feature(name).channels))
 
 
 def leave_out(channels: Iterable[str]) -> str:
     """What to type so that networks read none of these channels; empty where none does."""
-    readers = [f.name for f in FEATURES.values() if set(f.channels) & set(channels)]
+    lost = set(channels)
+    readers = [f.name for f in FEATURES.values() if lost & set(f.channels)]
+    readers += sorted(filter(is_part_channel, lost))
     if not readers:
         return ""
     return f", or train without what reads it: `learn fit --without {' '.join(readers)}`"
@@ -318,5 +409,5 @@ def feature_matrix(
                 f"channel {channel} of mission {mission} is not finite at {bad.size} samples, "
                 f"first at {bad[0] * period:.1f} s; repair the store{leave_out([channel])}"
             )
-    columns = [FEATURES[name].compute(signals, period) for name in features]
+    columns = [feature(name).compute(signals, period) for name in features]
     return np.stack(columns, axis=1).astype(np.float32)

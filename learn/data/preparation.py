@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.data.dataset import TARGETS, Mirror, Mission, Sequences, load_missions, sample_split
-from learn.data.features import FEATURES, channels_of, mirror_signs
+from learn.data.features import channels_of, mirror_signs
 from learn.data.logs import SPEED
 from learn.data.normalisation import Normalisation, fit_normalisation
+from learn.data.parts import parts_of
 from twin.errors import InputError, StoreError, unknown_name
 from twin.records.reader import MissionStore
 
@@ -60,11 +61,12 @@ def prepare(
         split is not asked: of the other rows every fourth validates, the rest train.
 
     Raises:
-      InputError: an unknown target or division.
+      InputError: an unknown target or division; a part of the vehicle that has no mirror image.
       StoreError: see `load_missions`; or a split has no missions.
     """
     if target not in TARGETS:
         raise InputError(unknown_name("target", target, TARGETS))
+    signs = mirror_signs(features, parts_of(store)) if mirror else None
     channels = [*channels_of(features), TARGETS[target], *_speed(store)]
     if division == "missions":
         missions = load_missions(store, channels, split="all", period=period)
@@ -78,12 +80,12 @@ def prepare(
                 f"store {store} has no missions for training; it needs a split into train, "
                 "validation and test, as `factory generate` makes"
             )
-        return _assemble(train, validation, features, target, None, mirror, scales)
+        return _assemble(train, validation, features, target, None, signs, scales)
     if division == "samples":
         missions = load_missions(store, channels, split="all", period=period)
         missions = _with_truth(missions, target, store)
         weights = sample_split([m.samples for m in missions], seed)
-        return _assemble(missions, missions, features, target, weights, mirror, scales)
+        return _assemble(missions, missions, features, target, weights, signs, scales)
     raise InputError(unknown_name("division", division, ("missions", "samples")))
 
 
@@ -162,14 +164,14 @@ def _assemble(
     features: Sequence[str],
     target: str,
     weights: list[list[NDArray[np.float32]]] | None,
-    mirror: bool,
+    signs: NDArray[np.float32] | None,
     scales: Normalisation | None,
 ) -> Prepared:
     matrices = [m.features(features) for m in train]
     targets = [m.target(target) for m in train]
-    image = Mirror(mirror_signs(features), TARGET_SIGNS[target]) if mirror else None
-    centred = [name for name in features if FEATURES[name].odd] if mirror else []
-    if mirror and TARGET_SIGNS[target] < 0:
+    image = None if signs is None else Mirror(signs, TARGET_SIGNS[target])
+    centred = [] if signs is None else [n for n, s in zip(features, signs, strict=True) if s < 0]
+    if signs is not None and TARGET_SIGNS[target] < 0:
         centred.append(target)
     known = [values[np.isfinite(values)] for values in targets]
     normalisation = scales or fit_normalisation(

@@ -116,11 +116,7 @@ def evaluate(
     with MissionStore(store) as reader:
         present, attributes = set(map(str, reader.dataset.data_vars)), dict(reader.attributes)
         vehicle, logged = reader.vehicle, reader.logged
-    missing = {
-        name: f"the store has no channel {gone[0]}"
-        for name in names
-        if (gone := [c for c in BASELINES[name].channels if c not in present])
-    }
+    missing = {name: why for name in names if (why := _unusable(name, vehicle, present))}
     runners = {name: BASELINES[name](vehicle=vehicle) for name in names if name not in missing}
     wanted = [
         *NAVIGATION_CHANNELS,
@@ -214,6 +210,15 @@ def visible(mission: Mission) -> dict[str, Array]:
         for name, values in mission.signals.items()
         if not name.startswith("true_")
     }
+
+
+def _unusable(name: str, vehicle: Vehicle, present: set[str]) -> str:
+    """Why a baseline cannot run on a store of this vehicle with these channels; empty: it can."""
+    why = BASELINES[name].unsuited(vehicle)
+    gone = [channel for channel in BASELINES[name].channels if channel not in present]
+    if not why and gone:
+        why = f"the store has no channel {gone[0]}"
+    return why
 
 
 def _network_estimate(predictions: Mapping[str, tuple[Any, Any]]) -> Estimate:

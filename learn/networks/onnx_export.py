@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from learn.data.dataset import Mission
-from learn.data.features import FEATURES
+from learn.data.features import feature, is_known
 from learn.networks.predictor import Predictor
 from twin.errors import InputError, StoreError
 from twin.extras import require
@@ -113,7 +113,7 @@ def step_model(predictor: Predictor, period: float) -> onnx.ModelProto:
             "period_s": f"{period:g}",
             "network": json.dumps(dataclasses.asdict(network.config)),
             "features": json.dumps(
-                {name: {"unit": FEATURES[name].unit} for name in predictor.features}
+                {name: {"unit": feature(name).unit} for name in predictor.features}
             ),
         },
     )
@@ -186,7 +186,7 @@ class StepModel:
             )
         self.target: str = about["target"]
         self.features: tuple[str, ...] = tuple(json.loads(about["features"]))
-        unknown = [name for name in self.features if name not in FEATURES]
+        unknown = [name for name in self.features if not is_known(name)]
         if unknown:
             raise StoreError(f"{path} needs feature {unknown[0]!r}, which this version lacks")
         self._state_size = int(self._session.get_inputs()[1].shape[1])

@@ -13,13 +13,13 @@ import torch
 from numpy.typing import NDArray
 
 from learn.data.dataset import Mission
-from learn.data.features import FEATURES
+from learn.data.features import feature
 from learn.data.normalisation import Normalisation
 from learn.files import read_json, write_json
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.registry import NETWORKS
-from twin.errors import InputError, StoreError, unknown_name
+from twin.errors import InputError, StoreError
 
 Floats = NDArray[np.float32]
 
@@ -127,9 +127,8 @@ def load_predictor(stem: Path) -> Predictor:
             )
         if not all(isinstance(v, float | int) and math.isfinite(v) for v in values):
             raise StoreError(f"{description_path} is damaged: normalisation.{name} is not finite")
-    unknown = [name for name in normalisation.features if name not in FEATURES]
-    if unknown:
-        raise InputError(unknown_name("feature", unknown[0], FEATURES))
+    for name in normalisation.features:
+        feature(name)  # raises for one that there is not
     if config.inputs != len(normalisation.features):
         raise StoreError(
             f"{description_path} names {len(normalisation.features)} features for a network with "

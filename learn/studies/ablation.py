@@ -20,7 +20,7 @@ def masked(config: FitConfig) -> dict[str, FitConfig]:
     """Settings without each sensor (`SENSORS`) that the inputs read, by its name."""
     found = {}
     for sensor in SENSORS:
-        lost = features_of(sensor)
+        lost = features_of(sensor, config.features)
         left = tuple(name for name in config.features if name not in lost)
         if left and left != config.features:
             found[sensor] = dataclasses.replace(config, features=left)

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from learn.data.dataset import Mission, load_missions
+from learn.data.features import GLIDER_PARTS
+from learn.data.parts import parts_of
 from learn.evaluation.evaluation import NETWORK, Evaluation, evaluate
 from learn.evaluation.score import Reference
 from learn.evaluation.uncertainty import ErrorModel, fit_error_model
@@ -116,10 +118,18 @@ def _error_model(run: Run, split: str) -> ErrorModel:
 def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
     """The run on the paper's three missions, flown with the sensors of its store.
 
-    None for a store that the factory did not make: its sensors are not known.
+    None for a store that the factory did not make, whose sensors are not known, and for one of a
+    vehicle with other parts than the Sea-Wing, which flies the test.
     """
     sensors = run.description["store"].get("sensors")
     if sensors is None:
+        return None
+    parts = parts_of(run.store)
+    if set(parts) != set(GLIDER_PARTS):
+        say(
+            "leaving out the paper's test: the Sea-Wing flies it, whose parts are "
+            f"{', '.join(GLIDER_PARTS)} and not {', '.join(parts)}"
+        )
         return None
     say("flying the paper's test in three currents")
     from factory.generation.bulk import generate

@@ -1,4 +1,8 @@
-"""Part signals: what stores call the positions of a vehicle's parts, and its state's columns."""
+"""Part signals: what stores call the positions and commands of a vehicle's parts.
+
+A part named `rudder` has `true_rudder`, `commanded_rudder` and, by its encoder, `measured_rudder`,
+in the unit of its kind. Those of a glider's shift, rotation and pump are in the schema's own table.
+"""
 
 from __future__ import annotations
 
@@ -6,50 +10,74 @@ import functools
 from pathlib import Path
 
 from twin.errors import VehicleError
-from twin.records.schema import VARIABLES, Variable, declare
+from twin.records.limits import TABLE
+from twin.records.schema import SIMULATED, VARIABLES, Variable, declare
+from twin.records.trajectory import actuator_names
 from twin.vehicle.mjcf import MjcfReader
 from twin.vehicle.vehicle import Vehicle
 
-_OF_THE_VEHICLE = frozenset(
-    {
-        *("north", "east", "depth", "roll", "pitch", "heading", "surge", "sway", "heave", "speed"),
-        *("roll_rate", "pitch_rate", "yaw_rate", "net_mass", "density", "immersion", "segment"),
-        *(f"velocity_{axis}" for axis in ("north", "east", "down")),
-        *(f"current_{axis}" for axis in ("north", "east", "down")),
-        *(f"specific_force_{axis}" for axis in "xyz"),
-    }
-)
-"""Names of signals that every vehicle has; no part may bear one"""
+UNITS = frozenset(row.units for row in TABLE)
+"""Units whose values have limits"""
+_OWN = frozenset(SIMULATED)
+"""The schema's own signals, whose names parts must leave alone; but for the positions of parts."""
+
+
+def part_variables(vehicle: Vehicle) -> dict[str, Variable]:
+    """The variables of a vehicle's parts by name: truth, command and reading of each.
+
+    Raises:
+      VehicleError: a part has the name of another signal, such as `pitch`.
+    """
+    found: dict[str, Variable] = {}
+    shared = actuator_names(SIMULATED)
+    for part in vehicle.parts:
+        quantity, words = part.quantity, part.name.replace("_", " ")
+        for name, text in (
+            (f"true_{part.name}", f"{words}, {quantity.long_name}"),
+            (f"commanded_{part.name}", f"commanded {words}, {quantity.long_name}"),
+            (f"measured_{part.name}", f"{words} by its encoder, {quantity.long_name}"),
+        ):
+            if name in _OWN and part.name not in shared:
+                raise VehicleError(
+                    f"vehicle {vehicle.name!r} ({vehicle.path}): a part must not be called "
+                    f"{part.name!r}, which is a signal of every vehicle; give its actuator another "
+                    "name"
+                )
+            known = VARIABLES.get(name)
+            if known is None:
+                known = Variable(name, quantity.unit, text, limits=quantity.limits)
+                if quantity.limits is None and quantity.unit not in UNITS:
+                    raise VehicleError(
+                        f"vehicle part {part.kind!r}: `quantity` has the unit {quantity.unit!r} "
+                        "and no `limits`; give the lowest and highest value that one can have"
+                    )
+            elif known.units != quantity.unit:
+                raise VehicleError(
+                    f"vehicle {vehicle.name!r} ({vehicle.path}): {name} of its part {part.name!r} "
+                    f"({part.kind}) would be stored in {quantity.unit}, but is "
+                    f"{known.long_name!r} in {known.units} already; give its actuator another name"
+                )
+            found[name] = known
+    return found
 
 
 def declare_parts(vehicle: Vehicle) -> None:
-    """Make `true_PART` and `commanded_PART` of each part variables of the schema.
+    """Add the variables of a vehicle's parts to the schema; raises as `part_variables`."""
+    for entry in part_variables(vehicle).values():
+        declare(entry)
 
-    Raises:
-      VehicleError: a part is called like a signal of every vehicle, or like another vehicle's part
-        whose positions have another unit.
-    """
-    for part in vehicle.parts:
-        unit, meaning = part.quantity.unit, part.quantity.long_name
-        if part.name in _OF_THE_VEHICLE:
-            raise VehicleError(
-                f"vehicle {vehicle.name!r} ({vehicle.path}): a part must not be called "
-                f"{part.name!r}, which is a signal of every vehicle; give its actuator another name"
-            )
-        for prefix, long_name in (
-            ("true", f"{part.name} {meaning}"),
-            ("commanded", f"commanded {part.name} {meaning}"),
-        ):
-            name = f"{prefix}_{part.name}"
-            known = VARIABLES.get(name)
-            if known is None:
-                declare(Variable(name, unit, long_name))
-            elif known.units != unit:
-                raise VehicleError(
-                    f"vehicle {vehicle.name!r} ({vehicle.path}): {name} of its part {part.name!r} "
-                    f"({part.kind}) would be stored in {unit}, but is {known.long_name!r} in "
-                    f"{known.units} already; give its actuator another name"
-                )
+
+def simulated_signals(vehicle: Vehicle) -> tuple[str, ...]:
+    """Names of the truth and commands of every simulated mission of a vehicle, in storage order."""
+    parts = part_variables(vehicle)
+    none = {f"{kind}_{name}" for kind in _KINDS for name in actuator_names(SIMULATED)}
+    names = [name for name in SIMULATED if name not in none or name in parts]
+    return tuple(
+        name for name in dict.fromkeys((*names, *parts)) if not name.startswith("measured_")
+    )
+
+
+_KINDS = ("true", "commanded", "measured")
 
 
 def state_columns(vehicle: Vehicle) -> tuple[str, ...]:

@@ -48,7 +48,7 @@ CONVENTIONS = {
 """What every store says."""
 SIMULATED_ATTRIBUTES = {
     **CONVENTIONS,
-    TITLE: "Simulated underwater glider missions",
+    TITLE: "Simulated underwater vehicle missions",
     COMMENT: "Simulated data. NED frame with its origin at each mission's start; body axes "
     "forward, starboard, down about the centre of buoyancy.",
 }

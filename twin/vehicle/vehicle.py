@@ -31,6 +31,10 @@ CONTROLS = ("pitch", "heading", "buoyancy", "speed")
 """What guidance steers, each with one part of the vehicle that can."""
 
 
+SPREAD = "spread."
+"""Begins the names of the `<text>` elements that say what the factory draws for the vehicle."""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Vehicle:
     """A hull, the masses that move in it and its parts; SI units, body axes FRD about the CB."""
@@ -79,6 +83,8 @@ class Vehicle:
     """[m/s] through the water that a propeller drives it at when a mission does not say"""
     steering: Mapping[str, str]
     """Name of the part that guidance uses for each of CONTROLS that the vehicle has."""
+    spreads: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """What the factory draws for this vehicle in place of its table: "PAPER; FIELD" by parameter"""
 
     def __post_init__(self) -> None:
         for name in ("reference_density", "hull_length", "hull_diameter", "static_mass"):
@@ -413,4 +419,9 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         control_period=number("control_period"),
         cruise_speed=number("cruise_speed") if "speed" in steering else 0.0,
         steering=steering,
+        spreads={
+            name.removeprefix(SPREAD): element.get("data", "")
+            for name, element in reader.texts.items()
+            if name.startswith(SPREAD)
+        },
     )

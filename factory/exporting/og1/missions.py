@@ -9,7 +9,7 @@ date counts from a nominal deployment.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,6 @@ from factory.exporting.og1.terms import (
     PHASE_FLAGS,
     PHASES,
     SENSORS,
-    SIMULATED_MEASURED,
     STILL_SPEED,
     SURFACE_DEPTH_M,
     SURFACING,
@@ -37,6 +36,7 @@ from factory.exporting.og1.terms import (
     VOCABULARY,
     global_attributes,
     sensor_attributes,
+    simulated_terms,
 )
 from factory.exporting.og1.variables import (
     Og1Variable,
@@ -63,7 +63,7 @@ def export_og1(run: GeneratedStore | StoredFlight, mission: int, folder: Path) -
       StoreError: no such mission, or its data cannot be read.
     """
     run.check_mission(mission)
-    missing = [name for name in _needed() if name not in run.dataset]
+    missing = [name for name in _needed(run.signals()) if name not in run.dataset]
     if missing:
         raise StoreError(f"store {run.path} lacks {', '.join(missing)}: OG1.0 needs them")
     facts = simulated_mission(run, mission)
@@ -72,10 +72,10 @@ def export_og1(run: GeneratedStore | StoredFlight, mission: int, folder: Path) -
     return write_og1(folder, identity, series, int(run.samples[mission]))
 
 
-def _needed() -> list[str]:
+def _needed(signals: Sequence[str]) -> list[str]:
     positions = ["measured_onboard_north", "measured_onboard_east", "measured_gps_north"]
-    signals = [name for _, name, _ in SIMULATED_MEASURED]
-    return [*positions, "measured_gps_east", "measured_depth", "measured_dvl_mode", *signals]
+    measured = [name for _, name, _ in simulated_terms(signals)]
+    return [*positions, "measured_gps_east", "measured_depth", "measured_dvl_mode", *measured]
 
 
 def _series(
@@ -171,7 +171,7 @@ def _series(
     for name in SENSORS:
         empty = np.array(0, np.int8)
         yield name, Og1Variable(empty, sensor_attributes(run, name), dimensions=(), kind="i1")
-    for name, stored, sensor in SIMULATED_MEASURED:
+    for name, stored, sensor in simulated_terms(run.signals()):
         yield name, _signal(row(stored), stored, {"sensor": sensor} if sensor else {})
     yield (
         "DVL_MODE",

@@ -14,6 +14,8 @@ from factory.exporting.og1.simulated import SimulatedMission
 from factory.stores.generated import GeneratedStore
 from factory.stores.stored_flight import StoredFlight
 from twin.records.logs import LogStore
+from twin.records.schema import SIMULATED
+from twin.records.trajectory import actuator_names
 from twin.sensors import SensorSuite
 from twin.version import __version__
 
@@ -67,7 +69,23 @@ SIMULATED_MEASURED = (
     ("DVL_SWAY", "measured_dvl_sway", "SENSOR_DVL"),
     ("DVL_HEAVE", "measured_dvl_heave", "SENSOR_DVL"),
 )
-"""(name in the file, name in the store, sensor variable) of simulated missions"""
+"""(name in the file, name in the store, sensor variable) of simulated missions of gliders"""
+
+
+def simulated_terms(signals: Sequence[str]) -> list[tuple[str, str, str]]:
+    """The terms of a store of simulated missions, by the parts that its vehicle has.
+
+    Args:
+      signals: names of all its signals.
+    """
+    parts = actuator_names(signals)
+    gliders = {f"measured_{name}" for name in actuator_names(SIMULATED)}
+    own = {f"measured_{name}" for name in parts}
+    terms = [term for term in SIMULATED_MEASURED if term[1] not in gliders - own]
+    named = {stored for _, stored, _ in terms}
+    return terms + [(name.upper(), name, "") for name in sorted(own - named)]
+
+
 LOGGED_MEASURED = (
     ("DENSITY", "measured_density", "SENSOR_CTD"),
     ("TEMP", "measured_temperature", "SENSOR_CTD"),

@@ -13,6 +13,7 @@ from learn.navigation.dead_reckoning import Array, Signals, depth_rate
 from twin.errors import InputError, unknown_name
 from twin.records.schema import VARIABLES
 from twin.registry import check_class, place_of
+from twin.vehicle.laws import FlowFrame
 from twin.vehicle.vehicle import Vehicle
 
 Mask = NDArray[np.bool_]
@@ -69,6 +70,11 @@ class Baseline(abc.ABC):
     vehicle: Vehicle
     """Nominal parameters."""
 
+    @classmethod
+    def unsuited(cls, vehicle: Vehicle) -> str:
+        """Why it cannot estimate the velocities of such a vehicle; empty: it can."""
+        return ""
+
     @abc.abstractmethod
     def estimate(self, signals: Signals, period: float) -> Estimate:
         """Velocities from channels (time,), one sample every `period` [s].
@@ -76,6 +82,23 @@ class Baseline(abc.ABC):
         Raises:
           StoreError: a channel is missing or not finite.
         """
+
+
+def no_glider(vehicle: Vehicle) -> str:
+    """Why a vehicle does not glide by lift and drag coefficients; empty: it does.
+
+    For methods that take a glider's balance of forces for granted.
+    """
+    if vehicle.steered("speed") is not None:
+        return f"vehicle {vehicle.name!r} has a propeller: it does not glide"
+    if vehicle.steered("buoyancy") is None:
+        return f"vehicle {vehicle.name!r} has no pump: it does not glide"
+    if not isinstance(vehicle.law, FlowFrame):
+        return (
+            f"vehicle {vehicle.name!r} has the hull law {vehicle.law.kind!r}: no lift and drag "
+            "coefficients"
+        )
+    return ""
 
 
 def check_baseline(name: str, kind: type[Baseline]) -> type[Baseline]:

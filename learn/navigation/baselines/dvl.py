@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.ndimage import median_filter
 
-from learn.navigation.baselines.base import Baseline, Estimate, Mask, bridge, hold
+from learn.navigation.baselines.base import Baseline, Estimate, Mask, bridge, hold, no_glider
 from learn.navigation.baselines.steady_flight import SteadyFlight
 from learn.navigation.dead_reckoning import (
     Array,
@@ -26,6 +26,7 @@ from learn.navigation.dead_reckoning import (
     integrate,
     rotate_to_ned,
 )
+from twin.vehicle.vehicle import Vehicle
 
 BOTTOM, WATER = 1, 2
 """measured_dvl_mode"""
@@ -64,6 +65,11 @@ class Dvl(Baseline):
         *(f"measured_dvl_{name}" for name in ("surge", "sway", "heave", "mode")),
         *SteadyFlight.channels,
     )
+
+    @classmethod
+    def unsuited(cls, vehicle: Vehicle) -> str:
+        """It needs a glider."""
+        return no_glider(vehicle)
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
         """See `learn.navigation.baselines.base.Baseline`; without any lock nothing is estimated."""

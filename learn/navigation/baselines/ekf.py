@@ -19,7 +19,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from learn.navigation.baselines.base import Baseline, Estimate, afloat
+from learn.navigation.baselines.base import Baseline, Estimate, afloat, no_glider
 from learn.navigation.dead_reckoning import Array, Attitude, Signals, finite_channel
 from twin.compiled import jit
 from twin.errors import InputError
@@ -89,6 +89,14 @@ class Ekf(Baseline):
         *("measured_pump", "measured_shift", "measured_rotation"),
     )
     noise: EkfNoise = dataclasses.field(default_factory=EkfNoise)
+
+    @classmethod
+    def unsuited(cls, vehicle: Vehicle) -> str:
+        """It needs a glider with one moving mass."""
+        why = no_glider(vehicle)
+        if not why and len(vehicle.masses) != 1:
+            why = f"vehicle {vehicle.name!r} has {len(vehicle.masses)} moving masses, not one"
+        return why
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
         """See `learn.navigation.baselines.base.Baseline`."""

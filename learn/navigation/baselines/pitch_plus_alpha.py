@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from learn.navigation.baselines.base import Baseline, Estimate, afloat, hold, smooth
+from learn.navigation.baselines.base import Baseline, Estimate, afloat, hold, no_glider, smooth
 from learn.navigation.dead_reckoning import Signals, depth_rate, finite_channel
 from twin.vehicle.vehicle import Vehicle
 
@@ -41,6 +41,11 @@ class PitchPlusAlpha(Baseline):
     colour = "orange"
     drawn = True
     channels: ClassVar[tuple[str, ...]] = ("measured_depth", "measured_pitch")
+
+    @classmethod
+    def unsuited(cls, vehicle: Vehicle) -> str:
+        """It needs a glider."""
+        return no_glider(vehicle)
 
     @functools.cached_property
     def angle_of_attack(self) -> float:

@@ -12,9 +12,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from learn.navigation.baselines.base import Baseline, Estimate, afloat, bridge, smooth
+from learn.navigation.baselines.base import Baseline, Estimate, afloat, bridge, no_glider, smooth
 from learn.navigation.dead_reckoning import Attitude, Signals, depth_rate, finite_channel
 from twin.identify.balance import balance, net_mass
+from twin.vehicle.vehicle import Vehicle
 
 WINDOW_S = 10.0
 """[s] average of every measured input: shorter than a glider takes to settle, longer than noise."""
@@ -43,6 +44,11 @@ class SteadyFlight(Baseline):
         *("measured_depth", "measured_roll", "measured_pitch", "measured_heading"),
         *("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate", "measured_pump"),
     )
+
+    @classmethod
+    def unsuited(cls, vehicle: Vehicle) -> str:
+        """It needs a glider."""
+        return no_glider(vehicle)
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
         """See `learn.navigation.baselines.base.Baseline`."""

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from factory.flight.fly import build_mission, build_scenario, fly
-from factory.flight.vehicle_errors import ADDED_MASS_CELLS, spread_vehicle
-from factory.recipe.parameters import declared, override
+from factory.flight.vehicle_errors import spread_vehicle
+from factory.recipe.parameters import declared, override, parameter_table
 from factory.recipe.plan import plan_missions
 from factory.recipe.recipe import make_recipe
 from factory.recipe.sampling import Parameters, draw_parameters, sensor_seed
+from factory.recipe.vehicle_parameters import ADDED_MASS
 from twin.mission import Mission, load_mission
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation, simulate
@@ -22,15 +23,16 @@ from twin.vehicle.vehicle import load_vehicle
 from twin.water.current import Uniform
 
 VEHICLE = load_vehicle()
+TABLE = parameter_table(VEHICLE)
 SECONDS = 300.0
 
 
 def parameters(duration: float = SECONDS, **changes: float | str) -> Parameters:
     distributions = override(
-        declared("paper"), {name.replace("__", "."): text for name, text in changes.items()}
+        declared("paper", TABLE), {name.replace("__", "."): text for name, text in changes.items()}
     )
     return draw_parameters(
-        distributions, seed=5, mission=0, attempt=0, duration_s=duration, vehicle=VEHICLE
+        TABLE, distributions, seed=5, mission=0, attempt=0, duration_s=duration, vehicle=VEHICLE
     )
 
 
@@ -90,7 +92,7 @@ def test_every_spread_coefficient_reaches_the_vehicle() -> None:
             if other == group:
                 expected[place] = 1.07
             np.testing.assert_allclose(factors, expected, rtol=1e-12)
-    for name, (i, j) in ADDED_MASS_CELLS.items():
+    for name, (_, (i, j)) in ADDED_MASS.items():
         spread = spread_vehicle(VEHICLE, parameters(**{f"vehicle__added_mass_{name}": 0.93}))
         changed = np.argwhere(spread.added_mass != VEHICLE.added_mass)
         assert {tuple(cell) for cell in changed.tolist()} == {(i, j), (j, i)}
@@ -176,11 +178,11 @@ def test_a_given_current_replaces_the_drawn_ones() -> None:
 
 
 def test_missions_of_one_plan_differ() -> None:
-    distributions = declared("paper")
+    distributions = declared("paper", TABLE)
     plan = plan_missions(distributions["mission.duration_h"], hours=4.0, seed=0)
     pitches = {
         draw_parameters(
-            distributions, seed=0, mission=m, attempt=0, duration_s=600.0, vehicle=VEHICLE
+            TABLE, distributions, seed=0, mission=m, attempt=0, duration_s=600.0, vehicle=VEHICLE
         ).segments[0]["mission.pitch_deg"]
         for m in range(len(plan))
     }

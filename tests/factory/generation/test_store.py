@@ -15,7 +15,6 @@ import xarray as xr
 import zarr
 
 from factory.flight.fly import fly
-from factory.recipe.parameters import PARAMETERS
 from factory.recipe.plan import samples_in
 from factory.recipe.recipe import Recipe, make_recipe
 from factory.recipe.sampling import sensor_seed
@@ -107,7 +106,7 @@ def test_every_drawn_value_is_a_variable_over_missions(field_store: Path) -> Non
     drawn = [name for name, d in run.distributions.items() if not d.fixed]
     drawn.remove("mission.duration_h")  # the array `duration` has it
     for name in drawn:
-        array = run.dataset[PARAMETERS[name].variable]
+        array = run.dataset[run.table[name].variable]
         assert array.dims[0] == "mission"
         assert array.attrs["parameter"] == name
         assert array.attrs["distribution"] == run.distributions[name].text()

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import abc
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from twin.vehicle.uncertainty import Uncertainty
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
@@ -48,6 +50,14 @@ class HullLaw(abc.ABC):
     def problems(self) -> list[tuple[str, str]]:
         """What is wrong with it: pairs of a field's name and the rule that it breaks."""
         return []
+
+    def uncertainties(self) -> tuple[Uncertainty, ...]:
+        """The coefficients that the file cannot say exactly; () when the law names none."""
+        return ()
+
+    def scaled(self, factors: Mapping[str, float]) -> Self:
+        """A copy with its coefficients times the factors, by the names of `uncertainties`."""
+        return self
 
     def added_mass(self, reference_density: float) -> Array | None:
         """M_A (6, 6) when the law knows it from its geometry; None: the vehicle file says it."""

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 from twin.compiled import inline, jit
 from twin.errors import VehicleError, unknown_name
 from twin.vehicle.laws.base import HullLaw
+from twin.vehicle.uncertainty import Uncertainty, coefficient
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
@@ -207,3 +209,12 @@ class BodyAxes(HullLaw):
     def values(self) -> Array:
         """Five numbers a term, see TERM; shape (5 n,)."""
         return np.array([term(*pair) for pair in self.derivatives], dtype=np.float64).ravel()
+
+    def uncertainties(self) -> tuple[Uncertainty, ...]:
+        """Every derivative of the file, by its own name."""
+        return tuple(coefficient(name, f"derivative {name}") for name, _ in self.derivatives)
+
+    def scaled(self, factors: Mapping[str, float]) -> Self:
+        """By the derivatives' names."""
+        found = tuple((name, value * factors[name]) for name, value in self.derivatives)
+        return dataclasses.replace(self, derivatives=found)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from twin.compiled import inline, jit
 from twin.vehicle.laws.base import HullLaw
+from twin.vehicle.uncertainty import Uncertainty, coefficient
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
@@ -235,6 +237,27 @@ class Ellipsoids(HullLaw):
             total += jacobian.T @ np.diag(virtual) @ jacobian
         signs = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
         return total * np.outer(signs, signs)
+
+    def uncertainties(self) -> tuple[Uncertainty, ...]:
+        """MuJoCo's fluid coefficients, each a factor for all geoms."""
+        return tuple(coefficient(name, what) for name, what, _ in COEFFICIENTS)
+
+    def scaled(self, factors: Mapping[str, float]) -> Self:
+        """By the names of COEFFICIENTS."""
+        geoms = np.array(self.geoms)
+        for name, _, column in COEFFICIENTS:
+            geoms[:, column] *= factors[name]
+        return dataclasses.replace(self, geoms=geoms)
+
+
+COEFFICIENTS = (
+    ("blunt_drag", "drag across the flow", 16),
+    ("slender_drag", "drag along the flow", 17),
+    ("angular_drag", "drag of turning", 18),
+    ("kutta_lift", "lift of circulation", 19),
+    ("magnus_lift", "lift of spin", 20),
+)
+"""Name, meaning and column of each fluid coefficient in `Ellipsoids.geoms`"""
 
 
 def fluid_geoms(xml: str) -> Array:

@@ -16,13 +16,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, ClassVar, Self
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import inline, jit
 from twin.vehicle.laws.base import HullLaw
+from twin.vehicle.uncertainty import Uncertainty, coefficient
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
@@ -238,7 +240,37 @@ class FlowFrame(HullLaw):
             dtype=np.float64,
         )
 
+    def uncertainties(self) -> tuple[Uncertainty, ...]:
+        """Every coefficient."""
+        return tuple(coefficient(name, what) for name, what, _ in COEFFICIENTS)
+
+    def scaled(self, factors: Mapping[str, float]) -> Self:
+        """By the names of COEFFICIENTS."""
+        fields: dict[str, Any] = {}
+        for name, _, field in COEFFICIENTS:
+            values = fields.setdefault(field, [])
+            values.append(getattr(self, field)[len(values)] * factors[name])
+        changes: dict[str, Any] = {name: tuple(values) for name, values in fields.items()}
+        return dataclasses.replace(self, **changes)
+
     @property
     def valid_angle(self) -> float:
         """[rad] `linear_angle`."""
         return self.linear_angle
+
+
+COEFFICIENTS = (
+    ("k_d0", "drag at zero angle of attack", "drag"),
+    ("k_d", "drag due to angle of attack", "drag"),
+    ("k_l0", "lift at zero angle of attack", "lift"),
+    ("k_alpha", "lift slope", "lift"),
+    ("k_beta", "side force", "side_force"),
+    ("k_mr", "roll moment", "roll_moment"),
+    ("k_p", "roll damping", "roll_moment"),
+    ("k_m0", "pitch moment at zero angle of attack", "pitch_moment"),
+    ("k_m", "pitch moment", "pitch_moment"),
+    ("k_q", "pitch damping", "pitch_moment"),
+    ("k_my", "yaw moment", "yaw_moment"),
+    ("k_r", "yaw damping", "yaw_moment"),
+)
+"""Name, meaning and field of each coefficient, in the order of the fields' numbers"""

@@ -17,6 +17,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.vehicle.uncertainty import LAG_SPREAD, Uncertainty
+
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
 
@@ -95,6 +97,9 @@ class Quantity:
     """stored value per unit of the position: 180 / pi where a store has degrees"""
     long_name: str
     """without the part's name"""
+    limits: tuple[float, float] | None = None
+    """lowest and highest stored value that any such part can have, not only this vehicle's; None:
+    those of its unit"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -200,6 +205,32 @@ class Part:
     def sense(self, axis: str) -> float:
         """+1 when a larger position raises pitch or turns to starboard, -1 when it does not."""
         return 1.0
+
+    def mirrored(self) -> float | None:
+        """What the mirror port to starboard makes of its position: 1 or -1 times it.
+
+        None: the vehicle has no mirror image of it, or its kind does not say.
+        """
+        return None
+
+    # --- what its file cannot say exactly -------------------------------------------------------
+
+    def uncertainties(self) -> tuple[Uncertainty, ...]:
+        """Its lag and largest rate; kinds with an encoder or coefficients add theirs."""
+        return (
+            Uncertainty(
+                name="lag",
+                field="lag",
+                spread=LAG_SPREAD,
+                why=f"factor on the lag of the {self.name}; lags are rarely published",
+            ),
+            Uncertainty(
+                name="rate",
+                field="rate",
+                spread=LAG_SPREAD,
+                why=f"factor on the largest rate of the {self.name}",
+            ),
+        )
 
     # --- what it takes --------------------------------------------------------------------------
 

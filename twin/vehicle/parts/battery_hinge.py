@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from twin.vehicle.parts.base import Carrier, Losses, Part, Quantity
+from twin.vehicle.uncertainty import Uncertainty
 
 ROTATION = 60.0
 """[deg] largest rotation that a random manoeuvre draws"""
@@ -21,7 +22,10 @@ class BatteryHinge(Part):
     kind: ClassVar[str] = "battery-hinge"
     unit: ClassVar[str] = "rad"
     quantity: ClassVar[Quantity] = Quantity(
-        unit="degree", scale=180.0 / np.pi, long_name="rotation about the hull, to port positive"
+        unit="degree",
+        scale=180.0 / np.pi,
+        long_name="rotation about the hull, to port positive",
+        limits=(-360.0, 360.0),
     )
     joint: ClassVar[str | None] = "hinge"
     turn: ClassVar[int] = 30
@@ -29,6 +33,22 @@ class BatteryHinge(Part):
     def controls(self) -> tuple[str, ...]:
         """It turns."""
         return ("heading",)
+
+    def mirrored(self) -> float | None:
+        """Port becomes starboard."""
+        return -1.0
+
+    def uncertainties(self) -> tuple[Uncertainty, ...]:
+        """Also: the zero of its encoder."""
+        offset = Uncertainty(
+            name="offset_deg",
+            unit="degree",
+            certain=0.0,
+            scale=math.pi / 180.0,
+            spread="uniform(-2, 2)",
+            why="battery turned from where its encoder says",
+        )
+        return (offset, *super().uncertainties())
 
     def energy(
         self,

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from twin.vehicle.parts.base import Carrier, Losses, Part, Quantity
+from twin.vehicle.uncertainty import Uncertainty
 
 SHIFT = (0.008, 0.03)
 """[m] of a travel of 0.05 m: commands that a random manoeuvre draws"""
@@ -23,7 +24,10 @@ class BatterySlide(Part):
     kind: ClassVar[str] = "battery-slide"
     unit: ClassVar[str] = "m"
     quantity: ClassVar[Quantity] = Quantity(
-        unit="m", scale=1.0, long_name="displacement from neutral, forward positive"
+        unit="m",
+        scale=1.0,
+        long_name="displacement from neutral, forward positive",
+        limits=(-1.0, 1.0),
     )
     joint: ClassVar[str | None] = "slide"
     turn: ClassVar[int] = 20
@@ -35,6 +39,22 @@ class BatterySlide(Part):
     def sense(self, axis: str) -> float:
         """Forward is nose down."""
         return -1.0
+
+    def mirrored(self) -> float | None:
+        """It is in the middle."""
+        return 1.0
+
+    def uncertainties(self) -> tuple[Uncertainty, ...]:
+        """Also: the zero of its encoder."""
+        offset = Uncertainty(
+            name="offset_mm",
+            unit="mm",
+            certain=0.0,
+            scale=1e-3,
+            spread="uniform(-1, 1)",
+            why="battery ahead of where its encoder says; 0.3 mm pitch the Sea-Wing by 0.4 deg",
+        )
+        return (offset, *super().uncertainties())
 
     def energy(
         self,

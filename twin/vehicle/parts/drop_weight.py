@@ -33,7 +33,9 @@ class DropWeight(Part):
 
     kind: ClassVar[str] = "drop-weight"
     unit: ClassVar[str] = "1"
-    quantity: ClassVar[Quantity] = Quantity(unit="1", scale=1.0, long_name="part still held")
+    quantity: ClassVar[Quantity] = Quantity(
+        unit="1", scale=1.0, long_name="part still held", limits=(0.0, 1.0)
+    )
     one_way: ClassVar[bool] = True
     turn: ClassVar[int] = 60
 
@@ -61,6 +63,10 @@ class DropWeight(Part):
     def values(self) -> tuple[float, ...]:
         """The mass [kg]."""
         return (self.mass,)
+
+    def mirrored(self) -> float | None:
+        """It has no side."""
+        return 1.0
 
     @property
     def rest(self) -> float:

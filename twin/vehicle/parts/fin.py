@@ -18,6 +18,7 @@ import numpy as np
 
 from twin.compiled import jit
 from twin.vehicle.parts.base import Carrier, Part, Quantity
+from twin.vehicle.uncertainty import Uncertainty, coefficient
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
@@ -144,7 +145,10 @@ class Fin(Part):
     kind: ClassVar[str] = "fin"
     unit: ClassVar[str] = "rad"
     quantity: ClassVar[Quantity] = Quantity(
-        unit="degree", scale=180.0 / np.pi, long_name="deflection, right-handed about its axis"
+        unit="degree",
+        scale=180.0 / np.pi,
+        long_name="deflection, right-handed about its axis",
+        limits=(-180.0, 180.0),
     )
 
     axis: tuple[float, float, float]
@@ -214,6 +218,26 @@ class Fin(Part):
             float(self.in_hull),
             *self.axis,
         )
+
+    def mirrored(self) -> float | None:
+        """Rudders turn the other way, elevators do not; a fin off the middle has no image."""
+        _, y, z = (abs(x) > 1e-9 for x in self.axis)
+        if (y and z) or abs(self.position[1]) > 1e-9:
+            return None
+        return -1.0 if z else 1.0
+
+    def uncertainties(self) -> tuple[Uncertainty, ...]:
+        """Also: the zero of its encoder and its lift slope."""
+        offset = Uncertainty(
+            name="offset_deg",
+            unit="degree",
+            certain=0.0,
+            scale=math.pi / 180.0,
+            spread="uniform(-2, 2)",
+            why="fin turned from where its encoder says",
+        )
+        slope = coefficient("lift_slope", f"lift slope of the {self.name}", field="lift_slope")
+        return (offset, *super().uncertainties(), slope)
 
     def _turning(self) -> tuple[float, float]:
         """Pitch and yaw moment per deflection at 1 m/s ahead, of the lift alone."""

@@ -16,6 +16,7 @@ import numpy as np
 
 from twin.compiled import jit
 from twin.vehicle.parts.base import Carrier, Losses, Part, Quantity
+from twin.vehicle.uncertainty import Uncertainty, coefficient
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
@@ -70,7 +71,7 @@ class Propeller(Part):
     kind: ClassVar[str] = "propeller"
     unit: ClassVar[str] = "rad/s"
     quantity: ClassVar[Quantity] = Quantity(
-        unit="rad s-1", scale=1.0, long_name="rate, ahead positive"
+        unit="rad s-1", scale=1.0, long_name="rate, ahead positive", limits=(-1000.0, 1000.0)
     )
     spins: ClassVar[bool] = True
     turn: ClassVar[int] = 40
@@ -116,6 +117,15 @@ class Propeller(Part):
             self.torque_coefficient,
             self.zero_thrust_advance,
         )
+
+    def mirrored(self) -> float | None:
+        """It is in the middle; its torque, which would turn round, is small."""
+        return 1.0 if abs(self.position[1]) < 1e-9 else None
+
+    def uncertainties(self) -> tuple[Uncertainty, ...]:
+        """Also: its thrust."""
+        thrust = coefficient("thrust", f"thrust of the {self.name}", field="thrust_coefficient")
+        return (*super().uncertainties(), thrust)
 
     def controls(self) -> tuple[str, ...]:
         """It drives."""

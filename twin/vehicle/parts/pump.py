@@ -41,7 +41,7 @@ class Pump(Part):
     kind: ClassVar[str] = "pump"
     unit: ClassVar[str] = "cm3"
     quantity: ClassVar[Quantity] = Quantity(
-        unit="cm3", scale=1.0, long_name="pumped volume, more is lighter"
+        unit="cm3", scale=1.0, long_name="pumped volume, more is lighter", limits=(-1e5, 1e5)
     )
     turn: ClassVar[int] = 10
 
@@ -59,6 +59,10 @@ class Pump(Part):
     def values(self) -> tuple[float, ...]:
         """The neutral position [cm3]."""
         return (self.neutral,)
+
+    def mirrored(self) -> float | None:
+        """It has no side."""
+        return 1.0
 
     def controls(self) -> tuple[str, ...]:
         """It makes the vehicle heavy or light."""

@@ -1,0 +1,113 @@
+"""Vehicle parameters: the rows of the table that a vehicle's law, hull and parts bring.
+
+What drives and turns the vehicle says which of a mission's values are drawn; coefficients, encoder
+zeros, lags and rates are what guidance does not know.
+"""
+
+from __future__ import annotations
+
+from factory.recipe.parameter import Parameter
+from twin.vehicle.uncertainty import Uncertainty, coefficient
+from twin.vehicle.vehicle import Vehicle
+
+NET_MASS = {"paper": (0.3, 0.9), "field": (0.5, 0.9)}
+"""Share of the pump's reach that dives and climbs draw when the vehicle file does not say"""
+ROTATION = {"paper": 0.75, "field": 0.65}
+"""Share of the travel of what turns the vehicle, likewise"""
+STRAIGHT = 0.1
+"""Share of that range about the middle that makes no spiral"""
+SPEED = (0.8, 1.1)
+"""Share of a propelled vehicle's cruising speed, likewise"""
+
+ADDED_MASS = {
+    "surge": ("added mass (1,1)", (0, 0)),
+    "sway": ("added mass (2,2)", (1, 1)),
+    "heave": ("added mass (3,3)", (2, 2)),
+    "roll": ("added inertia (4,4)", (3, 3)),
+    "pitch": ("added inertia (5,5)", (4, 4)),
+    "yaw": ("added inertia (6,6)", (5, 5)),
+    "sway_yaw": ("added coupling (2,6)", (1, 5)),
+    "heave_pitch": ("added coupling (3,5)", (2, 4)),
+}
+"""Meaning and cell of each coefficient of the added-mass matrix that is drawn"""
+
+
+def motion_rows(vehicle: Vehicle) -> list[Parameter]:
+    """What segments draw of weight, speed and turns, as far as the vehicle has parts for them."""
+    rows: list[Parameter] = []
+    pump, turning = vehicle.steered("buoyancy"), vehicle.steered("heading")
+    if pump is not None:
+        for name, end, why in (
+            ("net_mass_kg", pump.low, "how heavy the dive is (pump volume)"),
+            ("climb_net_mass_kg", pump.high, "how light the climb is"),
+        ):
+            reach = abs(vehicle.net_mass_for_pump(end))
+            paper, field = (_uniform(low * reach, high * reach) for low, high in NET_MASS.values())
+            rows.append(_segment(name, "kg", paper, field, why))
+    if vehicle.steered("speed") is not None:
+        speed = _uniform(*(share * vehicle.cruise_speed for share in SPEED))
+        why = "speed through the water; the propeller turns as fast as that takes"
+        rows.append(_segment("speed_m_s", "m s-1", speed, speed, why))
+    if turning is not None:
+        travel = turning.quantity.scale * min(-turning.low, turning.high)
+        paper, field = (
+            f"{_uniform(-share * travel, share * travel)} "
+            f"except ({-STRAIGHT * share * travel:.4g}, {STRAIGHT * share * travel:.4g})"
+            for share in ROTATION.values()
+        )
+        rows.append(
+            _segment("heading_change_deg", "degree", "uniform(-180, 180)", "uniform(-120, 120)",
+                     "new heading of a saw-tooth, from the last one")
+        )  # fmt: skip
+        rows.append(
+            _segment("rotation_deg", "degree", paper, field,
+                     f"{turning.name} of a spiral; about 0 it is no spiral")
+        )  # fmt: skip
+    return rows
+
+
+def _segment(name: str, unit: str, paper: str, field: str, why: str) -> Parameter:
+    return Parameter(f"mission.{name}", unit, paper, field, why, per_segment=True)
+
+
+def _uniform(low: float, high: float) -> str:
+    return f"uniform({low:.4g}, {high:.4g})"
+
+
+def vehicle_rows(vehicle: Vehicle) -> list[Parameter]:
+    """What the guidance does not know: law, added mass, encoders, hull, then the parts' fields."""
+    named = [(f"{part.name}_", u) for part in vehicle.parts for u in part.uncertainties()]
+    fields = list(dict.fromkeys(u.field for _, u in named if u.field is not None))
+    return [
+        *(_row("", u) for u in vehicle.law.uncertainties()),
+        *(_row("", coefficient(f"added_mass_{n}", what)) for n, (what, _) in ADDED_MASS.items()),
+        *(_row(prefix, u) for prefix, u in named if u.field is None),
+        *_hull_rows(vehicle),
+        *(_row(prefix, u) for field in fields for prefix, u in named if u.field == field),
+    ]
+
+
+def _row(prefix: str, uncertain: Uncertainty) -> Parameter:
+    return Parameter(
+        f"vehicle.{prefix}{uncertain.name}",
+        uncertain.unit,
+        f"{uncertain.certain:g}",
+        uncertain.spread,
+        uncertain.why,
+    )
+
+
+def _hull_rows(vehicle: Vehicle) -> list[Parameter]:
+    rows = [
+        Parameter("vehicle.cg_y_mm", "mm", "0", "uniform(-0.05, 0.05)",
+                  "CG of the fixed block to starboard; 0.05 mm lists the Sea-Wing by 0.5 deg"),
+        Parameter("vehicle.cg_z_mm", "mm", "0", "uniform(-0.3, 0.3)",
+                  "CG of the fixed block lower than the file says, of "
+                  f"{1e3 * vehicle.static_cg[2]:.2g} mm"),
+        Parameter("vehicle.compressibility", "Pa-1", "0", "uniform(3e-10, 7e-10)",
+                  "hull volume lost per pressure; 5e-10 is typical, sea water has 4.4e-10"),
+    ]  # fmt: skip
+    if vehicle.steered("buoyancy") is not None:
+        why = "too heavy after ballasting, at the density it was ballasted for"
+        rows.insert(0, Parameter("vehicle.ballast_g", "g", "0", "uniform(-20, 20)", why))
+    return rows
