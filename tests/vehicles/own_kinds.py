@@ -37,7 +37,9 @@ class Thruster(Part):
 
     kind: ClassVar[str] = "thruster"
     unit: ClassVar[str] = "N"
-    quantity: ClassVar[Quantity] = Quantity(unit="N", scale=1.0, long_name="thrust")
+    quantity: ClassVar[Quantity] = Quantity(
+        unit="N", scale=1.0, long_name="thrust", limits=(-1e3, 1e3)
+    )
     native_wrench = staticmethod(native_push)
     fossen_wrench = staticmethod(fossen_push)
 

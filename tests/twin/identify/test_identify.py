@@ -200,7 +200,7 @@ def test_written_vehicle_loads_flies_and_says_where_it_comes_from(tmp_path, name
         again.vehicle.static_inertia, calibration.vehicle.static_inertia, rtol=1e-8
     )
     model = mujoco.MjModel.from_xml_path(str(path))
-    assert mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, 0) == "identification"
+    assert mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, "identification") >= 0
     heavy = Schedule(times=[0.0], commands=[[0.01, 0.0, -150.0]])
     dive = simulate(Scenario(vehicle=again.vehicle, plan=heavy, duration=60.0))
     assert dive["true_depth"][-1] > 2.0

@@ -10,14 +10,15 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
-from factory.stores.stored_logs import open_exportable
 
 import twin
+from factory.stores.stored_flight import open_exportable
 from twin.errors import CurrentError, InputError, StoreError
 from twin.mission import Mission, SawTooth
 from twin.physics.scenario import Scenario, scenario_from_dict
 from twin.physics.simulation import simulate
 from twin.physics.start import Start, parse_place, utc_text
+from twin.records.reader import MissionStore
 from twin.water.current.origin import Origin
 from twin.water.current.spec import parse_current
 
@@ -237,8 +238,7 @@ def test_a_caption_says_where_and_when(tmp_path: Path) -> None:
     from twin.plot.caption import mission_caption
 
     run = twin.simulate(mission=YO, start=PLACE, duration=30.0)
-    store = twin.open_store(run.save(tmp_path / "run.zarr"))
-    caption = mission_caption(store, 0, "run.zarr")
+    caption = mission_caption(MissionStore(run.save(tmp_path / "run.zarr")), 0)
     assert "49.000°N 16.000°W, 2003-08-01T00:00:00 UTC, simulated" in caption
 
 

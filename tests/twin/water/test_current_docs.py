@@ -35,7 +35,7 @@ WORDS_FOR_NONE = {
     ("geostrophic", "barotropic_direction"): "as `direction`",
     ("grid", "lat"): "origin",
     ("grid", "lon"): "origin",
-    ("grid", "time"): "the file's first time",
+    ("grid", "time"): "origin, else the file's first time",
     ("grid", "u"): "found",
     ("grid", "v"): "found",
     ("grid", "w"): "found",
