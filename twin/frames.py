@@ -28,11 +28,6 @@ def flip_quaternion(quaternion: ArrayLike) -> Array:
     return np.asarray(quaternion, float) * FLIP_QUATERNION
 
 
-def flip_matrix6(matrix: ArrayLike) -> Array:
-    """A 6x6 body matrix (mass, damping) between FRD and hull axes. Shape (6, 6)."""
-    return np.asarray(matrix, float) * np.outer(FLIP_TWIST, FLIP_TWIST)
-
-
 def euler_to_quaternion(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> Array:
     """ZYX Euler angles [rad] to the body-to-NED quaternion (w, x, y, z). Shape (..., 4).
 

@@ -8,7 +8,7 @@ import pytest
 from physics import glider, hydrodynamic_wrench, set_motion
 
 from twin.errors import VehicleError
-from twin.frames import flip_matrix6, flip_vector
+from twin.frames import flip_vector
 from twin.physics.mujoco_model import compile_model, header
 from twin.physics.native.install import install, uninstall
 from twin.vehicle.laws.ellipsoid import SEAWATER_VISCOSITY, fluid_geoms
@@ -65,11 +65,6 @@ def test_added_mass_of_the_hull_is_that_of_an_ellipsoid():
     assert displaced == pytest.approx(65.28, rel=2e-3)
     assert 0.02 * displaced < 1025 * hull[21] < 0.06 * displaced
     assert 0.85 * displaced < 1025 * hull[22] < displaced
-
-
-def test_flip_of_a_body_matrix_is_an_involution():
-    matrix = np.arange(36.0).reshape(6, 6)
-    np.testing.assert_array_equal(flip_matrix6(flip_matrix6(matrix)), matrix)
 
 
 def test_without_fluid_geoms_the_way_out_is_named():
