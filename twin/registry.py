@@ -284,6 +284,35 @@ def _importable(kind: Any) -> bool:
         return False
 
 
+def self_named(
+    noun: str, base: type[Kind], lacks: Callable[[Any], str], error: type[TwinError]
+) -> Callable[[str, Any], type[Kind]]:
+    """The check of a seam whose kinds are classes that bear their name in `kind`.
+
+    Args:
+      noun: what a kind is called in errors.
+      base: the class that it must derive from.
+      lacks: what a class that is only half there lacks; empty when nothing.
+      error: class of the errors.
+    """
+
+    def check(name: str, kind: Any) -> type[Kind]:
+        if not (isinstance(kind, type) and issubclass(kind, base)):
+            raise error(
+                f"{kind!r} cannot be registered as a {noun}: derive it from "
+                f"{base.__module__}.{base.__name__}"
+            )
+        own = getattr(kind, "kind", "")
+        if own != name:
+            raise error(f"{noun} {name!r}: the class {kind.__name__} calls itself {own!r}")
+        missing = lacks(kind)
+        if missing:
+            raise error(f"the {noun} {name!r} is only half there: it lacks {missing}")
+        return kind
+
+    return check
+
+
 def check_class(noun: str, name: str, kind: Any, base: type, words: tuple[str, ...]) -> None:
     """What a seam whose kinds are classes asks of each.
 

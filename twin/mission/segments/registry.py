@@ -6,7 +6,7 @@ import dataclasses
 
 from twin.errors import MissionError
 from twin.mission.segments.base import Segment
-from twin.registry import Registry
+from twin.registry import Registry, self_named
 
 
 def _lacks(kind: type[Segment]) -> str:
@@ -19,22 +19,6 @@ def _lacks(kind: type[Segment]) -> str:
     return ""
 
 
-def _check(name: str, kind: object) -> type[Segment]:
-    if not (isinstance(kind, type) and issubclass(kind, Segment)):
-        raise MissionError(
-            f"{kind!r} cannot be registered as a kind of segment: derive it from "
-            f"{Segment.__module__}.{Segment.__name__}"
-        )
-    if kind.kind != name:
-        raise MissionError(
-            f"kind of segment {name!r}: the class {kind.__name__} calls itself {kind.kind!r}"
-        )
-    lacks = _lacks(kind)
-    if lacks:
-        raise MissionError(f"the kind of segment {name!r} is only half there: it lacks {lacks}")
-    return kind
-
-
 SEGMENTS: Registry[type[Segment]] = Registry(
     "kind of segment",
     group="glider_twin.segments",
@@ -44,7 +28,7 @@ SEGMENTS: Registry[type[Segment]] = Registry(
         "surface": "twin.mission.segments.surface:Surface",
         "hold": "twin.mission.segments.hold:Hold",
     },
-    check=_check,
+    check=self_named("kind of segment", Segment, _lacks, MissionError),
     name="kind",
 )
 """Every kind of segment, by name."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from twin.errors import VehicleError
-from twin.registry import Registry
+from twin.registry import Registry, self_named
 from twin.vehicle.laws.base import HullLaw
 
 
@@ -16,22 +16,6 @@ def _lacks(kind: type[HullLaw]) -> str:
     return f"the method `{missing[0]}`" if missing else ""
 
 
-def _check(name: str, kind: object) -> type[HullLaw]:
-    if not (isinstance(kind, type) and issubclass(kind, HullLaw)):
-        raise VehicleError(
-            f"{kind!r} cannot be registered as a hull law: derive it from "
-            f"{HullLaw.__module__}.{HullLaw.__name__}"
-        )
-    if kind.kind != name:
-        raise VehicleError(
-            f"hull law {name!r}: the class {kind.__name__} calls itself {kind.kind!r}"
-        )
-    lacks = _lacks(kind)
-    if lacks:
-        raise VehicleError(f"the hull law {name!r} is only half there: it lacks {lacks}")
-    return kind
-
-
 LAWS: Registry[type[HullLaw]] = Registry(
     "hull law",
     group="glider_twin.hull_laws",
@@ -40,7 +24,7 @@ LAWS: Registry[type[HullLaw]] = Registry(
         "body-axes": "twin.vehicle.laws.body_axes:BodyAxes",
         "ellipsoid": "twin.vehicle.laws.ellipsoid:Ellipsoids",
     },
-    check=_check,
+    check=self_named("hull law", HullLaw, _lacks, VehicleError),  # type: ignore[type-abstract]
     name="kind",
 )
 """Every hull law, by name."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from twin.errors import VehicleError
-from twin.registry import Registry
+from twin.registry import Registry, self_named
 from twin.vehicle.parts.base import Part, Quantity
 
 
@@ -21,22 +21,6 @@ def _lacks(kind: type[Part]) -> str:
     return ""
 
 
-def _check(name: str, kind: object) -> type[Part]:
-    if not (isinstance(kind, type) and issubclass(kind, Part)):
-        raise VehicleError(
-            f"{kind!r} cannot be registered as a vehicle part: derive it from "
-            f"{Part.__module__}.{Part.__name__}"
-        )
-    if kind.kind != name:
-        raise VehicleError(
-            f"vehicle part {name!r}: the class {kind.__name__} calls itself {kind.kind!r}"
-        )
-    lacks = _lacks(kind)
-    if lacks:
-        raise VehicleError(f"the vehicle part {name!r} is only half there: it lacks {lacks}")
-    return kind
-
-
 PARTS: Registry[type[Part]] = Registry(
     "vehicle part",
     group="glider_twin.vehicle_parts",
@@ -48,7 +32,7 @@ PARTS: Registry[type[Part]] = Registry(
         "fin": "twin.vehicle.parts.fin:Fin",
         "drop-weight": "twin.vehicle.parts.drop_weight:DropWeight",
     },
-    check=_check,
+    check=self_named("vehicle part", Part, _lacks, VehicleError),
     name="kind",
 )
 """Every vehicle part, by name."""
