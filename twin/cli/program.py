@@ -21,6 +21,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -104,6 +105,8 @@ class Program:
             return code
         except KeyboardInterrupt as interrupt:
             text = f"interrupted: {interrupt}" if str(interrupt) else "interrupted"
+            # the store library leaves a coroutine behind, and Python would say so on the terminal
+            warnings.filterwarnings("ignore", "coroutine .* was never awaited", RuntimeWarning)
             return _fail(console, interrupt, text, EXIT_INTERRUPTED)
         except TwinError as error:
             return _fail(console, error, str(error), error.exit_code)

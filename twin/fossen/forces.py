@@ -16,6 +16,7 @@ from twin.compiled import generate, jit
 from twin.compiled.dispatch import Written
 from twin.vehicle.laws import LAWS
 from twin.vehicle.parts import PARTS
+from twin.vehicle.parts.base import VALUES
 
 if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
@@ -72,8 +73,8 @@ def parameters_of(vehicle: Vehicle, density_depth: Array, density_value: Array) 
         ]
         row[:5] = mass.mass, mass.neutral_x, mass.eccentricity, *drives
         row[5:] = np.ravel(mass.inertia)
-    widest = max((len(part.values()) for part in vehicle.parts), default=0)
-    parts = np.zeros((len(vehicle.parts), PART_COLUMNS + widest))
+    # as wide for every kind: a kernel that reads too far reads zeros
+    parts = np.zeros((len(vehicle.parts), PART_COLUMNS + VALUES))
     for row, part in zip(parts, vehicle.parts, strict=True):
         values = part.values()
         row[:PART_COLUMNS] = PARTS.code(part.kind), *part.position, len(values)

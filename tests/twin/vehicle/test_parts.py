@@ -459,3 +459,12 @@ def test_what_needs_a_glider_says_so_of_a_torpedo():
         _ = TORPEDO.flow_frame
     with pytest.raises(VehicleError, match="has no pump"):
         TORPEDO.pump_for_net_mass(0.1)
+
+
+def test_a_part_whose_own_fields_never_reach_its_kernels_is_refused():
+    class Silent(parts.Pump):
+        kind = "silent"
+        values = Part.values
+
+    with pytest.raises(VehicleError, match=r"only half there: it lacks `values`: by it neutral"):
+        PARTS.add(Silent)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from twin.errors import VehicleError
 from twin.registry import Registry, self_named
 from twin.vehicle.parts.base import Part, Quantity
@@ -13,6 +15,10 @@ def _lacks(kind: type[Part]) -> str:
         return "`quantity`: how a store shows its position"
     if not kind.unit:
         return "`unit` of its position"
+    shared = {field.name for field in dataclasses.fields(Part)}
+    own = [field.name for field in dataclasses.fields(kind) if field.name not in shared]
+    if own and kind.values is Part.values:
+        return f"`values`: by it {', '.join(own)} reach its kernels"
     for effect in ("volume", "mass", "wrench"):
         native, fossen = (getattr(kind, f"{model}_{effect}") for model in ("native", "fossen"))
         if (native is None) != (fossen is None):
