@@ -53,10 +53,6 @@ def surplus(vehicle: Vehicle, rate: float, speed: float) -> float:
     density = vehicle.reference_density
     force = float(vehicle.law.wrench(nu_r, density)[0])
     for part in vehicle.parts:
-        kernel = type(part).fossen_wrench
-        if kernel is None:
-            continue
         position = rate if part.name == vehicle.steering.get("speed") else part.rest
-        values, place = np.array(part.values()), np.array(part.position)
-        force += float(kernel(values, place, position, nu_r, density, _DEEP)[0])
+        force += float(part.wrench(position, nu_r, density, _DEEP)[0])
     return force

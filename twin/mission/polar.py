@@ -92,10 +92,7 @@ class LawPolar(Polar):
         density = self._vehicle.reference_density
         wrench = self._vehicle.law.wrench(nu_r, density)
         for part in self._vehicle.parts:
-            kernel = type(part).fossen_wrench
-            if kernel is not None:
-                values, place = np.array(part.values()), np.array(part.position)
-                wrench = wrench + kernel(values, place, part.rest, nu_r, density, 1e3)
+            wrench = wrench + part.wrench(part.rest, nu_r, density, 1e3)
         x, z, m = wrench[[0, 2, 4]] / UNIT_SPEED**2
         return float(-x * ca - z * sa), float(x * sa - z * ca), float(m)
 

@@ -191,6 +191,19 @@ class Part:
     fossen_wrench: ClassVar[Kernel | None] = None
     """(values, place (3,), position, nu_r (6,), density, depth) -> wrench (6,) about the CB."""
 
+    def wrench(self, position: float, nu_r: Array, density: float, depth: float) -> Array:
+        """Force [N] and moment [N m] about the CB at a position, shape (6,); 0 without a kernel.
+
+        Args:
+          nu_r: motion through the water at the CB, shape (6,), body FRD [m/s, rad/s].
+          density: [kg/m3]. depth: [m] of its place.
+        """
+        kernel = type(self).fossen_wrench
+        if kernel is None:
+            return np.zeros(6)
+        values, place = np.array(self.values()), np.array(self.position)
+        return np.asarray(kernel(values, place, position, nu_r, density, depth))
+
     # --- what guidance may do with it -----------------------------------------------------------
 
     def controls(self) -> tuple[str, ...]:
