@@ -284,6 +284,28 @@ def _importable(kind: Any) -> bool:
         return False
 
 
+def instance_of(noun: str, base: type[Kind]) -> Callable[[str, Any], Kind]:
+    """The check of a seam whose kinds are objects that bear their name in `name`.
+
+    Args:
+      noun: what a kind is called in errors.
+      base: the class that it must be an object of.
+    """
+
+    def check(name: str, kind: Any) -> Kind:
+        if not isinstance(kind, base):
+            raise InputError(
+                f"{kind!r} cannot be registered as a{'n' if noun[0] in 'aeiou' else ''} {noun}: "
+                f"it must be a {base.__module__}.{base.__name__}"
+            )
+        own = getattr(kind, "name", None)
+        if own != name:
+            raise InputError(f"{noun} {name!r} leads to {kind!r}, which has another name")
+        return kind
+
+    return check
+
+
 def self_named(
     noun: str, base: type[Kind], lacks: Callable[[Any], str], error: type[TwinError]
 ) -> Callable[[str, Any], type[Kind]]:

@@ -6,20 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from factory.importing.formats.base import Importer
-from twin.errors import InputError
-from twin.registry import Registry
-
-
-def _check(name: str, kind: object) -> Importer:
-    if not isinstance(kind, Importer):
-        raise InputError(
-            f"{kind!r} cannot be registered as a kind of log: it must be a "
-            f"{Importer.__module__}.{Importer.__name__}"
-        )
-    if kind.name != name:
-        raise InputError(f"kind of log {name!r} leads to {kind!r}, which has another name")
-    return kind
-
+from twin.registry import Registry, instance_of
 
 IMPORTERS: Registry[Importer] = Registry(
     "kind of log",
@@ -31,7 +18,7 @@ IMPORTERS: Registry[Importer] = Registry(
         "og1": "factory.importing.formats.og1:OG1",
         "lrauv": "factory.importing.formats.lrauv:LRAUV",
     },
-    check=_check,
+    check=instance_of("kind of log", Importer),
 )
 """Every kind of log that can be imported, by name."""
 
