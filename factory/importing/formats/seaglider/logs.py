@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.seaglider.adcp import adcp_truth
+from factory.importing.formats.seaglider.rotation import rotation_from_counts
 from factory.importing.reading.columns import Table, read_table, stacked, tidy, unix_seconds
 from factory.importing.reading.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, Fixes
 from factory.importing.reading.netcdf import holds_arrays
@@ -208,6 +209,12 @@ def _channels(
         magnetic = heading_degrees(samples["head_mag_deg"], "head_mag_deg", tally)
         true = np.mod(magnetic + variation.at(time), 360.0)
         channels["measured_heading"] = clean("measured_heading", time, true, tally)
+    if "gc_roll_ad" in samples and "pitch_deg" in samples:
+        rotation = rotation_from_counts(
+            samples["gc_roll_ad"], samples["pitch_deg"], samples.get("rotation_deg"), name, tally
+        )
+        if np.isfinite(rotation).any():
+            samples = {**samples, "rotation_deg": rotation}
     for column, target, factor in (
         ("vbd_cc", "measured_pump", 1.0),
         ("gc_vbd_ctl_cc", "commanded_pump", 1.0),

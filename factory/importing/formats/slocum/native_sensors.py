@@ -99,14 +99,17 @@ def slocum_log(
             magnetic = to_degrees(channel.values, name, tally, kind="heading", likely=likely)
             true = np.mod(magnetic + variation.at(channel.time), 360.0)
             channels[target] = clean(target, channel.time, true, tally, subject=name)
-    for measured, commanded in PUMPS:
-        if measured in native and len(native[measured]):
-            for name, target in ((measured, "measured_pump"), (commanded, "commanded_pump")):
-                if name in native:
-                    one = native[name]
-                    volume = to_cm3(one.values, name, tally)
-                    channels[target] = clean(target, one.time, volume, tally, subject=name)
-            break
+    # a vehicle with an oil bladder logs a lone 0 of the ballast pump that it does not have
+    pumps = [pair for pair in PUMPS if pair[0] in native]
+    for name, target in zip(
+        max(pumps, key=lambda pair: len(native[pair[0]]), default=()),
+        ("measured_pump", "commanded_pump"),
+        strict=False,
+    ):
+        if name in native and len(native[name]):
+            one = native[name]
+            volume = to_cm3(one.values, name, tally)
+            channels[target] = clean(target, one.time, volume, tally, subject=name)
     batteries = (("m_battpos", "measured_shift"), ("c_battpos", "commanded_shift"))
     unit = _shift_unit([native[name].values for name, _ in batteries if name in native], tally)
     for name, target in batteries:
