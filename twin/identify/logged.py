@@ -22,7 +22,7 @@ NEEDED = ("measured_depth", "measured_pitch", "measured_roll", "measured_heading
 OPTIONAL = (
     *("measured_density", "measured_temperature", "measured_gap"),
     *("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate"),
-    *("measured_shift", "measured_rotation", "true_speed"),
+    *("measured_shift", "measured_rotation", "measured_fin", "true_speed"),
 )
 WINDOW = 20.0
 """[s] of the depth rate's filter: a quarter of an inflection, ten times the log's noise."""
@@ -70,6 +70,8 @@ class Log:
     """[m]"""
     rotation: Array | None
     """[rad]"""
+    fin: Array | None = None
+    """[rad] of the rudder, + turns to starboard"""
     use: Mask
     """Under water and measured: what is compared with the model."""
     displacement: tuple[float, float] | None
@@ -179,7 +181,7 @@ def _log(
     if "measured_gap" in signals:
         use &= ~(np.nan_to_num(signals["measured_gap"], nan=1.0) > 0)
     roll, pitch, heading = np.deg2rad(roll), np.deg2rad(pitch), np.deg2rad(heading)
-    rotation = optional.get("measured_rotation")
+    rotation, fin = optional.get("measured_rotation"), optional.get("measured_fin")
     return Log(
         index=row,
         period=period,
@@ -195,6 +197,7 @@ def _log(
         rates=_rates(optional, roll, pitch, heading, period),
         shift=optional.get("measured_shift"),
         rotation=None if rotation is None else np.deg2rad(rotation),
+        fin=None if fin is None else np.deg2rad(fin),
         use=use,
         displacement=displacement,
         follows=follows,

@@ -1,0 +1,151 @@
+"""Lateral: how a glide answers small turns, from the Fossen equations linearised about it.
+
+About a straight glide the sway, roll rate, yaw rate and roll of a vehicle with a plane of symmetry
+part from the rest (Fossen 2011, section 7.5). The coefficients are central differences of the
+same equations that the Fossen model integrates, so that every part, fin, added mass and lever of
+a vehicle counts. Two things are asked of them:
+
+- sway and yaw rate while the roll is the log's: what turns the vehicle, whoever rolled it;
+- roll while the battery's rotation is the log's.
+
+Both are linear in the sine of the roll and in what the turning part does, and are integrated
+exactly between samples.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from twin.fossen.equations import mass_distribution
+from twin.fossen.forces import Parameters, parameters_of
+from twin.fossen.matrices import rigid_body_mass
+from twin.fossen.steady import SteadyProblem
+from twin.vehicle.parts import BatteryHinge, Fin, Part
+from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+SWAY, ROLL_RATE, YAW_RATE, ROLL = 1, 3, 5, 6
+"""Places in the state of `SteadyProblem.rate`: (u, v, w, p, q, r, roll, pitch)."""
+LATERAL = (SWAY, ROLL_RATE, YAW_RATE, ROLL)
+STEP = 1e-4
+"""[SI] of the central differences of rates, roll and part's position."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Glide:
+    """A straight glide, as a log flew it."""
+
+    surge: float
+    """[m/s]"""
+    heave: float
+    """[m/s]"""
+    pitch: float
+    """[rad]"""
+    net_mass: float
+    """[kg], + = heavy"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Lateral:
+    """d(v, p, r, roll)/dt = matrix @ (v, p, r, roll) + drive * position + yaw * yaw moment."""
+
+    matrix: Array
+    """(4, 4)"""
+    drive: Array
+    """(4,) per unit of the turning part's position"""
+    yaw: Array
+    """(4,) per N m of a constant yaw moment"""
+    pitch: float
+    """[rad]"""
+
+    @property
+    def eigenvalues(self) -> Array:
+        """[1/s], (4,), complex: heading and position stay free."""
+        return np.linalg.eigvals(self.matrix)
+
+    def gains(self) -> tuple[float, float]:
+        """Steady yaw rate [rad/s] and roll [rad] per unit of the turning part's position."""
+        steady = -np.linalg.solve(self.matrix, self.drive)
+        return float(steady[2]), float(steady[3])
+
+    def turned_by_roll(self, period: float) -> tuple[Array, Array]:
+        """One step of (sway, yaw rate) with the roll known.
+
+        Returns the transition (2, 2) and the response (2, 4) to roll, roll's slope, the part's
+        position and a yaw moment, each linear between samples taken at their mean.
+        """
+        a = self.matrix
+        keep = [0, 2]
+        # roll rate is not free: d(roll)/dt = p + r tan(pitch)
+        free = a[np.ix_(keep, keep)].copy()
+        free[:, 1] -= a[keep, 1] * math.tan(self.pitch)
+        inputs = np.stack([a[keep, 3], a[keep, 1], self.drive[keep], self.yaw[keep]], axis=1)
+        return _discrete(free, inputs, period)
+
+    def rolled_by_part(self, period: float) -> tuple[Array, Array]:
+        """One step of (v, p, r, roll): transition (4, 4), response (4, 2) to position and yaw."""
+        return _discrete(self.matrix, np.stack([self.drive, self.yaw], axis=1), period)
+
+
+def _discrete(a: Array, b: Array, period: float) -> tuple[Array, Array]:
+    n, m = b.shape
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = a * period, b * period
+    whole = expm(block)
+    return whole[:n, :n], whole[:n, n:]
+
+
+def turning_part(vehicle: Vehicle) -> Part | None:
+    """The hinge or rudder that guidance turns it with; None: it has neither."""
+    part = vehicle.steered("heading")
+    return part if isinstance(part, BatteryHinge | Fin) else None
+
+
+def linearised(vehicle: Vehicle, glide: Glide) -> Lateral:
+    """The lateral motion about a glide, with the turning part at rest."""
+    positions = vehicle.rest.copy()
+    pump = vehicle.steered_index("buoyancy")
+    assert pump is not None
+    positions[pump] = vehicle.pump_for_net_mass(glide.net_mass)
+    place = vehicle.steered_index("heading")
+    parameters = _parameters(vehicle)
+    state = np.array([glide.surge, 0.0, glide.heave, 0.0, 0.0, 0.0, 0.0, glide.pitch])
+
+    def rate(state: Array, position: float = 0.0) -> Array:
+        there = positions.copy()
+        if place is not None:
+            there[place] += position
+        problem = SteadyProblem(parameters, there, place, driven=False)
+        return np.asarray(problem.rate(state))[list(LATERAL)]
+
+    columns = []
+    for k in LATERAL:
+        step = np.zeros(8)
+        step[k] = STEP
+        columns.append((rate(state + step) - rate(state - step)) / (2.0 * STEP))
+    drive = (rate(state, STEP) - rate(state, -STEP)) / (2.0 * STEP)
+    return Lateral(
+        matrix=np.stack(columns, axis=1),
+        drive=drive if place is not None else np.zeros(4),
+        yaw=_per_yaw_moment(vehicle),
+        pitch=glide.pitch,
+    )
+
+
+def _parameters(vehicle: Vehicle) -> Parameters:
+    """In water of the reference density."""
+    return parameters_of(vehicle, np.array([0.0, 1e4]), np.full(2, vehicle.reference_density))
+
+
+def _per_yaw_moment(vehicle: Vehicle) -> Array:
+    """(v, p, r, roll) accelerations per N m of yaw moment, the parts at rest."""
+    mass, moment, inertia = mass_distribution(_parameters(vehicle), vehicle.rest)
+    whole = np.asarray(rigid_body_mass(mass, moment / mass, inertia)) + vehicle.added_mass
+    answer = np.linalg.solve(whole, np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0]))
+    return np.array([answer[1], answer[3], answer[5], 0.0])
