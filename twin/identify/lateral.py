@@ -107,32 +107,45 @@ def turning_part(vehicle: Vehicle) -> Part | None:
     return part if isinstance(part, BatteryHinge | Fin) else None
 
 
+def jacobians(vehicle: Vehicle, state: Array, positions: Array) -> tuple[Array, Array]:
+    """Rates of `SteadyProblem.rate` per state, (8, 8), and per position of a part, (8, parts).
+
+    Args:
+      state: (u, v, w, p, q, r, roll, pitch), (8,). positions: of the parts, (parts,).
+    """
+    parameters = _parameters(vehicle)
+    place = vehicle.steered_index("heading")
+
+    def rate(state: Array, positions: Array) -> Array:
+        problem = SteadyProblem(parameters, positions, place, driven=False)
+        return np.asarray(problem.rate(state))
+
+    by_state = [
+        (rate(state + step, positions) - rate(state - step, positions)) / (2.0 * STEP)
+        for step in STEP * np.eye(8)
+    ]
+    by_part = []
+    for k, part in enumerate(vehicle.parts):
+        step = np.zeros(len(positions))
+        step[k] = STEP * min(part.high - part.low, 1.0)
+        ahead, behind = rate(state, positions + step), rate(state, positions - step)
+        by_part.append((ahead - behind) / (2.0 * step[k]))
+    return np.stack(by_state, axis=1), np.stack(by_part, axis=1)
+
+
 def linearised(vehicle: Vehicle, glide: Glide) -> Lateral:
     """The lateral motion about a glide, with the turning part at rest."""
     positions = vehicle.rest.copy()
     pump = vehicle.steered_index("buoyancy")
     assert pump is not None
     positions[pump] = vehicle.pump_for_net_mass(glide.net_mass)
-    place = vehicle.steered_index("heading")
-    parameters = _parameters(vehicle)
     state = np.array([glide.surge, 0.0, glide.heave, 0.0, 0.0, 0.0, 0.0, glide.pitch])
-
-    def rate(state: Array, position: float = 0.0) -> Array:
-        there = positions.copy()
-        if place is not None:
-            there[place] += position
-        problem = SteadyProblem(parameters, there, place, driven=False)
-        return np.asarray(problem.rate(state))[list(LATERAL)]
-
-    columns = []
-    for k in LATERAL:
-        step = np.zeros(8)
-        step[k] = STEP
-        columns.append((rate(state + step) - rate(state - step)) / (2.0 * STEP))
-    drive = (rate(state, STEP) - rate(state, -STEP)) / (2.0 * STEP)
+    by_state, by_part = jacobians(vehicle, state, positions)
+    keep = list(LATERAL)
+    place = vehicle.steered_index("heading")
     return Lateral(
-        matrix=np.stack(columns, axis=1),
-        drive=drive if place is not None else np.zeros(4),
+        matrix=by_state[np.ix_(keep, keep)],
+        drive=by_part[keep, place] if place is not None else np.zeros(4),
         yaw=_per_yaw_moment(vehicle),
         pitch=glide.pitch,
     )
