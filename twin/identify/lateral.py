@@ -140,6 +140,9 @@ def linearised(vehicle: Vehicle, glide: Glide) -> Lateral:
     assert pump is not None
     positions[pump] = vehicle.pump_for_net_mass(glide.net_mass)
     state = np.array([glide.surge, 0.0, glide.heave, 0.0, 0.0, 0.0, 0.0, glide.pitch])
+    slide = vehicle.steered_index("pitch")
+    if slide is not None:
+        positions[slide] += _balancing(vehicle, state, positions, slide)
     by_state, by_part = jacobians(vehicle, state, positions)
     keep = list(LATERAL)
     place = vehicle.steered_index("heading")
@@ -149,6 +152,20 @@ def linearised(vehicle: Vehicle, glide: Glide) -> Lateral:
         yaw=_per_yaw_moment(vehicle),
         pitch=glide.pitch,
     )
+
+
+def _balancing(vehicle: Vehicle, state: Array, positions: Array, slide: int) -> float:
+    """Change of the pitching part at which the pitch moments balance: the place of the weight
+    along the hull turns a rolled glider too."""
+    parameters = _parameters(vehicle)
+    place = vehicle.steered_index("heading")
+    step = np.zeros(len(positions))
+    step[slide] = STEP
+    here, there = (
+        SteadyProblem(parameters, x, place, driven=False).rate(state)[4]
+        for x in (positions, positions + step)
+    )
+    return float(-here * STEP / (there - here)) if there != here else 0.0
 
 
 def _parameters(vehicle: Vehicle) -> Parameters:

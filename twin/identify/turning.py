@@ -11,6 +11,7 @@ the vehicle file's, in proportion to its hull, and what the log does not tell st
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from twin.compiled import jit
 from twin.identify.calibration import Calibration
 from twin.identify.lateral import Glide, Lateral, linearised, turning_part
 from twin.identify.logged import Log
@@ -31,22 +33,26 @@ Array = NDArray[np.float64]
 
 LONGEST, SHORTEST = 900.0, 100.0
 """[s] of one window: longer ones are cut, shorter ones left out."""
-SETTLE = 40.0
+SETTLE = 30.0
 """[s] at the start of a window that are not compared: the sideslip there is a guess."""
 LEAST_DEPTH = 5.0
 """[m]"""
+AVERAGE = 60.0
+"""[s] of yaw rate and roll that are compared as one: when a move ended is known to some seconds"""
 SPEED_BINS = 3
 """Glides of a phase, by speed, that turns are linearised about."""
 ENOUGH_IN_BIN = 6
 """Windows for which a glide of their own is worth while."""
 LEAST_WINDOWS = 4
 """of a phase: with fewer its turns are not known"""
-LEAST_TURN = math.radians(0.02)
+LEAST_TURN = math.radians(0.01)
 """[rad/s] that the yaw rate is off at least: compasses and the log's rounding."""
-LEAST_ROLL = math.radians(0.5)
+LEAST_ROLL = math.radians(0.3)
 """[rad] that the roll is off at least"""
 MOST_ROLL = math.radians(60.0)
 """[rad] beyond which no glide is linear"""
+START_YAW, START_DAMPING = (-2.0, -1.0, 0.0, 1.0), (0.0, 1.0)
+"""Spreads of yaw moment and damping from the vehicle file's at which the search looks."""
 STEP = 1e-3
 """Spreads of the finite differences."""
 PASSES = 3
@@ -91,7 +97,7 @@ TURNING = (
         name="side_force",
         unit="kg m-1 rad-1",
         meaning="side force of sideslip, -K_beta",
-        spread=0.5,  # hulls with and without a large fin
+        spread=0.4,  # hulls with and without a large fin
         logarithmic=True,
         get=lambda c: -c.vehicle.flow_frame.side_force[0],
         set=lambda c, x: _law(c, side_force=(-x,)),
@@ -100,7 +106,7 @@ TURNING = (
         name="yaw_moment",
         unit="1",
         meaning="yaw moment of sideslip, K_MY, over the Munk moment: above 1 the fin wins",
-        spread=1.5,
+        spread=0.5,
         get=lambda c: c.vehicle.flow_frame.yaw_moment[0] / munk_moment(c),
         set=lambda c, x: _law(
             c, yaw_moment=(x * munk_moment(c), c.vehicle.flow_frame.yaw_moment[1])
@@ -118,7 +124,7 @@ TURNING = (
         name="yaw_damping",
         unit="kg s rad-1",
         meaning="yaw moment of yaw rate, -K_r",
-        spread=0.7,
+        spread=0.6,
         logarithmic=True,
         get=lambda c: -c.vehicle.flow_frame.yaw_moment[1],
         set=lambda c, x: _law(c, yaw_moment=(c.vehicle.flow_frame.yaw_moment[0], -x)),
@@ -255,7 +261,7 @@ class Group:
     rate: Array
     """[rad/s] yaw rate, about the body's axis"""
     used: NDArray[np.bool_]
-    """what is compared"""
+    """what is compared: (averages, windows)"""
     blocks: NDArray[np.int_]
     """(windows,) numbers of the dives"""
 
@@ -303,9 +309,16 @@ def _group(windows: Sequence[Window], channel: str | None) -> Group:
         slope=slope,
         position=None if lacking else position,
         rate=rate,
-        used=used,
+        used=np.asarray(_averaged(used.astype(float), period) == 1.0),
         blocks=np.array([w.block for w in windows]),
     )
+
+
+def _averaged(values: Array, period: float) -> Array:
+    """Means over AVERAGE, (averages, windows), of (samples, windows); a rest at the end goes."""
+    n = max(round(AVERAGE / period), 1)
+    whole = len(values) // n * n
+    return values[:whole].reshape(-1, n, values.shape[1]).mean(axis=1)
 
 
 def yaw_rates(
@@ -322,12 +335,7 @@ def yaw_rates(
     inputs = np.stack([roll, group.slope, position, np.full_like(roll, yaw)], axis=-1)
     driven = 0.5 * (inputs[1:] + inputs[:-1]) @ response.T
     state = np.linalg.solve(np.eye(2) - step, response @ inputs[0].T).T
-    out = np.empty_like(roll)
-    out[0] = state[:, 1]
-    for k in range(len(driven)):
-        state = state @ step.T + driven[k]
-        out[k + 1] = state[:, 1]
-    return out
+    return _march(step, np.ascontiguousarray(driven), np.ascontiguousarray(state), 1)
 
 
 def rolls(group: Group, lateral: Lateral, position: Array) -> Array:
@@ -335,12 +343,26 @@ def rolls(group: Group, lateral: Lateral, position: Array) -> Array:
     step, response = lateral.rolled_by_part(group.period)
     driven = 0.5 * (position[1:] + position[:-1])[..., None] * response[:, 0]
     state = np.linalg.solve(np.eye(4) - step, response[:, :1] * position[0]).T
-    out = np.empty_like(position)
-    out[0] = state[:, 3]
-    for k in range(len(driven)):
-        state = state @ step.T + driven[k]
-        out[k + 1] = state[:, 3]
-    return np.arctan(out)
+    return np.arctan(_march(step, driven, np.ascontiguousarray(state), 3))
+
+
+@jit
+def _march(step: Array, driven: Array, state: Array, which: int) -> Array:
+    """One state of x(k + 1) = step x(k) + driven(k), (samples, windows)."""
+    samples, windows, n = driven.shape
+    out = np.empty((samples + 1, windows))
+    x, y = np.empty(n), np.empty(n)
+    for w in range(windows):
+        x[:] = state[w]
+        out[0, w] = x[which]
+        for k in range(samples):
+            for i in range(n):
+                y[i] = driven[k, w, i]
+                for j in range(n):
+                    y[i] += step[i, j] * x[j]
+            x[:] = y
+            out[k + 1, w] = x[which]
+    return out
 
 
 def felt(calibration: Calibration, position: Array) -> Array:
@@ -381,7 +403,7 @@ class TurnProblem:
         return float(yaw), float(roll)
 
     def raw(self, x: Array) -> list[tuple[Array, Array | None]]:
-        """Yaw rate [rad/s] and roll [rad], model less log, (samples, windows) of each group."""
+        """Yaw rate [rad/s] and roll [rad], model less log, (averages, windows) of each group."""
         calibration = self.calibration(x)
         bias, offset = self.biases(x)
         out = []
@@ -393,11 +415,12 @@ class TurnProblem:
             square = group.glide.surge**2 + group.glide.heave**2
             yaw = munk_moment(calibration) * bias * square
             rate = yaw_rates(group, lateral, position, yaw, offset) - group.rate
+            rate = _averaged(rate, group.period)
             roll = None
             if group.position is not None and self.channel == "rotation":
-                roll = rolls(group, lateral, position) - group.roll
+                roll = _averaged(rolls(group, lateral, position) - group.roll, group.period)
                 # where it rolls to with the battery at rest is no matter of dynamics
-                roll = roll - np.mean(roll[group.used])
+                roll = roll - np.median(roll[group.used])
             out.append((rate, roll))
         return out
 
@@ -420,12 +443,29 @@ class TurnProblem:
         return np.concatenate([np.clip(np.nan_to_num(values, nan=1e6), -1e6, 1e6), x])
 
     def jacobian(self, x: Array) -> Array:
-        """Central differences."""
-        columns = []
-        for unit in np.eye(len(x)):
-            ahead, behind = self.residual(x + STEP * unit), self.residual(x - STEP * unit)
-            columns.append((ahead - behind) / (2.0 * STEP))
+        """Forward differences."""
+        base = self.residual(x)
+        columns = [(self.residual(x + STEP * unit) - base) / STEP for unit in np.eye(len(x))]
         return np.stack(columns, axis=1)
+
+    def best_start(self) -> Array:
+        """Offsets to begin from: of several yaw moments and dampings, with the asymmetry that
+        suits each, those that fit best. Turns to the wrong side are a valley of their own."""
+        best, lowest = np.zeros(len(self.parameters) + len(BIASES)), math.inf
+        names = [p.name for p in self.parameters]
+        self.reweight(best)
+        for yaw, damping in itertools.product(START_YAW, START_DAMPING):
+            x = np.zeros_like(best)
+            x[names.index("yaw_moment")], x[names.index("yaw_damping")] = yaw, damping
+            base = self.residual(x)
+            free = range(len(names), len(x))
+            columns = [(self.residual(x + STEP * np.eye(len(x))[k]) - base) / STEP for k in free]
+            step, *_ = np.linalg.lstsq(np.stack(columns, axis=1), -base, rcond=None)
+            x[len(names) :] = np.clip(step, -2.0, 2.0)
+            cost = float(np.sum(self.residual(x) ** 2))
+            if cost < lowest:
+                best, lowest = x, cost
+        return best
 
     def reweight(self, x: Array) -> tuple[float, float | None]:
         """Weights of the next fit; returns deviations of yaw rate [rad/s] and roll [rad]."""
@@ -454,9 +494,8 @@ class TurnProblem:
             for r, s, g in zip(found, shares, groups, strict=True)
             for k in range(r.shape[1])
         ]
-        period = self.groups[0].period
         samples = correlation_samples(
-            [one for one in series if len(one) > 2], round(LONGEST_CORRELATION / period)
+            [one for one in series if len(one) > 2], round(LONGEST_CORRELATION / AVERAGE)
         )
         return scale, [np.sqrt(s / samples) / scale for s in shares]
 
@@ -501,7 +540,7 @@ def turned(logs: Sequence[Log], calibration: Calibration) -> Turns | None:
     if channel != "rotation" or not there:
         parameters = tuple(p for p in parameters if not p.name.startswith("roll_moment"))
     problem = TurnProblem(groups, calibration, parameters)
-    x = np.zeros(len(parameters) + len(BIASES))
+    x = problem.best_start()
     scales = problem.reweight(x)
     for _ in range(PASSES):
         found = least_squares(
