@@ -13,7 +13,7 @@ from twin.water.current.profile import Profile
 
 DT = 0.5
 DEG = np.pi / 180
-NO_DRAW = {"dvl_scale": 0.0, "dvl_sound_speed": 0.0}
+NO_DRAW = dict.fromkeys(Dvl.draws, 0.0)
 BOTTOM, WATER, NONE = MODES["bottom"], MODES["water"], MODES["none"]
 
 
@@ -126,7 +126,7 @@ def test_statistics_are_one_percent_and_one_millimetre_per_second():
     )
     scales = [dvl.draw(np.random.default_rng(seed))["dvl_scale"] for seed in range(2000)]
     assert 2 * np.std(scales) == pytest.approx(0.01, rel=0.06)
-    velocity, _ = measure(dvl, truth, drawn={"dvl_scale": 0.01, "dvl_sound_speed": 0.0})
+    velocity, _ = measure(dvl, truth, drawn=NO_DRAW | {"dvl_scale": 0.01})
     assert velocity.mean(axis=0) == pytest.approx(1.01 * over_ground, abs=5e-5)
     # Least squares over four beams at 30 deg: 1/sqrt(4 sin^2/2) horizontally, 1/sqrt(4 cos^2)
     # vertically, and 2.5 pings per sample: mean of 1/count over 2 and 3 pings.
