@@ -19,6 +19,8 @@ from twin.vehicle.vehicle import Vehicle
 
 UNITS = frozenset(row.units for row in TABLE)
 """Units whose values have limits"""
+ENERGIES = (0.0, 1e10)
+"""[J] nothing to the battery of a small submarine"""
 _OWN = frozenset(SIMULATED)
 """The schema's own signals, whose names parts must leave alone; but for the positions of parts."""
 
@@ -67,7 +69,9 @@ def energy_variables(vehicle: Vehicle) -> tuple[Variable, ...]:
     of = {HOTEL: "electronics and sensors"}
     of |= {name: name.replace("_", " ") for name in vehicle.part_names}
     return tuple(
-        Variable(ENERGY + name, "J", f"electrical energy taken since the start: {text}")
+        Variable(
+            ENERGY + name, "J", f"electrical energy taken since the start: {text}", limits=ENERGIES
+        )
         for name, text in of.items()
     )
 

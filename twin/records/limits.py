@@ -53,8 +53,6 @@ TABLE: tuple[Quantity, ...] = (
     Quantity("dbar", "", (-20.0, 12_000.0)),
     # freezing brine to a deck in the sun
     Quantity("degree_Celsius", "", (-5.0, 45.0)),
-    # a small submarine's battery
-    Quantity("J", "", (0.0, 1e10)),
     Quantity("1", "immersion", (-1e-6, 1.0 + 1e-6)),
     Quantity("1", "dvl_mode", (0.0, 2.0)),
     Quantity("1", "salinity", (0.0, 50.0)),

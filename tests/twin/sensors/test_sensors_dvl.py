@@ -58,6 +58,26 @@ def test_noise_free_geometry_is_exact_with_its_lever_arm():
     assert velocity == pytest.approx(np.tile(over_ground, (mode.size, 1)), abs=1e-12)
 
 
+def test_a_turned_mount_gives_the_velocity_in_its_own_axes():
+    """What the vehicle takes for body axes are the instrument's: R^T v, the beams turned too."""
+    truth, over_ground = glide(roll=5.0)
+    turn = np.array([0.004, -0.012, 0.009])
+    drawn = NO_DRAW | {f"dvl_misalignment_{a}": t for a, t in zip("xyz", turn, strict=True)}
+    at_cb = dataclasses.replace(Dvl.noise_free(), lever_arm=(0.0, 0.0, 0.0))
+    velocity, mode = measure(at_cb, truth, drawn=drawn)
+    assert (mode == BOTTOM).all()
+    seen = Rotation.from_rotvec(turn).inv().apply(over_ground)
+    assert velocity == pytest.approx(np.tile(seen, (mode.size, 1)), abs=1e-12)
+    # half a degree about the vertical carries 9 m to the side in 1 km
+    aside, _ = measure(
+        at_cb, glide(pitch=0.0, current=(0.0, 0.0, 0.0))[0],
+        drawn=NO_DRAW | {"dvl_misalignment_z": 0.5 * DEG},
+    )  # fmt: skip
+    straight, _ = measure(at_cb, glide(pitch=0.0, current=(0.0, 0.0, 0.0))[0])
+    across = (aside - straight)[0, 1] / straight[0, 0]
+    assert across == pytest.approx(-np.sin(0.5 * DEG), rel=1e-2)
+
+
 def test_without_a_gyro_the_lever_arm_stays_in_the_velocity():
     truth, over_ground = glide()
     still = {f"measured_{name}_rate": np.zeros(400) for name in ("roll", "pitch", "yaw")}
