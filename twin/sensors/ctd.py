@@ -43,8 +43,8 @@ class Ctd(Sensor):
     """Errors and lags of a pumped CTD; the zero errors are drawn once per mission."""
 
     name = "ctd"
-    reads = ("true_depth", "true_density", "measured_pressure")
-    reads_if_there = ("true_temperature", "true_salinity")
+    reads = ("true_depth", "measured_pressure")
+    reads_if_there = ("true_temperature", "true_salinity", "true_density")
     writes = variables("measured_temperature", "measured_salinity", "measured_density")
     draws: ClassVar[Mapping[str, str]] = {
         "ctd_temperature_offset": "degree_Celsius", "ctd_conductivity_offset": "S m-1",
@@ -110,7 +110,7 @@ class Ctd(Sensor):
         from twin.water.density import DEFAULT_LONGITUDE, DensityProfile
 
         water = surroundings.density or DensityProfile.constant()
-        temperature, salinity = (signal(signals, name) for name in self.reads_if_there)
+        temperature, salinity = (signal(signals, name) for name in self.reads_if_there[:2])
         latitude = surroundings.latitude
         pressure = water.pressure(signal(signals, "true_depth"), latitude=latitude)
         thermistor, cell = np.empty_like(temperature), np.empty_like(temperature)
