@@ -14,6 +14,7 @@ from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
     from twin.identify import Identification
+    from twin.identify.handling import Handling
     from twin.identify.rollout import Refinement
 
 
@@ -51,6 +52,9 @@ class Identify(JsonOption):
     no_fixes: bool = False
     """fit the depth rate only; without this option the change of current between GPS fixes is
     compared too, where the log has fixes"""
+    no_handling: bool = False
+    """leave pitch, turns and gains as the vehicle file has them, and try nothing out: the file is
+    then written for estimates of speed, whether the vehicle flies or not"""
     pitch_scale: float | None = None
     """known error of the pitch sensor: true pitch = scale * measured + offset"""
     pitch_offset: float | None = None
@@ -107,9 +111,22 @@ class Identify(JsonOption):
 
             refined = refine(logs, found)
             found = refined.identification
+        handling = None
+        if not self.no_handling:
+            from twin.identify.handling import handle
+
+            handling = handle(logs, found, proof=self.out is not None)
+            found = handling.identification
         self._say(console, found, len(logs), refined)
         _remark(console, found)
+        if handling is not None:
+            _say_handling(console, handling)
         if self.out is not None:
+            if handling is not None and handling.failures:
+                raise InputError(
+                    f"{self.out} is not written, the vehicle does not fly as its log: "
+                    + "; ".join(handling.failures)
+                )
             from twin.identify.provenance import provenance_of
             from twin.identify.vehicle_file import write_vehicle
 
@@ -165,6 +182,18 @@ class Identify(JsonOption):
                 f"{refined.windows} windows: depth rate, RMSE {100 * refined.depth_rate_rmse:.2f} "
                 f"cm/s, pitch {math.degrees(refined.pitch_rmse):.2f} deg"
             )
+        names = found.determined
+        if len(names) > 1:
+            console.table(
+                [
+                    {
+                        "": name,
+                        **{str(j + 1): f"{r:.2f}" if j <= i else "" for j, r in enumerate(row)},
+                    }
+                    for i, (name, row) in enumerate(zip(names, found.correlation, strict=True))
+                ],
+                title="correlation of the estimates",
+            )
         console.pairs(
             {
                 "model": found.model,
@@ -192,6 +221,10 @@ class Identify(JsonOption):
             robust_deviation_m_s=found.robust_deviation,
             correlation_time_s=found.correlation_time,
             current_change_m_s=found.current_change,
+            correlation={
+                name: dict(zip(found.determined, map(float, row), strict=True))
+                for name, row in zip(found.determined, found.correlation, strict=True)
+            },
             parameters={
                 e.name: {
                     "value": e.value,
@@ -204,6 +237,43 @@ class Identify(JsonOption):
                 for e in found.estimates
             },
         )
+
+
+def _say_handling(console: Console, handling: Handling) -> None:
+    """Pitch, turns, asymmetry and loops; and the answers of the same."""
+    vehicle = handling.identification.calibration.vehicle
+    rows: dict[str, str] = {}
+    if handling.pitch_deviation is not None:
+        rows["pitch by battery and pump, RMSE"] = (
+            f"{math.degrees(handling.pitch_deviation):.2f} deg"
+        )
+    if handling.turn_deviation is not None:
+        rows["yaw rate of a minute, deviation"] = (
+            f"{math.degrees(handling.turn_deviation):.3f} deg/s"
+        )
+    if handling.yaw_bias is not None and handling.roll_offset is not None:
+        rows["asymmetry, not flown"] = (
+            f"turns as at {math.degrees(handling.yaw_bias):.1f} deg of sideslip, roll sensor "
+            f"{math.degrees(handling.roll_offset):.1f} deg"
+        )
+    for name in ("pitch_pid", "heading_pid"):
+        rows[name] = " ".join(f"{gain:.4g}" for gain in getattr(vehicle, name))
+    console.pairs(rows)
+    for note in handling.notes:
+        console.warn(note)
+    console.answer(
+        pitch_rmse_deg=_degrees(handling.pitch_deviation),
+        turn_deviation_deg_s=_degrees(handling.turn_deviation),
+        yaw_bias_deg=_degrees(handling.yaw_bias),
+        roll_offset_deg=_degrees(handling.roll_offset),
+        pitch_pid=list(vehicle.pitch_pid),
+        heading_pid=list(vehicle.heading_pid),
+        failures=list(handling.failures),
+    )
+
+
+def _degrees(value: float | None) -> float | None:
+    return None if value is None else math.degrees(value)
 
 
 def _remark(console: Console, found: Identification) -> None:

@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 
 HULL_NUMERIC, SENSOR_NUMERIC = "hull_and_water", "sensor_errors"
 PUMP_NUMERIC = "pump_position"
-"""Names of the MJCF numerics that hold what `Vehicle` does not."""
+"""Names of the MJCF numerics that hold what `Vehicle` does not; the last is read only, from files
+of earlier versions."""
 ALUMINIUM_EXPANSION = 7.1e-5
 """[1/K] of volume: three times the 23.6e-6 of aluminium alloys; the Seaglider basestation's
 hulls have 7.05e-5."""
@@ -50,8 +51,6 @@ class Calibration:
     """[1/K], relative volume gained per temperature of the hull, where a log has temperature."""
     thermal_lag: float = THERMAL_LAG
     """[s], first-order lag of the hull's temperature behind the water's."""
-    pump_position: float = 0.0
-    """[m] of the pumped volume forward of the CB, where vehicle files have it; see `pitch`."""
     pitch_scale: float = 1.0
     """True pitch = scale * measured + offset."""
     pitch_offset: float = 0.0
@@ -116,7 +115,6 @@ class Calibration:
             "water_density": self.water_density,
             "thermal_expansion": self.thermal_expansion,
             "thermal_lag": self.thermal_lag,
-            "pump_position": self.pump_position,
             "pitch_scale": self.pitch_scale,
             "pitch_offset": self.pitch_offset,
             "heading_offset": self.heading_offset,
@@ -164,7 +162,11 @@ def load_calibration(
         )
     pump = _numbers(loaded, numerics, PUMP_NUMERIC, 1)
     if pump is not None:
-        calibration = calibration.replace(pump_position=pump[0])
+        # files of version 0.1.0 say so beside a vehicle whose pump is at the centre of buoyancy
+        own = loaded.steered("buoyancy")
+        assert own is not None
+        place = {own.name: {"position": (pump[0], *own.position[1:])}}
+        calibration = calibration.replace(vehicle=loaded.replace(**place))
     sensors = _numbers(loaded, numerics, SENSOR_NUMERIC, 7)
     if sensors is not None:
         calibration = calibration.replace(

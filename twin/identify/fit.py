@@ -38,6 +38,11 @@ FINE: dict[str, Any] = {"max_nfev": 12, "xtol": 1e-4, "ftol": 1e-5, "x_scale": "
 """Ends of a search: offsets are in spreads, and a deviation is hardly below a hundredth of one."""
 AT_BOUND = 1e-3
 """Spreads from its bound at which a parameter is called bounded."""
+HULLS_DIFFER = 1.5e-10
+"""[1/Pa] from one metal hull to the next: 4e-10 to 7e-10"""
+DRIFT = 20.0
+"""[cm3] that the displaced volume is uncertain by and that changes with depth as a hull's does: air
+in the oil, pumped volume, salinity, temperature of the hull"""
 MOVING = 0.05
 """[m/s] of depth rate from which a glider sinks or rises."""
 START_FACTORS = (0.5, 1.0, 2.0, 4.0, 8.0)
@@ -143,8 +148,10 @@ def _neutral_pump(logs: Sequence[Log]) -> float:
 def _lacking(parameter: Parameter, logs: Sequence[Log], problem: Problem, *, asked: bool) -> str:
     """Why the logs cannot tell anything about a parameter; empty when they may."""
     channel = parameter.channel
-    if channel in ("density", "temperature") and any(getattr(log, channel) is None for log in logs):
-        return f"the log has no {channel}"
+    if channel == "temperature" and any(log.temperature is None for log in logs):
+        return "the log has no temperature"
+    if channel == "pressure" and not asked:
+        return _too_shallow(logs, problem.nominal)
     if parameter.name.startswith("heading") and not problem.pairs:
         return f"fewer than {LEAST_PAIRS} pairs of consecutive missions with fixes"
     if channel == "fixes" and not problem.pairs and not asked:
@@ -152,6 +159,20 @@ def _lacking(parameter: Parameter, logs: Sequence[Log], problem: Problem, *, ask
     if channel == "request" and not asked:
         return "estimated on request only"
     return ""
+
+
+def _too_shallow(logs: Sequence[Log], nominal: Calibration) -> str:
+    """Why dives are not deep enough to tell one hull from another; empty when they are."""
+    vehicle = nominal.vehicle
+    deepest = float(np.median([log.depth[log.use].max(initial=0.0) for log in logs]))
+    pressure = vehicle.reference_density * vehicle.gravity * deepest
+    differ = HULLS_DIFFER * pressure * vehicle.neutral_volume / CUBIC_CM
+    if differ >= DRIFT:
+        return ""
+    return (
+        f"dives to {deepest:.0f} m: hulls differ there by {differ:.0f} cm3, no more than trim, "
+        f"pump and density drift ({DRIFT:g} cm3)"
+    )
 
 
 def _start(

@@ -3,7 +3,7 @@
 The glide of each phase is linearised about its trim (Fossen's equations, both planes), the
 steering part follows with its lag, and the loop is closed once per control period, as guidance
 does. The fastest loop is taken whose every mode dies out in dives and in climbs, at half and at
-twice its gain, no slower than `SLOWEST_DECAY` times the loop's own pace.
+twice its gain, and does not swing at its own.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from twin.fossen.model import FossenModel
 from twin.identify.calibration import Calibration
-from twin.identify.lateral import LATERAL, jacobians
-from twin.mission.glide import steady_glide
+from twin.identify.lateral import LATERAL, exponential, jacobians
+from twin.mission.turning import turn_factor
+from twin.mission.way import Way, way
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -68,26 +68,31 @@ class Plane:
     """steady angle (of heading: rate of it) per position"""
 
 
+def way_of(vehicle: Vehicle, phase: Phase) -> Way:
+    """The steady way of a phase; MissionError where the vehicle has none."""
+    return way(
+        vehicle,
+        "the climb of the log" if phase.pitch > 0.0 else "the dive of the log",
+        "pitch_deg",
+        math.degrees(phase.pitch),
+        phase.net_mass,
+        None,
+    )
+
+
 def trimmed(vehicle: Vehicle, phase: Phase) -> tuple[Array, Array]:
     """State (8,) and positions (parts,) of the stable glide at the phase's pitch.
 
     Raises:
-      MissionError: too shallow. NoSteadyState: it has no stable glide there.
-      InputError: the battery does not reach so far.
+      MissionError: too shallow, or the battery does not reach so far.
+      NoSteadyState: it has no stable glide there.
     """
-    shift = steady_glide(vehicle, phase.pitch, phase.net_mass).shift
-    motion = FossenModel(vehicle).steady_motion(shift, 0.0, phase.net_mass)
+    positions = way_of(vehicle, phase).command
+    named = dict(zip(vehicle.part_names, positions.tolist(), strict=True))
+    motion = FossenModel(vehicle).steady_motion(positions=named)
     trim = motion.trim
-    state = np.concatenate(
-        [motion.nu_r, [math.radians(trim.roll_deg), math.radians(trim.pitch_deg)]]
-    )
-    positions = vehicle.rest.copy()
-    slide, pump = vehicle.steered_index("pitch"), vehicle.steered_index("buoyancy")
-    if slide is not None:
-        positions[slide] = shift
-    if pump is not None:
-        positions[pump] = vehicle.pump_for_net_mass(phase.net_mass)
-    return state, positions
+    angles = [math.radians(trim.roll_deg), math.radians(trim.pitch_deg)]
+    return np.concatenate([motion.nu_r, angles]), positions
 
 
 def plane_of(vehicle: Vehicle, state: Array, positions: Array, control: str) -> Plane | None:
@@ -106,9 +111,7 @@ def plane_of(vehicle: Vehicle, state: Array, positions: Array, control: str) -> 
     else:
         angle[3], rate[2] = 1.0, 1.0
     gain = float(-angle @ np.linalg.solve(matrix, drive))
-    return Plane(
-        matrix=matrix, drive=drive, angle=angle, rate=rate, heading=heading, gain=gain
-    )
+    return Plane(matrix=matrix, drive=drive, angle=angle, rate=rate, heading=heading, gain=gain)
 
 
 def loop_modes(plane: Plane, pid: tuple[float, float, float], lag: float, period: float) -> Array:
@@ -124,7 +127,7 @@ def loop_modes(plane: Plane, pid: tuple[float, float, float], lag: float, period
     if plane.heading:
         whole[n, :n] = plane.angle
     whole[n + 1, n + 1], whole[n + 1, size] = -1.0 / lag, 1.0 / lag
-    step = expm(whole * period)
+    step = exponential(whole * period)
     transition, command = step[:size, :size], step[:size, size]
     sees = np.zeros(size)
     if plane.heading:
@@ -164,28 +167,25 @@ def _settles(
 
 
 def _placed(
-    planes: Sequence[Plane], lag: float, period: float, travel: float
+    planes: Sequence[Plane], factors: Sequence[float], lag: float, period: float, travel: float
 ) -> tuple[float, float, float] | None:
-    """Gains of the fastest loop that settles in every plane, on the reference plane's scale.
+    """Gains of the fastest loop that settles in every plane; None: no pace settles.
 
-    The reference is the plane of the largest gain: the others are weaker, and guidance makes up
-    for it with their own factor. None: no pace settles.
+    Args:
+      factors: what guidance multiplies the gains by in each plane, with the sign that steers.
     """
-    largest = max(abs(plane.gain) for plane in planes)
+    largest = max(abs(plane.gain * factor) for plane, factor in zip(planes, factors, strict=True))
+    most = travel / FULL_ERROR / max(map(abs, factors))
     for pace in PACES:
         if planes[0].heading:
-            kp = min(pace / largest, travel / FULL_ERROR)
+            kp = min(pace / largest, most)
             ki = INTEGRAL * kp * kp * largest
         else:
             ki = min(pace, PITCH_PACE) / largest
             kp = ki / (2.0 * pace)
-        pid = (kp, ki, 0.0)
-        pids = []
-        for plane in planes:
-            scale = largest / plane.gain if plane.heading else math.copysign(1.0, plane.gain)
-            pids.append((scale * pid[0], scale * pid[1], scale * pid[2]))
+        pids = [(factor * kp, factor * ki, 0.0) for factor in factors]
         if _settles(planes, pids, lag, period):
-            return pid
+            return kp, ki, 0.0
     return None
 
 
@@ -195,19 +195,23 @@ def with_gains(calibration: Calibration, phases: Sequence[Phase]) -> Calibration
     A loop that settles at no pace, or that the vehicle has no part for, keeps its gains.
 
     Raises:
-      MissionError, NoSteadyState, InputError: it does not trim in one of the phases.
+      MissionError, NoSteadyState: it does not trim in one of the phases.
     """
     vehicle = calibration.vehicle
     trims = [trimmed(vehicle, phase) for phase in phases]
     changes: dict[str, tuple[float, float, float]] = {}
     for control in ("pitch", "heading"):
         part = vehicle.steered(control)
-        planes = [plane_of(vehicle, state, there, control) for state, there in trims]
-        known = [plane for plane in planes if plane is not None]
-        if part is None or len(known) < len(planes):
+        if part is None:
             continue
+        planes = [plane_of(vehicle, state, there, control) for state, there in trims]
+        if control == "heading":
+            factors = [turn_factor(vehicle, way_of(vehicle, phase)) for phase in phases]
+        else:
+            factors = [part.sense("pitch")] * len(phases)
         travel = 0.5 * (part.high - part.low)
-        found = _placed(known, part.lag, vehicle.control_period, travel)
+        known = [plane for plane in planes if plane is not None]
+        found = _placed(known, factors, part.lag, vehicle.control_period, travel)
         if found is not None:
             changes[f"{control}_pid"] = found
     return calibration.replace(vehicle=vehicle.replace(**changes))

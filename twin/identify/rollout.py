@@ -21,9 +21,10 @@ from twin.errors import InputError, SimulationUnstable
 from twin.identify.answer import Estimate, Identification
 from twin.identify.calibration import Calibration
 from twin.identify.logged import Log
-from twin.identify.pitch import PITCHING, balanced, battery_shift
+from twin.identify.pitch import PITCHING, balanced
 from twin.identify.problem import correlation_samples, robust_scale
 from twin.identify.speed import density_of, motion_of
+from twin.identify.turning import channel_of
 from twin.identify.unknowns import Parameter, choose
 from twin.mission.schedule import Schedule
 from twin.physics.fleet import make_batch
@@ -107,7 +108,8 @@ def refine(logs: Sequence[Log], flight: Identification) -> Refinement:
     parameters = (*choose(names), *PITCHING)
     nominal = flight.nominal
     centres = np.array([p.get(nominal) for p in parameters])
-    start = balanced(logs, flight.calibration)
+    balance = balanced(logs, flight.calibration)
+    start = flight.calibration if balance is None else balance.calibration
     x = np.array([_offset(p, c, start) for p, c in zip(parameters, centres, strict=True)])
 
     def calibrated(offsets: Array) -> Calibration:
@@ -232,15 +234,21 @@ def _fly(windows: Sequence[_Window], calibrations: Sequence[Calibration]) -> lis
 def _scenario(window: _Window, calibration: Calibration) -> Scenario:
     log, first, last = window.log, window.first, window.last
     part = slice(first, last + 1)
-    assert log.shift is not None
-    rotation = np.zeros_like(log.shift) if log.rotation is None else log.rotation
-    shift = battery_shift(calibration, log.shift, log.pump)
-    commands = np.stack([shift[part], rotation[part], log.pump[part]], axis=1)
+    vehicle = calibration.vehicle
+    commands = np.tile(vehicle.rest, (last + 1 - first, 1))
+    turning = channel_of(calibration)
+    for control, values in (
+        ("pitch", log.shift),
+        ("heading", None if turning is None else getattr(log, turning)),
+        ("buoyancy", log.pump),
+    ):
+        place = vehicle.steered_index(control)
+        if place is not None and values is not None:
+            commands[:, place] = values[part]
     # Half a sample early: a held position then lags the logged one by nothing on average.
     times = np.maximum(log.period * (np.arange(len(commands)) - 0.5), 0.0)
     times[0] = -log.period
     motion = motion_of(log, calibration)
-    vehicle = calibration.vehicle
     prompt = {
         own.name: {
             "lag": PROMPT_LAG,
@@ -267,7 +275,7 @@ def _scenario(window: _Window, calibration: Calibration) -> Scenario:
                 float(motion.heave[first]),
             ),
             rates=(float(log.rates[0, first]), float(log.rates[1, first]), 0.0),
-            actuators=(float(commands[0, 0]), float(commands[0, 1]), float(commands[0, 2])),
+            actuators=tuple(map(float, commands[0])),
         ),
     )
 
@@ -342,11 +350,21 @@ def _merged(
         )
         for p, c, d in zip(parameters, centres, deviation, strict=True)
     }
-    kept = tuple(refined.pop(e.name, e) for e in flight.estimates)
+    names = [p.name for p in parameters]
+    kept = tuple(refined.get(e.name, e) for e in flight.estimates)
+    own = {e.name for e in flight.estimates}
+    estimates = (*kept, *(e for name, e in refined.items() if name not in own))
+    mine = covariance / np.outer(deviation, deviation)
+    known = [e.name for e in estimates if e.determined]
+    correlation = np.eye(len(known))
+    for i, one in enumerate(known):
+        for j, other in enumerate(known):
+            if one in names and other in names:
+                correlation[i, j] = mine[names.index(one), names.index(other)]
     return dataclasses.replace(
         flight,
         calibration=calibration,
         model="twin",
-        estimates=(*kept, *refined.values()),
-        correlation=covariance / np.outer(deviation, deviation),
+        estimates=estimates,
+        correlation=correlation,
     )

@@ -247,7 +247,7 @@ def windows_of(logs: Sequence[Log], calibration: Calibration) -> list[Window]:
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Group:
-    """Windows that share a glide, side by side; arrays are (samples, windows), padded at the end."""
+    """Windows that share a glide; arrays are (samples, windows), padded at the end."""
 
     glide: Glide
     climbing: bool
@@ -534,9 +534,7 @@ def turned(logs: Sequence[Log], calibration: Calibration) -> Turns | None:
     channel = channel_of(calibration)
     groups = groups_of(windows, channel)
     there = all(g.position is not None for g in groups)
-    parameters = tuple(
-        p for p in TURNING if p.channel is None or (p.channel == channel and there)
-    )
+    parameters = tuple(p for p in TURNING if p.channel is None or (p.channel == channel and there))
     if channel != "rotation" or not there:
         parameters = tuple(p for p in parameters if not p.name.startswith("roll_moment"))
     problem = TurnProblem(groups, calibration, parameters)

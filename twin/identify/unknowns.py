@@ -32,7 +32,8 @@ class Parameter:
     least: float | None = None
     """Smallest value there can be, in `unit`, of one that is not logarithmic."""
     channel: str | None = None
-    """What it needs: "density", "temperature" or "fixes" in the log, or the user's "request". Lift,
+    """What it needs: "temperature" or "fixes" in the log, "pressure" enough to tell hulls apart, the
+    position of a part ("rotation", "fin"), or the user's "request". Lift,
     induced drag and pitch offset all turn into drag and trim when a log holds one pitch, and then
     take up what the model lacks: with a current between fixes lift can be told, the others are
     estimated when asked for (docs/real.md)."""
@@ -136,7 +137,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         meaning="mass, and with it the volume whose buoyancy follows the water's density",
         spread=0.3,  # one vehicle file stands for hulls of 50 to 75 kg
         logarithmic=True,
-        channel="density",
+        channel="request",
         get=lambda c: c.vehicle.mass,
         set=_set_mass,
     ),
@@ -166,6 +167,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         meaning="relative volume that the hull loses per pressure",
         spread=6.0,  # metal hulls: 4 to 7
         least=0.0,
+        channel="pressure",
         get=lambda c: 1e10 * c.vehicle.hull_compressibility,
         set=lambda c, x: _vehicle(c, hull_compressibility=1e-10 * x),
     ),

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -19,19 +20,29 @@ import numpy as np
 from twin.errors import InputError, VehicleError
 from twin.frames import flip_vector
 from twin.identify.calibration import HULL_NUMERIC, PUMP_NUMERIC, SENSOR_NUMERIC, Calibration
+from twin.vehicle.parts import Fin, Pump
 from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
 PROVENANCE = "identification"
 """Name of the `<text>` element."""
-WRITTEN = {
+COEFFICIENTS = (
+    "drag", "lift", "side_force", "side_force_lift", "roll_moment", "roll_moment_lift",
+    "pitch_moment", "yaw_moment", "yaw_moment_lift", "roll_from_yaw", "yaw_from_roll",
+)  # fmt: skip
+"""Of the hull law, each a `<numeric>` of its name."""
+LOOPS = ("pitch_pid", "heading_pid")
+WRITTEN: dict[str, Callable[[Vehicle], Any]] = {
     "reference_density": lambda v: v.reference_density,
     "hull_compressibility": lambda v: v.hull_compressibility,
     "mass": lambda v: v.mass,
-    "drag": lambda v: v.flow_frame.drag,
-    "lift": lambda v: v.flow_frame.lift,
-    "side_force": lambda v: v.flow_frame.side_force,
+    **{name: attrgetter(f"law.{name}") for name in COEFFICIENTS},
+    **{name: attrgetter(name) for name in LOOPS},
     "neutral_x of the battery": lambda v: v.battery.neutral_x,
+    "eccentricity of the battery": lambda v: v.battery.eccentricity,
     "static_cg": lambda v: v.static_cg,
+    "travel of the parts": lambda v: [(part.low, part.high) for part in v.parts],
+    "place of the pump": lambda v: _pump(v).position,
+    "lift slope of the rudder": lambda v: [p.lift_slope for p in v.parts if isinstance(p, Fin)],
 }
 """What identification may change, by name."""
 DIGITS = 10
@@ -49,9 +60,13 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
     original = parse_vehicle(xml, vehicle.path)
     xml = _numeric(xml, "reference_density", [vehicle.reference_density], vehicle)
     xml = _numeric(xml, "hull_compressibility", [vehicle.hull_compressibility], vehicle)
-    xml = _numeric(xml, "drag", vehicle.flow_frame.drag, vehicle)
-    xml = _numeric(xml, "lift", vehicle.flow_frame.lift, vehicle)
-    xml = _numeric(xml, "side_force", vehicle.flow_frame.side_force, vehicle)
+    for name in COEFFICIENTS:
+        mine = getattr(vehicle.flow_frame, name)
+        if mine != getattr(original.flow_frame, name):
+            xml = _numeric(xml, name, mine, vehicle)
+    for name in LOOPS:
+        if getattr(vehicle, name) != getattr(original, name):
+            xml = _numeric(xml, name, getattr(vehicle, name), vehicle)
     if vehicle.mass != original.mass:
         xml = _numeric(xml, "added_mass", vehicle.added_mass.ravel(), vehicle)
         xml = _hull_inertial(xml, vehicle, vehicle.mass / original.mass)
@@ -59,6 +74,15 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
         xml = _hull_place(xml, vehicle)
     if vehicle.battery.neutral_x != original.battery.neutral_x:
         xml = _battery_place(xml, vehicle, vehicle.battery.neutral_x - original.battery.neutral_x)
+    if vehicle.battery.eccentricity != original.battery.eccentricity:
+        xml = _battery_hangs(xml, vehicle)
+    if _pump(vehicle).position != _pump(original).position:
+        xml = _pump_place(xml, vehicle)
+    for part, before in zip(vehicle.parts, original.parts, strict=True):
+        if (part.low, part.high) != (before.low, before.high):
+            xml = _travel(xml, vehicle, part.name, part.low, part.high)
+        if isinstance(part, Fin) and part.lift_slope != getattr(before, "lift_slope", None):
+            xml = _numeric(xml, f"{part.name}.lift_slope", [part.lift_slope], vehicle)
     for name in (HULL_NUMERIC, PUMP_NUMERIC, SENSOR_NUMERIC):
         xml = re.sub(rf"[ \t]*<numeric name={name!r}[^>]*/>\n?".replace("'", '"'), "", xml)
     xml = re.sub(rf'[ \t]*<text name="{PROVENANCE}"[^>]*/>\n?', "", xml)
@@ -74,8 +98,6 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
         "    <!-- identified: water in a log without CTD [kg/m3], thermal expansion [1/K] and\n"
         "         thermal lag [s] of the hull; read by identification only -->\n"
         f'    <numeric name="{HULL_NUMERIC}" data="{_text(hull)}"/>\n'
-        "    <!-- identified: pumped volume forward of the CB [m]; for identification only -->\n"
-        f'    <numeric name="{PUMP_NUMERIC}" data="{_text([calibration.pump_position])}"/>\n'
         "    <!-- identified: true pitch = scale * measured + offset [rad]; true less measured\n"
         "         heading [rad]: mean, cos, sin, cos and sin of twice the heading -->\n"
         f'    <numeric name="{SENSOR_NUMERIC}" data="{_text(sensors)}"/>\n'
@@ -129,7 +151,11 @@ def _substitute(xml: str, pattern: str, replacement: str, what: str, vehicle: Ve
 
 
 def _numeric(xml: str, name: str, values: Any, vehicle: Vehicle) -> str:
-    pattern = rf'(<numeric\s+name="{name}"\s+data=")[^"]*(")'
+    """A `<numeric>` with other numbers; one that the file leaves at its default is added."""
+    if not re.search(rf'<numeric\s+name="{re.escape(name)}"', xml):
+        line = f'    <numeric name="{name}" data="{_text(values)}"/>\n'
+        return re.sub(r"[ \t]*</custom>", lambda match: line + match.group(0), xml)
+    pattern = rf'(<numeric\s+name="{re.escape(name)}"\s+data=")[^"]*(")'
     return _substitute(xml, pattern, _text(values), f"<numeric name={name!r}>", vehicle)
 
 
@@ -161,6 +187,45 @@ def _battery_place(xml: str, vehicle: Vehicle, moved: float) -> str:
         raise VehicleError(f"vehicle file {vehicle.path}: <body name='battery' pos=...> is missing")
     x, y, z = (float(word) for word in found.group(2).split())
     return pattern.sub(lambda m: m.group(1) + _text([x + moved, y, z]) + m.group(3), xml, count=1)
+
+
+def _battery_hangs(xml: str, vehicle: Vehicle) -> str:
+    """Eccentricity of the battery: its centre of gravity below its body's origin."""
+    name = re.escape(vehicle.battery.name)
+    head = rf'(<body\s+name="{name}".*?<inertial\b[^>]*?\bpos=")[^"]*(")'
+    place = [0.0, 0.0, -vehicle.battery.eccentricity]
+    return _substitute(xml, head, _text(place), "the battery's centre of gravity", vehicle)
+
+
+def _actuator(name: str, attribute: str) -> str:
+    """Pattern of an attribute of the actuator of a part."""
+    return rf'(<general\s+(?=[^>]*\bname="{re.escape(name)}")[^>]*?\b{attribute}=")[^"]*(")'
+
+
+def _travel(xml: str, vehicle: Vehicle, name: str, low: float, high: float) -> str:
+    """Ends of a part's travel: both ranges of its actuator."""
+    for attribute in ("ctrlrange", "actrange"):
+        what = f"{attribute} of actuator {name!r}"
+        xml = _substitute(xml, _actuator(name, attribute), _text([low, high]), what, vehicle)
+    return xml
+
+
+def _pump(vehicle: Vehicle) -> Pump:
+    return next(part for part in vehicle.parts if isinstance(part, Pump))
+
+
+def _pump_place(xml: str, vehicle: Vehicle) -> str:
+    """A site of its own for the pump, at its place."""
+    pump = _pump(vehicle)
+    place = _text(flip_vector(np.array(pump.position)))
+    site = pump.name
+    if re.search(rf'<site\s+name="{re.escape(site)}"', xml):
+        head = rf'(<site\s+name="{re.escape(site)}"[^>]*?\bpos=")[^"]*(")'
+        xml = _substitute(xml, head, place, f"site {site!r}", vehicle)
+    else:
+        line = f'      <site name="{site}" pos="{place}" size="0.015" group="3"/>\n'
+        xml = re.sub(r'[ \t]*<site\s+name="cb"', lambda match: line + match.group(0), xml, count=1)
+    return _substitute(xml, _actuator(pump.name, "site"), site, "the pump's site", vehicle)
 
 
 def _check(xml: str, vehicle: Vehicle) -> None:

@@ -1,14 +1,13 @@
 """Known parameters come back from simulated logs within their stated uncertainty."""
 
 import importlib.util
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from twin.identify import identify, load_calibration, load_logs
-from twin.identify.pitch import battery_shift, righting_arm, with_righting_arm
+from twin.identify.pitch import righting_arm, with_righting_arm
 from twin.identify.rollout import refine
 from twin.vehicle.vehicle import load_vehicle
 
@@ -120,16 +119,15 @@ def test_full_twin_recovers_what_the_moments_tell(tmp_path, seed):
     arm = righting_arm(nominal) * float(np.exp(rng.normal(0.0, 0.15)))
     pump_position = float(rng.normal(0.0, 0.5))
     vehicle = simulated.changed(VEHICLE, drag=drag, neutral_density=neutral)
-    vehicle = vehicle.replace(battery={"neutral_x": place})
+    vehicle = vehicle.replace(
+        battery={"neutral_x": place}, pump={"position": (pump_position, 0.0, 0.0)}
+    )
     vehicle = with_righting_arm(nominal.replace(vehicle=vehicle), arm).vehicle
     runs = [
         simulated.flown(vehicle, 100 * seed + k, pitch=pitch, yos=1)
         for k, pitch in enumerate(((22.0, 30.0), (30.0, 22.0)))
     ]
     logs = load_logs(simulated.stored(tmp_path / "twin.zarr", runs))
-    # the battery that a vehicle with its pump elsewhere would have needed for the same flight
-    moved = nominal.replace(vehicle=vehicle, pump_position=-pump_position)
-    logs = [replace(log, shift=battery_shift(moved, log.shift, log.pump)) for log in logs]
     flight = identify(logs, nominal, parameters=["neutral_density", "drag"])
     refined = refine(logs, flight)
     found = refined.identification
@@ -140,8 +138,9 @@ def test_full_twin_recovers_what_the_moments_tell(tmp_path, seed):
         "righting_arm": 1e3 * arm,
         "pump_position": pump_position,
     }
-    assert set(found.determined) == set(truth)
-    assert max(map(abs, deviations(found, truth).values())) < MOST_DEVIATIONS
+    assert set(found.determined) >= set(truth)
+    errors = {name: v for name, v in deviations(found, {**truth, "pitch_moment": 0.0}).items()}
+    assert max(abs(errors[name]) for name in truth) < MOST_DEVIATIONS
     assert abs(found["shift_offset"].value - 1e3 * place) < 0.6  # [mm], a fifth of what was drawn
     assert abs(found["pump_position"].value - pump_position) < 0.1  # [m], the same
     assert refined.depth_rate_rmse < 0.01

@@ -1,0 +1,204 @@
+"""Handling: what a vehicle needs beyond its speed to fly as its log: pitch, turns, travel, gains.
+
+    found = identify(logs, load_calibration("seaglider"))     # trim, drag, hull, sensors
+    handling = handle(logs, found)                            # pitch, turns, loops
+    handling.identification.calibration, handling.failures
+
+Each step starts from the one before: the speeds of the flight model, the pitches that battery and
+pump balance at these, the turns at these glides, and the loops on the dynamics that come out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, MissionError, NoSteadyState
+from twin.identify.answer import Estimate, Identification
+from twin.identify.blocks import bootstrap
+from twin.identify.calibration import Calibration
+from twin.identify.fit import UNDETERMINED
+from twin.identify.gains import Phase, with_gains
+from twin.identify.logged import Log
+from twin.identify.pitch import PITCHING, Balance, balanced, pump_of
+from twin.identify.proof import failures
+from twin.identify.turning import Turns, channel_of, turned, windows_of
+from twin.identify.unknowns import Parameter
+
+Array = NDArray[np.float64]
+
+FAR = 3.0
+"""Deviations from the vehicle file's beyond which a value is determined, however wide"""
+SLACK = 0.1
+"""Of a part's travel that is left beyond the positions that the log shows"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Handling:
+    """A vehicle that pitches, turns and is steered as its log, and whether it flies."""
+
+    identification: Identification
+    """With the estimates of pitch and turns beside those of the flight model."""
+    phases: tuple[Phase, ...]
+    """The log's dive and climb"""
+    pitch_deviation: float | None
+    """[rad] of the steady pitches from the log's; None: not fitted"""
+    turn_deviation: float | None
+    """[rad/s] of the yaw rates, means of a minute; None: not fitted"""
+    yaw_bias: float | None
+    """[rad] sideslip of the asymmetry that turns it at no roll and no rudder; not flown"""
+    roll_offset: float | None
+    """[rad] zero of the roll sensor, or of the vehicle's weight; not flown"""
+    failures: tuple[str, ...]
+    """What the vehicle cannot do; empty when it trims, is stable and steers in both phases."""
+    notes: tuple[str, ...]
+    """What was left at the vehicle file's, and why"""
+
+
+def handle(logs: Sequence[Log], found: Identification, *, proof: bool = True) -> Handling:
+    """Fit pitch and turns, place the gains, and try the vehicle.
+
+    Args:
+      found: from `identify`. proof: fly it, and say what fails.
+    """
+    notes: list[str] = []
+    calibration = with_travel(logs, found.calibration)
+    identification = dataclasses.replace(found, calibration=calibration)
+    flown = {p.name for p in PITCHING} & {e.name for e in found.estimates}
+    balance = None if flown else balanced(logs, calibration)
+    if flown:
+        pass  # rollouts of the twin have fitted the pitch
+    elif balance is None:
+        notes.append("pitch: no battery positions in steady dives and climbs of these logs")
+    else:
+        calibration = balance.calibration
+        identification = _with(identification, balance)
+    turns = turned(logs, calibration)
+    if turns is None:
+        notes.append("turns: too few steady parts in dives and climbs of these logs")
+    else:
+        calibration = turns.calibration
+        identification = _with(identification, turns)
+        if channel_of(calibration) is not None and turns.roll_deviation is None:
+            channel = channel_of(calibration)
+            if any(group.position is None for group in turns.groups):
+                notes.append(
+                    f"turns: the logs have no {channel}, so that what it does is not known"
+                )
+    phases = phases_of(logs, calibration)
+    lacking: tuple[str, ...] = ()
+    if len(phases) == 2:
+        try:
+            calibration = with_gains(calibration, phases)
+        except (MissionError, NoSteadyState, InputError) as error:
+            notes.append(f"gains: {error}")
+        if proof:
+            lacking = failures(calibration, phases)
+    else:
+        lacking = ("the logs hold no steady dive and climb to try it in",)
+    return Handling(
+        identification=dataclasses.replace(identification, calibration=calibration),
+        phases=phases,
+        pitch_deviation=None if balance is None else balance.deviation,
+        turn_deviation=None if turns is None else turns.rate_deviation,
+        yaw_bias=None if turns is None else turns.biases[0],
+        roll_offset=None if turns is None else turns.biases[1],
+        failures=lacking,
+        notes=tuple(notes),
+    )
+
+
+def phases_of(logs: Sequence[Log], calibration: Calibration) -> tuple[Phase, ...]:
+    """The log's usual dive and climb: medians over its steady parts; fewer where one lacks."""
+    windows = windows_of(logs, calibration)
+    vehicle, pump = calibration.vehicle, pump_of(calibration)
+    # the sea's layers add to what the pump does; the vehicle is tried in water of one density
+    light, heavy = (vehicle.net_mass_for_pump(end) for end in (pump.high, pump.low))
+    found = []
+    for climbing in (False, True):
+        glides = [w.glide for w in windows if w.climbing == climbing]
+        if glides:
+            found.append(
+                Phase(
+                    pitch=float(np.median([g.pitch for g in glides])),
+                    net_mass=float(np.clip(np.median([g.net_mass for g in glides]), light, heavy)),
+                )
+            )
+    return tuple(found)
+
+
+def with_travel(logs: Sequence[Log], calibration: Calibration) -> Calibration:
+    """Parts that reach all positions of the log: encoders have their zeros elsewhere, and pumps
+    their ends."""
+    vehicle = calibration.vehicle
+    changes: dict[str, dict[str, float]] = {}
+    for control, channel in (
+        ("pitch", "shift"), ("heading", channel_of(calibration)), ("buoyancy", "pump"),
+    ):  # fmt: skip
+        part = vehicle.steered(control)
+        if part is None or channel is None:
+            continue
+        values = [
+            getattr(log, channel)[log.use] for log in logs if getattr(log, channel) is not None
+        ]
+        known = np.concatenate([*values, np.zeros(0)])
+        if not known.size:
+            continue
+        low, high = float(known.min()), float(known.max())
+        slack = SLACK * (part.high - part.low)
+        if low < part.low or high > part.high:
+            if control == "pitch":  # another zero: the travel goes with it, and 0 stays inside
+                ends = {"low": min(low - slack, 0.0), "high": max(high + slack, 0.0)}
+                changes[part.name] = ends
+            else:
+                changes[part.name] = {"low": min(low, part.low), "high": max(high, part.high)}
+    return calibration.replace(vehicle=vehicle.replace(**changes)) if changes else calibration
+
+
+def _with(identification: Identification, fitted: Balance | Turns) -> Identification:
+    """The identification with the estimates of a fit that came after."""
+    covariance = bootstrap(fitted.jacobian, fitted.residual, fitted.blocks)
+    size = len(fitted.parameters)
+    deviation = np.sqrt(np.diag(covariance))
+    estimates = [
+        _estimate(parameter, float(centre), fitted.calibration, float(offset), float(spreads))
+        for parameter, centre, offset, spreads in zip(
+            fitted.parameters, fitted.centres, fitted.offsets[:size], deviation[:size], strict=True
+        )
+    ]
+    known = [k for k, estimate in enumerate(estimates) if estimate.determined]
+    mine = (covariance / np.outer(deviation, deviation))[np.ix_(known, known)]
+    before = len(identification.correlation)
+    correlation = np.zeros((before + len(known), before + len(known)))
+    correlation[:before, :before] = identification.correlation
+    correlation[before:, before:] = mine
+    return dataclasses.replace(
+        identification,
+        calibration=fitted.calibration,
+        estimates=(*identification.estimates, *estimates),
+        correlation=correlation,
+    )
+
+
+def _estimate(
+    parameter: Parameter, centre: float, calibration: Calibration, offset: float, deviation: float
+) -> Estimate:
+    """`offset` and `deviation` in spreads."""
+    value = parameter.get(calibration)
+    known = deviation <= UNDETERMINED or abs(offset) > FAR * deviation
+    determined = math.isfinite(deviation) and known
+    return Estimate(
+        name=parameter.name,
+        unit=parameter.unit,
+        meaning=parameter.meaning,
+        nominal=centre,
+        value=value,
+        deviation=parameter.deviation(value, deviation),
+        spread=parameter.deviation(centre, 1.0),
+        determined=determined,
+        note="" if determined else "with the others only: the log does not determine it",
+    )

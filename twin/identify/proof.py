@@ -1,0 +1,174 @@
+"""Proof: a calibrated vehicle flies, before its file is written.
+
+It must trim in the log's dive and in its climb, be stable there, turn when it is steered, settle
+under guidance, and hold its heading through a dive and a climb flown in MuJoCo.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, MissionError, NoSteadyState, SimulationUnstable
+from twin.fossen.model import FossenModel
+from twin.identify.calibration import Calibration
+from twin.identify.gains import Phase, loop_modes, plane_of, trimmed, way_of
+from twin.mission import Mission
+from twin.mission.segments import SawTooth
+from twin.mission.turning import turn_factor
+from twin.physics.scenario import Scenario
+from twin.physics.simulation import simulate
+from twin.vehicle.vehicle import Vehicle
+from twin.water.density import DensityProfile
+
+Array = NDArray[np.float64]
+
+STEERED = 0.25
+"""Of its travel that the turning part is moved by to see whether the vehicle turns"""
+LEAST_TURN = math.radians(0.02)
+"""[rad/s] that it must turn then"""
+COURSE = 30.0
+"""[deg] of heading that the flight changes by at its start"""
+MOST_SD = 2.0
+"""[deg] of heading and pitch once they have settled"""
+MOST_ERROR = 3.0
+"""[deg] of their mean"""
+PART = 0.5
+"""Last part of a dive and of a climb that is judged"""
+LONGEST, SHORTEST = 1500.0, 600.0
+"""[s] of a dive and of a climb of the flight"""
+FASTEST_RATE = 0.02
+"""[m] of depth per second below which a vehicle does not fly"""
+SAMPLE = 2.0
+"""[s]"""
+
+
+def failures(calibration: Calibration, phases: Sequence[Phase]) -> tuple[str, ...]:
+    """What a calibrated vehicle cannot do in these phases; empty when it flies."""
+    vehicle = calibration.vehicle
+    found: list[str] = []
+    for phase in phases:
+        found += _phase(vehicle, phase)
+    return tuple(found) if found else tuple(_flight(vehicle, phases))
+
+
+def _called(phase: Phase) -> str:
+    name = "climb" if phase.pitch > 0.0 else "dive"
+    return f"{name} at {abs(math.degrees(phase.pitch)):.0f} deg, {abs(phase.net_mass):.2f} kg"
+
+
+def _phase(vehicle: Vehicle, phase: Phase) -> list[str]:
+    try:
+        state, positions = trimmed(vehicle, phase)
+    except (MissionError, NoSteadyState, InputError) as error:
+        return [f"it does not trim in the {_called(phase)}: {error}"]
+    found = []
+    for control in ("pitch", "heading"):
+        part = vehicle.steered(control)
+        plane = plane_of(vehicle, state, positions, control)
+        if plane is None or part is None:
+            continue
+        if control == "heading":
+            factor = turn_factor(vehicle, way_of(vehicle, phase))
+            found += _spiral(vehicle, phase, positions, plane.gain)
+        else:
+            factor = part.sense("pitch")
+        kp, ki, kd = (factor * gain for gain in getattr(vehicle, f"{control}_pid"))
+        modes = loop_modes(plane, (kp, ki, kd), part.lag, vehicle.control_period)
+        if np.max(modes.real) >= 0.0:
+            found.append(
+                f"its {control} loop does not settle in the {_called(phase)}: a mode grows by "
+                f"{np.max(modes.real):.2g} 1/s"
+            )
+    return found
+
+
+def _spiral(vehicle: Vehicle, phase: Phase, positions: Array, gain: float) -> list[str]:
+    """Whether the turning part turns it as its linear gain [rad/s per unit] says."""
+    part = vehicle.steered("heading")
+    assert part is not None
+    named = dict(zip(vehicle.part_names, positions.tolist(), strict=True))
+    moved = STEERED * (part.high - part.rest)
+    try:
+        trim = FossenModel(vehicle).trim(positions={**named, part.name: part.rest + moved})
+    except (NoSteadyState, InputError) as error:
+        return [f"it does not steer in the {_called(phase)}: {error}"]
+    turn = trim.turn_rate_rad_s
+    if turn * gain * moved <= 0.0 or abs(turn) < LEAST_TURN:
+        return [
+            f"it does not steer in the {_called(phase)}: {part.name} moved by {moved:.3g} "
+            f"{part.unit} turns it by {math.degrees(turn):.3f} deg/s, small positions by "
+            f"{math.degrees(gain * moved):.3f}"
+        ]
+    return []
+
+
+def _flight(vehicle: Vehicle, phases: Sequence[Phase]) -> list[str]:
+    dive, climb = sorted(phases, key=lambda phase: phase.pitch)
+    rates = [abs(way_of(vehicle, phase).vertical_speed) for phase in (dive, climb)]
+    if min(rates) < FASTEST_RATE:
+        return [f"it moves by {100 * min(rates):.1f} cm/s only"]
+    deepest = float(np.clip(LONGEST * min(rates), SHORTEST * max(rates), 1000.0))
+    plan = Mission(
+        name="proof",
+        start_heading_deg=0.0,
+        ascent_pitch_deg=abs(math.degrees(climb.pitch)),
+        segments=(
+            SawTooth(
+                max_depth_m=10.0 + deepest,
+                min_depth_m=5.0,
+                pitch_deg=abs(math.degrees(dive.pitch)),
+                climb_pitch_deg=abs(math.degrees(climb.pitch)),
+                net_mass_kg=abs(dive.net_mass),
+                climb_net_mass_kg=abs(climb.net_mass),
+                heading_deg=COURSE,
+                yos=1,
+            ),
+        ),
+    )
+    # as dense as it feels to a hull that shrinks: the buoyancy of the trims all the way down
+    depth = np.array([0.0, 2000.0])
+    pressure = vehicle.reference_density * vehicle.gravity * depth
+    density = vehicle.reference_density / (1.0 - vehicle.hull_compressibility * pressure)
+    try:
+        flown = simulate(
+            Scenario(
+                vehicle=vehicle,
+                plan=plan,
+                density=DensityProfile(depth=depth, values=density),
+                sample_period=SAMPLE,
+            )
+        )
+    except SimulationUnstable as error:
+        return [f"it does not fly a dive and a climb: {error}"]
+    return [
+        *_held(flown["true_depth"], flown["true_heading"], flown["true_pitch"], phases, vehicle)
+    ]
+
+
+def _held(
+    depth: Array, heading: Array, pitch: Array, phases: Sequence[Phase], vehicle: Vehicle
+) -> list[str]:
+    bottom = int(np.argmax(depth))
+    end = bottom + int(np.argmax(depth[bottom:] < 6.0)) if (depth[bottom:] < 6.0).any() else 0
+    if end <= bottom:
+        return ["it does not come up from its dive"]
+    found = []
+    for phase in phases:
+        first, last = (bottom, end) if phase.pitch > 0.0 else (0, bottom)
+        judged = slice(int(last - PART * (last - first)), last - round(30.0 / SAMPLE))
+        wanted = [("pitch", math.degrees(phase.pitch), pitch[judged])]
+        if vehicle.steered("heading") is not None:
+            error = (heading[judged] - COURSE + 180.0) % 360.0 - 180.0 + COURSE
+            wanted.append(("heading", COURSE, error))
+        for name, target, values in wanted:
+            off, sd = float(np.mean(values) - target), float(np.std(values))
+            if abs(off) > MOST_ERROR or sd > MOST_SD:
+                found.append(
+                    f"its {name} does not settle in the {_called(phase)}: off by {off:.1f} deg on "
+                    f"average, standard deviation {sd:.1f} deg"
+                )
+    return found
