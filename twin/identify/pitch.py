@@ -120,6 +120,7 @@ PITCHING = (
         unit="1",
         meaning="pitch moment of angle of attack, K_M, over the Munk moment: -1 cancels it",
         spread=0.5,
+        channel="density",
         get=lambda c: c.vehicle.flow_frame.pitch_moment[1] / munk_pitch(c),
         set=_with_moment,
     ),
@@ -229,11 +230,14 @@ def balanced(logs: Sequence[Log], nominal: Calibration) -> Balance | None:
     seen = observations(logs, nominal)
     if seen is None:
         return None
-    centres = np.array([p.get(nominal) for p in PITCHING])
+    # without a CTD nobody knows how the buoyancy changes with depth, which this would take up
+    blind = any(log.density is None for log in logs)
+    parameters = tuple(p for p in PITCHING if not (blind and p.channel == "density"))
+    centres = np.array([p.get(nominal) for p in parameters])
 
     def calibrated(x: Array) -> Calibration:
         out = nominal
-        for parameter, centre, offset in zip(PITCHING, centres, x, strict=True):
+        for parameter, centre, offset in zip(parameters, centres, x, strict=True):
             out = parameter.at(out, float(centre), float(offset))
         return out
 
@@ -248,7 +252,7 @@ def balanced(logs: Sequence[Log], nominal: Calibration) -> Balance | None:
         return np.stack([(residual(x + s) - residual(x - s)) / (2 * STEP) for s in steps], axis=1)
 
     count = np.sqrt(LENGTH / INDEPENDENT)
-    x, scale = np.zeros(len(PITCHING)), float(np.deg2rad(3.0))
+    x, scale = np.zeros(len(parameters)), float(np.deg2rad(3.0))
     # the battery's zero first: from far off every pitch is near 90 deg and says nothing
     weights = np.full(len(seen.pitch), 1.0 / scale)
     for _ in range(PASSES):
@@ -259,7 +263,7 @@ def balanced(logs: Sequence[Log], nominal: Calibration) -> Balance | None:
     x = least_squares(residual, x, jac=jacobian, x_scale="jac", max_nfev=50).x
     return Balance(
         calibration=calibrated(x),
-        parameters=PITCHING,
+        parameters=parameters,
         centres=centres,
         offsets=x,
         jacobian=jacobian(x),

@@ -21,6 +21,7 @@ from twin.mission.segments import SawTooth
 from twin.mission.turning import turn_factor
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
+from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle
 from twin.water.density import DensityProfile
 
@@ -40,8 +41,10 @@ PART = 0.5
 """Last part of a dive and of a climb that is judged"""
 LONGEST, SHORTEST = 1500.0, 600.0
 """[s] of a dive and of a climb of the flight"""
-FASTEST_RATE = 0.02
-"""[m] of depth per second below which a vehicle does not fly"""
+START_DEPTH = 10.0
+"""[m]"""
+SLOWEST_RATE = 0.02
+"""[m/s] of depth below which a vehicle does not fly"""
 SAMPLE = 2.0
 """[s]"""
 
@@ -109,7 +112,7 @@ def _spiral(vehicle: Vehicle, phase: Phase, positions: Array, gain: float) -> li
 def _flight(vehicle: Vehicle, phases: Sequence[Phase]) -> list[str]:
     dive, climb = sorted(phases, key=lambda phase: phase.pitch)
     rates = [abs(way_of(vehicle, phase).vertical_speed) for phase in (dive, climb)]
-    if min(rates) < FASTEST_RATE:
+    if min(rates) < SLOWEST_RATE:
         return [f"it moves by {100 * min(rates):.1f} cm/s only"]
     deepest = float(np.clip(LONGEST * min(rates), SHORTEST * max(rates), 1000.0))
     plan = Mission(
@@ -118,7 +121,7 @@ def _flight(vehicle: Vehicle, phases: Sequence[Phase]) -> list[str]:
         ascent_pitch_deg=abs(math.degrees(climb.pitch)),
         segments=(
             SawTooth(
-                max_depth_m=10.0 + deepest,
+                max_depth_m=START_DEPTH + deepest,
                 min_depth_m=5.0,
                 pitch_deg=abs(math.degrees(dive.pitch)),
                 climb_pitch_deg=abs(math.degrees(climb.pitch)),
@@ -140,6 +143,7 @@ def _flight(vehicle: Vehicle, phases: Sequence[Phase]) -> list[str]:
                 plan=plan,
                 density=DensityProfile(depth=depth, values=density),
                 sample_period=SAMPLE,
+                start=_start(vehicle, dive),
             )
         )
     except SimulationUnstable as error:
@@ -147,6 +151,17 @@ def _flight(vehicle: Vehicle, phases: Sequence[Phase]) -> list[str]:
     return [
         *_held(flown["true_depth"], flown["true_heading"], flown["true_pitch"], phases, vehicle)
     ]
+
+
+def _start(vehicle: Vehicle, dive: Phase) -> Start:
+    """Gliding: what a vehicle does at the surface is not asked."""
+    state, positions = trimmed(vehicle, dive)
+    return Start(
+        depth=START_DEPTH,
+        pitch=float(state[7]),
+        v_rel=(float(state[0]), float(state[1]), float(state[2])),
+        actuators=tuple(map(float, positions)),
+    )
 
 
 def _held(
