@@ -278,7 +278,7 @@ def test_static_equilibrium(model):
     cg, _ = distribution(p, 0.001, 0.5)
     pitch = math.atan2(-cg[0], math.hypot(cg[1], cg[2]))
     q = euler_to_quaternion(math.atan2(cg[1], cg[2]), pitch, 1.0)
-    y = np.concatenate(([0.0, 0.0, DEEP], q, np.zeros(6)))
+    y = np.concatenate(([0.0, 0.0, DEEP], q, np.zeros(6), [10.0]))
     rate = derivative(p, np.zeros(0), 0.0, y, np.array([0.001, 0.5, 0.0]))
     np.testing.assert_allclose(rate, 0.0, atol=1e-13)
 
