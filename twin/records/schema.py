@@ -121,6 +121,17 @@ _TABLE: tuple[Variable, ...] = (
     Variable("true_density", "kg m-3", "in-situ density at the glider", "sea_water_density"),
     Variable("true_immersion", "1", "immersed fraction of the hull"),
     Variable(
+        "true_altitude",
+        "m",
+        "height of the centre of buoyancy above the sea floor",
+        "height_above_sea_floor",
+    ),
+    Variable(
+        "true_contact",
+        "1",
+        "1 where the vehicle has touched sea floor or obstacles since the sample before",
+    ),
+    Variable(
         "measured_roll",
         "degree",
         "roll by the attitude sensor, starboard down",
@@ -146,6 +157,12 @@ _TABLE: tuple[Variable, ...] = (
     Variable("measured_specific_force_z", "m s-2", "accelerometer, downward axis"),
     Variable("measured_pressure", "dbar", "sea pressure by the transducer", "sea_water_pressure"),
     Variable("measured_depth", "m", "depth that the vehicle computes from its pressure", "depth"),
+    Variable(
+        "measured_altitude",
+        "m",
+        "height above the sea floor by the altimeter; NaN without an echo",
+        "height_above_sea_floor",
+    ),
     Variable("measured_shift", "m", "battery position by its encoder"),
     Variable("measured_rotation", "degree", "battery rotation by its encoder"),
     Variable("measured_pump", "cm3", "pumped volume by its encoder"),
@@ -203,7 +220,12 @@ LOGGED_ONLY = frozenset(
 )
 """Variables that only stores of real logs hold; the twin does not simulate them."""
 
-SIMULATED: tuple[str, ...] = tuple(name for name in VARIABLES if name not in LOGGED_ONLY)
+WITH_FLOOR = ("true_altitude", "true_contact", "measured_altitude")
+"""Variables of simulated missions that have a sea floor; contact also of those with obstacles."""
+
+SIMULATED: tuple[str, ...] = tuple(
+    name for name in VARIABLES if name not in LOGGED_ONLY and name not in WITH_FLOOR
+)
 """Variables of every simulated mission, in storage order."""
 
 
