@@ -37,6 +37,7 @@ from twin.physics.native.effects import (
     part_volume,
     part_wrench,
 )
+from twin.physics.native.floor import follow_floor, note_contact
 from twin.physics.native.mass_matrix import add_added_mass, add_point_mass
 from twin.physics.native.memory import load_f8, load_i8
 from twin.physics.native.sample_log import run_log
@@ -306,6 +307,7 @@ def water(model, data):
     force[4] = my - (oz * fx - ox * fz)
     force[5] = mz - (ox * fy - oy * fx)
 
+    follow_floor(head, start, table, data, position, state)
     state.current[0], state.current[1], state.current[2] = cn, ce, cd
     state.current_rate[0], state.current_rate[1], state.current_rate[2] = rn, re, rd
     state.density = density
@@ -337,6 +339,7 @@ def control(model, data):
     if state.failed != 0.0:
         return
     time = load_f8(data + load_i8(table + 8 * at.D_TIME))
+    note_contact(table, data, state)
     if head.control != CONTROL_NONE:
         run_control(head, block_start(address, head), table, data, time, state)
     if head.log_period > 0.0:
