@@ -18,22 +18,7 @@ class Vehicles(JsonOption):
         from twin.mission.vehicle_table import shipped_vehicles
 
         lines = shipped_vehicles()
-        console.table(
-            [
-                {
-                    "vehicle": line.name,
-                    "mass kg": f"{line.mass_kg:.1f}",
-                    "pump cm3": f"{line.pump_low_cm3:.0f} to {line.pump_high_cm3:.0f}",
-                    "cm3/s": f"{line.pump_rate_cm3_s:g}",
-                    "turned by": line.turns_by,
-                    "usual pitch deg": f"{line.pitch_deg:.0f}",
-                    "net kg": f"{line.net_mass_kg:.2f}",
-                    "speed m/s": f"{line.speed_m_s:.2f}",
-                    "vertical m/s": f"{line.vertical_speed_m_s:.2f}",
-                }
-                for line in lines
-            ]
-        )
+        console.table([line.cells() for line in lines], title="Shipped vehicles in their usual glide")
         console.say()
         console.pairs({line.name: line.summary for line in lines})
         console.say()

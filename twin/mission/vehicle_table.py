@@ -60,6 +60,20 @@ class VehicleLine:
             source=vehicle.source,
         )
 
+    def cells(self) -> dict[str, str]:
+        """What a person reads of it, by the heading of its column."""
+        return {
+            "vehicle": self.name,
+            "mass kg": f"{self.mass_kg:.1f}",
+            "pump cm3": f"{self.pump_low_cm3:.0f} to {self.pump_high_cm3:.0f}",
+            "cm3/s": f"{self.pump_rate_cm3_s:g}",
+            "turned by": self.turns_by,
+            "pitch deg": f"{self.pitch_deg:.0f}",
+            "net mass kg": f"{self.net_mass_kg:.2f}",
+            "speed m/s": f"{self.speed_m_s:.2f}",
+            "down m/s": f"{self.vertical_speed_m_s:.2f}",
+        }
+
 
 def shipped_vehicles() -> list[VehicleLine]:
     """Every shipped vehicle, by name."""
