@@ -191,6 +191,11 @@ class Part:
     fossen_wrench: ClassVar[Kernel | None] = None
     """(values, place (3,), position, nu_r (6,), density, depth) -> wrench (6,) about the CB."""
 
+    def displaced(self, position: float) -> float:
+        """Volume [m3] that it adds to the neutral one at a position; 0 without a kernel."""
+        kernel = type(self).fossen_volume
+        return 0.0 if kernel is None else 1e-6 * float(kernel(np.array(self.values()), position))
+
     def wrench(self, position: float, nu_r: Array, density: float, depth: float) -> Array:
         """Force [N] and moment [N m] about the CB at a position, shape (6,); 0 without a kernel.
 
