@@ -18,7 +18,9 @@ class Vehicles(JsonOption):
         from twin.mission.vehicle_table import shipped_vehicles
 
         lines = shipped_vehicles()
-        console.table([line.cells() for line in lines], title="Shipped vehicles in their usual glide")
+        console.table(
+            [line.cells() for line in lines], title="Shipped vehicles in their usual glide"
+        )
         console.say()
         console.pairs({line.name: line.summary for line in lines})
         console.say()

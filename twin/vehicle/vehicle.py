@@ -32,7 +32,7 @@ CONTROLS = ("pitch", "heading", "buoyancy", "speed")
 """What guidance steers, each with one part of the vehicle that can."""
 
 
-USUAL_GLIDE = (math.radians(35.0), 0.3)
+USUAL_GLIDE = (math.radians(30.0), 0.3)
 """[rad], [kg] of vehicles whose files do not say: the Sea-Wing's"""
 
 SPREAD = "spread."
