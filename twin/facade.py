@@ -18,6 +18,7 @@ from twin.mission.schedule import Schedule
 from twin.mission.shipped import load_mission_for, usual_mission
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
 from twin.physics.simulation import simulate as fly
+from twin.records.attributes import SENSOR_SUITE
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.base import Current
@@ -116,14 +117,28 @@ def simulate(
         raise InputError("seed and bottom_depth are for the sensors: give sensors too")
     trajectory = fly(scenario, controller)
     provenance: dict[str, Any] = {**trajectory.provenance, **provenance_of(scenario)}
-    signals = trajectory.signals
-    if suite is not None:
-        measured, drawn = _measure(suite, scenario, trajectory, seed, bottom_depth)
-        signals = {**signals, **measured}
-        provenance["sensor_suite"] = json.dumps(
-            {"settings": suite.settings(), "drawn": drawn, "seed": seed}
-        )
-    return dataclasses.replace(trajectory, signals=signals, provenance=provenance)
+    trajectory = dataclasses.replace(trajectory, provenance=provenance)
+    if suite is None:
+        return trajectory
+    return with_sensors(trajectory, scenario, suite, seed=seed, bottom_depth=bottom_depth)
+
+
+def with_sensors(
+    trajectory: Trajectory,
+    scenario: Scenario,
+    suite: SensorSuite,
+    *,
+    seed: int = 0,
+    bottom_depth: float | None = None,
+) -> Trajectory:
+    """The trajectory with what the sensors measured, and their settings in its provenance."""
+    measured, drawn = _measure(suite, scenario, trajectory, seed, bottom_depth)
+    said = json.dumps({"settings": suite.settings(), "drawn": drawn, "seed": seed})
+    return dataclasses.replace(
+        trajectory,
+        signals={**trajectory.signals, **measured},
+        provenance={**trajectory.provenance, SENSOR_SUITE: said},
+    )
 
 
 def provenance_of(scenario: Scenario) -> dict[str, str]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from twin.physics.scenario import Scenario
     from twin.physics.simulation import Simulation
     from twin.records.trajectory import Trajectory
+    from twin.sensors import SensorSuite
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +47,11 @@ class Simulate(JsonOption):
     """MuJoCo integrator; default: the vehicle file's. The implicit ones need a step of 0.02 s"""
     sample_period: float = 0.5
     """seconds between stored samples"""
+    sensors: str | None = None
+    """sensor suite, such as ideal or field: adds what its devices measure to the store and the
+    plots; docs/sensors.md lists all. Default: none"""
+    seed: int = 0
+    """of the sensors' random draws"""
     out: Path | None = None
     """write the trajectory to this zarr store"""
     overwrite: bool = False
@@ -60,6 +67,7 @@ class Simulate(JsonOption):
         from twin.records.store import prepare_target
 
         scenario = self._scenario()
+        suite = self._suite()
         check_plot_path(self.plot)
         if self.out is not None:
             prepare_target(self.out, overwrite=self.overwrite)
@@ -72,6 +80,15 @@ class Simulate(JsonOption):
                 self._write(scenario, error.partial)
                 console.note(f"the samples before it are in {self.out}")
             raise
+        if suite is not None:
+            from twin.facade import with_sensors
+
+            trajectory = with_sensors(trajectory, scenario, suite, seed=self.seed)
+            if "measured_temperature" not in trajectory:
+                console.note(
+                    "the CTD measured nothing: this water column has only density; fly in "
+                    "--density thermocline, or a file with temperature and salinity"
+                )
         if self.out is not None:
             self._write(scenario, trajectory)
         if self.plot is not None:
@@ -79,6 +96,18 @@ class Simulate(JsonOption):
         self._warn(console, simulation, trajectory)
         self._report(console, scenario, trajectory)
         return 0
+
+    def _suite(self) -> SensorSuite | None:
+        """The sensors; refused before anything is flown."""
+        from twin.errors import InputError
+
+        if self.sensors is not None:
+            from twin.sensors import SensorSuite
+
+            return SensorSuite.preset(self.sensors)
+        if self.seed != 0:
+            raise InputError("--seed is for the sensors: give --sensors too, such as field")
+        return None
 
     def _warn(self, console: Console, simulation: Simulation, trajectory: Trajectory) -> None:
         """Say when the mission was not flown, or left the gridded current's file."""
@@ -193,6 +222,7 @@ class Simulate(JsonOption):
                     f"{part} (min, max)": f"{f['min']:z.4g}, {f['max']:z.4g} {f['units']}"
                     for part, f in figures["parts"].items()
                 },
+                "energy": _energy(figures),
                 "samples": figures["samples"],
             },
             title=title,
@@ -209,6 +239,14 @@ def _place(scenario: Scenario) -> str | None:
         return None
     date = "" if place.time is None else f", {place.time} UTC"
     return f"latitude {place.latitude_deg:g}, longitude {place.longitude_deg:g}{date}"
+
+
+def _energy(figures: dict[str, Any]) -> str:
+    """Energy in all, per way over ground, and of each part."""
+    shares = ", ".join(f"{name} {kilo:.3g}" for name, kilo in figures["energy_kJ"].items())
+    total, per_km = figures["total_energy_kJ"], figures["energy_per_km_kJ"]
+    way = f", {per_km:.3g} kJ per km over ground" if math.isfinite(per_km) else ""
+    return f"{total:.3g} kJ{way} ({shares})"
 
 
 PLOT_FORMATS = (".png", ".pdf", ".svg")
