@@ -10,7 +10,7 @@ PROGRAM = Program(
     commands=(
         Command(
             name="vehicles",
-            summary="the shipped vehicles: mass, pump, speed, source",
+            summary="those that are shipped, how fast they glide, where their numbers are from",
             loader="twin.commands.vehicles:Vehicles",
         ),
         Command(

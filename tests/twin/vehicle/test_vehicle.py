@@ -174,7 +174,7 @@ def test_unknown_vehicle_offers_the_nearest():
 
 
 def test_a_makers_name_brings_up_its_vehicles():
-    with pytest.raises(VehicleError, match="slocum-1000 or slocum-200.*'graver-2005'"):
+    with pytest.raises(VehicleError, match=r"slocum-1000 or slocum-200.*'graver-2005'"):
         load_vehicle("slocum")
 
 
