@@ -16,6 +16,7 @@ from twin.mission import Mission
 from twin.mission.controller import Controller
 from twin.mission.schedule import Schedule
 from twin.mission.shipped import load_mission_for, usual_mission
+from twin.physics.ballast import weighed
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
 from twin.physics.simulation import simulate as fly
 from twin.records.attributes import SENSOR_SUITE
@@ -40,6 +41,9 @@ def simulate(
     mission: str | Path | Mission | Schedule | None = None,
     current: str | Current | None = None,
     density: str | Path | DensityProfile | None = None,
+    ballast_at: float | None = None,
+    mass: float | None = None,
+    compressibility: float | None = None,
     duration: float | None = None,
     start: Start | Mapping[str, Any] | None = None,
     origin: Origin | None = None,
@@ -62,6 +66,10 @@ def simulate(
       current: as text, such as "uniform:0.1,-0.05" (north, east [m/s]), or an object; parts are
         added with +.
       density: "constant", "thermocline", a CSV file, or a DensityProfile.
+      ballast_at: [m] of this water where the vehicle is neutral; None takes water of the reference
+        density at the surface.
+      mass: [kg] of the whole vehicle, whose hull keeps its volume; None takes the file's.
+      compressibility: [1/Pa] of the hull; None takes the file's.
       duration: [s]; None takes the mission's own.
       start: where, when and how the run begins: a Start, or some of its fields by name, such as
         {"latitude": 49.0, "longitude": -16.0, "time": "2003-08-01"}; None takes the mission's.
@@ -88,8 +96,12 @@ def simulate(
         flown = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(str(vehicle))
         if mission is None and controller is None:
             mission = usual_mission(flown)
+        flown, ballast = weighed(
+            flown, ballast_at=ballast_at, mass=mass, compressibility=compressibility
+        )
         scenario = Scenario(
             vehicle=flown,
+            ballast=ballast,
             plan=load_mission_for(flown, mission) if isinstance(mission, str | Path) else mission,
             duration=duration,
             start=start,

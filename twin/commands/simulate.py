@@ -32,7 +32,16 @@ class Simulate(JsonOption):
     grid:FILE.nc,lat=49,lon=-16,time=2000-01-05; parts are added with +; docs/currents.md lists
     all kinds and settings"""
     density: str = "constant"
-    """constant, thermocline, or a CSV file with depth and density columns"""
+    """constant, thermocline, or a CSV file with depth [m] and density [kg/m3] columns, or depth,
+    temperature [degC] and salinity, whose density is that of the start's latitude and longitude"""
+    ballast_at: float | None = None
+    """depth [m] of this water at which the vehicle is neutral; default: neutral in water of the
+    reference density at the surface"""
+    mass: float | None = None
+    """kilograms of the whole vehicle; its hull keeps its volume, or with --ballast-at is neutral
+    there. Default: the vehicle file's"""
+    compressibility: float | None = None
+    """part of the hull's volume lost per pascal, such as 4e-10; default: the vehicle file's"""
     start: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[,TIME]")] = None
     """where and when it begins: degrees north and east, and UTC, such as
     49,-16,2003-08-01T00:00. Gridded currents, density and the store use it;
@@ -135,6 +144,7 @@ class Simulate(JsonOption):
         import dataclasses
 
         from twin.mission.shipped import load_mission_for
+        from twin.physics.ballast import weighed
         from twin.physics.scenario import Scenario
         from twin.physics.start import parse_place
         from twin.vehicle.vehicle import load_vehicle
@@ -142,9 +152,16 @@ class Simulate(JsonOption):
         from twin.water.density_spec import parse_density
 
         vehicle = load_vehicle(self.vehicle)
+        vehicle, ballast = weighed(
+            vehicle,
+            ballast_at=self.ballast_at,
+            mass=self.mass,
+            compressibility=self.compressibility,
+        )
         mission = load_mission_for(vehicle, self.mission)
         scenario = Scenario(
             vehicle=vehicle,
+            ballast=ballast,
             plan=mission,
             duration=self.duration,
             start=None if self.start is None else parse_place(self.start),
