@@ -14,7 +14,7 @@ from learn.evaluation.uncertainty import ErrorModel
 from learn.report.build import build_page
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation
-from learn.report.page import Page
+from twin.plot.page import Page
 from learn.report.shown import Showcase
 from learn.report.tables import (
     ablation_rows,
@@ -80,7 +80,7 @@ def page(judged, tmp_path_factory):
         command="learn fit",
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("learn.report.page.DPI", 30)
+        patch.setattr("twin.plot.page.DPI", 30)
         return build_page(folder, contents)
 
 
