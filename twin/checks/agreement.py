@@ -23,7 +23,9 @@ from twin.records.trajectory import Trajectory
 from twin.vehicle.mjcf import MjcfReader
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.base import Current
+from twin.water.current.gauss_markov import GaussMarkov
 from twin.water.current.profile import Profile
+from twin.water.current.tide import TidalEllipse, Tide
 from twin.water.current.uniform import Uniform
 
 Array = NDArray[np.float64]
@@ -41,11 +43,15 @@ MUJOCO_STEP = 0.002
 """[s] of a file that says none"""
 SHEAR = 0.2
 """[m/s] per 100 m, RMS of each drawn component"""
+TIDE = 0.5
+"""[m/s] amplitude of the tide"""
+WANDER = 0.1
+"""[m/s] standard deviation of a current that changes within 10 min"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Manoeuvre:
-    """A random open-loop manoeuvre: actuator steps in a sheared current."""
+    """A random open-loop manoeuvre: actuator steps in a sheared current that changes in time."""
 
     seed: int
     schedule: Schedule
@@ -78,7 +84,10 @@ class Difference:
 
 
 def draw_manoeuvre(vehicle: Vehicle, seed: int, duration: float = DURATION) -> Manoeuvre:
-    """Actuator steps every 60 to 150 s, dives, climbs and spirals mixed, sheared current."""
+    """Actuator steps every 60 to 150 s, dives, climbs and spirals mixed.
+
+    The current is sheared, wanders and has a tide.
+    """
     rng = np.random.default_rng([seed, 2013])
     order = sorted(range(len(vehicle.parts)), key=lambda k: vehicle.parts[k].turn)
     time, times, commands = 0.0, [], []
@@ -94,8 +103,26 @@ def draw_manoeuvre(vehicle: Vehicle, seed: int, duration: float = DURATION) -> M
         heavy = heavy if rng.random() < 0.5 else -heavy
     depths = np.linspace(START_DEPTH - 400.0, START_DEPTH + 400.0, 9)
     profile = rng.normal(0.0, SHEAR, (2, depths.size))
-    current = Uniform(north=float(rng.normal(0, 0.1)), east=float(rng.normal(0, 0.1))) + Profile(
-        depth=tuple(depths), north=tuple(profile[0]), east=tuple(profile[1])
+    current: Current = Uniform(
+        north=float(rng.normal(0, 0.1)), east=float(rng.normal(0, 0.1))
+    ) + Profile(depth=tuple(depths), north=tuple(profile[0]), east=tuple(profile[1]))
+    current += Tide(
+        ellipses=(
+            TidalEllipse(
+                constituent="M2",
+                semi_major=TIDE,
+                direction_deg=float(rng.uniform(0.0, 360.0)),
+                phase_deg=float(rng.uniform(0.0, 360.0)),
+            ),
+        )
+    )
+    current += GaussMarkov(
+        speed=0.0,
+        speed_std=WANDER,
+        direction_deg=float(rng.uniform(0.0, 360.0)),
+        direction_std_deg=60.0,
+        correlation_time=600.0,
+        seed=seed,
     )
     start = Start(
         depth=START_DEPTH,

@@ -13,7 +13,16 @@ cancels and only the current's own rate along the path remains (Fossen 2011, pro
 
     (M_RB + M_A) dnu_r = -(C_RB + C_A(nu_r)) nu_r - D(nu_r) nu_r - g(eta) - M_RB [R^T dV_c/dt; 0].
 
-A uniform current then changes nothing but the track, to the last bit but rounding.
+A uniform, steady current then changes nothing but the track, to the last bit but rounding.
+
+Water that accelerates or shears does more (Thomasson and Woolsey 2013; docs/physics.md):
+
+- the pressure gradient of the water's own acceleration acts on the displaced mass m_d, the
+  Froude-Krylov force m_d (dV_c/dt + (grad V_c) V_c);
+- the impulse of the added mass is strained: -G^T h_1, with G = R^T (grad V_c) R and
+  h = M_A nu_w;
+- nu_w = (v_r, omega - (G_32, -G_31, G_21)) is the motion through water that turns under the hull:
+  damping, parts and the added mass's impulse take it, rigid-body terms do not.
 """
 
 from __future__ import annotations
@@ -46,10 +55,12 @@ from twin.fossen.matrices import (
     times,
     transposed_times,
 )
-from twin.water.current.sampler import sample
+from twin.water.current.sampler import sample_gradient
 
 Array = NDArray[np.float64]
 
+FASTEST = 20.0
+"""[m/s] through the water: what is faster has left physics"""
 STATE_SIZE = 13
 POSITION = slice(0, 3)
 QUATERNION = slice(3, 7)
@@ -71,12 +82,16 @@ def actuator_position(start: float, command: float, lag: float, rate: float, ela
 
 @jit
 def actuators_after(start: Array, command: Array, law: Array, elapsed: float) -> Array:
-    """Positions of the parts after `elapsed` [s]; `law` rows: min, max, lag, rate, one way."""
+    """Positions of the parts after `elapsed` [s]; `law` rows: min, max, lag, rate, one way.
+
+    A command beyond the travel is one to its end: the lag acts on what is left to go.
+    """
     position = np.empty(start.size)
     for i in range(start.size):
-        wanted = min(command[i], start[i]) if law[4, i] != 0.0 else command[i]
-        free = actuator_position(start[i], wanted, law[2, i], law[3, i], elapsed)
-        position[i] = min(max(free, law[0, i]), law[1, i])
+        wanted = min(max(command[i], law[0, i]), law[1, i])
+        if law[4, i] != 0.0:
+            wanted = min(wanted, start[i])
+        position[i] = actuator_position(start[i], wanted, law[2, i], law[3, i], elapsed)
     return position
 
 
@@ -105,6 +120,21 @@ def mass_distribution(p: Parameters, positions: Array):  # type: ignore[no-untyp
 
 
 @jit
+def turned_water(nu_r: Array, gradient: Array) -> Array:
+    """nu_w, shape (6,): motion through the water as its gradient turns it under the hull.
+
+    `gradient` (3, 3) [1/s] is G in body axes. At a place x ahead of the CB the water's velocity
+    differs by G (x, 0, 0): across the hull like a yaw rate G_21 and a pitch rate -G_31 of the
+    water; along the wings, at (0, y, 0), like a roll rate G_32.
+    """
+    nu_w = nu_r.copy()
+    nu_w[3] -= gradient[2, 1]
+    nu_w[4] += gradient[2, 0]
+    nu_w[5] -= gradient[1, 0]
+    return nu_w
+
+
+@jit
 def acceleration(  # type: ignore[no-untyped-def]
     p: Parameters,
     down: Array,
@@ -112,23 +142,29 @@ def acceleration(  # type: ignore[no-untyped-def]
     nu_r: Array,
     positions: Array,
     displaced: float,
-    current_rate: Array,
+    density: float,
+    path_rate: Array,
+    water_rate: Array,
+    gradient: Array,
 ):
     """dnu_r/dt, shape (6,).
 
     `down` (3,) is the NED down axis in body axes, `positions` (parts,) those of the parts,
-    `displaced` [kg] the mass of displaced water of the immersed hull, `current_rate` (3,) the body
-    components of dV_c/dt [m/s2].
+    `displaced` [kg] the mass of displaced water of the immersed hull, `density` [kg/m3] the
+    water's. Of the current, in body axes: `path_rate` (3,) is dV_c/dt along the vehicle's path
+    [m/s2], `water_rate` (3,) that along the water's own, `gradient` (3, 3) [1/s].
     """
     mass, moment, inertia = mass_distribution(p, positions)
     cg = moment / mass
     m_rb = rigid_body_mass(mass, cg, inertia)
     coriolis = rigid_body_coriolis(mass, cg, inertia, nu_r[3:])
-    if p.coupling != 0.0:  # else the hull law holds it
-        coriolis += added_mass_coriolis(p.added_mass, nu_r)
     g, immersion = restoring(p, down, depth, mass, moment, displaced)
-    force = immersion * damping_wrench(p, nu_r) - g - times(coriolis, nu_r)
-    force += parts_wrench(p, positions, nu_r, density_at(p, depth), depth, down)
+    m_a = p.added_mass * (immersion * density / p.reference_density)
+    nu_w = turned_water(nu_r, gradient)
+    if p.coupling != 0.0:  # else the hull law holds it
+        coriolis += added_mass_coriolis(m_a, nu_w)
+    force = immersion * damping_wrench(p, nu_w, density) - g - times(coriolis, nu_r)
+    force += parts_wrench(p, positions, nu_w, density, depth, down)
     # buoyancy of pumped volume acts where it is: its lever x up
     volume, lever = pumped(p, positions)
     if lever[0] != 0.0 or lever[1] != 0.0 or lever[2] != 0.0:
@@ -136,10 +172,22 @@ def acceleration(  # type: ignore[no-untyped-def]
         force[3] -= weight * (lever[1] * down[2] - lever[2] * down[1])
         force[4] -= weight * (lever[2] * down[0] - lever[0] * down[2])
         force[5] -= weight * (lever[0] * down[1] - lever[1] * down[0])
+    impulse = times(m_a, nu_w)
+    force[:3] += immersion * displaced * water_rate - transposed_times(gradient, impulse[:3])
     for i in range(6):
         for j in range(3):
-            force[i] -= m_rb[i, j] * current_rate[j]
-    return solve_positive_definite(m_rb + p.added_mass, force)
+            force[i] -= m_rb[i, j] * path_rate[j]
+    return solve_positive_definite(m_rb + m_a, force)
+
+
+@jit
+def still_acceleration(  # type: ignore[no-untyped-def]
+    p: Parameters, down: Array, depth: float, nu_r: Array, positions: Array, displaced: float
+):
+    """`acceleration`, shape (6,), in still water of the reference density."""
+    still = np.zeros(3)
+    density, gradient = p.reference_density, np.zeros((3, 3))
+    return acceleration(p, down, depth, nu_r, positions, displaced, density, still, still, gradient)
 
 
 @jit
@@ -147,18 +195,17 @@ def derivative(p: Parameters, program: Array, t: float, y: Array, actuators: Arr
     """dy/dt at time `t` [s] for positions of the parts, (parts,)."""
     rotation = rotation_from_quaternion(y[3:7])
     nu_r = y[7:13]
-    v_water = times(rotation, nu_r[:3])
-    # The current's velocity does not depend on the vehicle's; its rate along the path does.
-    still = sample(program, t, y[0], y[1], y[2], 0.0, 0.0, 0.0)
-    v_north = v_water[0] + still[0]
-    v_east = v_water[1] + still[1]
-    v_down = v_water[2] + still[2]
-    moving = sample(program, t, y[0], y[1], y[2], v_north, v_east, v_down)
-    rate = np.empty(3)
-    rate[0], rate[1], rate[2] = moving[3], moving[4], moving[5]
+    flow = np.array(sample_gradient(program, t, y[0], y[1], y[2]))
+    gradient = flow[6:].reshape((3, 3))
+    velocity = times(rotation, nu_r[:3]) + flow[:3]
+    path_rate = flow[3:6] + times(gradient, velocity)
+    water_rate = flow[3:6] + times(gradient, flow[:3])
+    body_gradient = np.empty((3, 3))
+    for j in range(3):
+        body_gradient[:, j] = transposed_times(rotation, times(gradient, rotation[:, j].copy()))
 
     dy = np.empty(13)
-    dy[0], dy[1], dy[2] = v_north, v_east, v_down
+    dy[:3] = velocity
     dy[3:7] = quaternion_rate(y[3:7], nu_r[3:])
     dy[7:13] = acceleration(
         p,
@@ -167,7 +214,10 @@ def derivative(p: Parameters, program: Array, t: float, y: Array, actuators: Arr
         nu_r,
         actuators,
         displaced_mass(p, y[2], pumped(p, actuators)[0]),
-        transposed_times(rotation, rate),
+        density_at(p, y[2]),
+        transposed_times(rotation, path_rate),
+        transposed_times(rotation, water_rate),
+        body_gradient,
     )
     return dy
 
@@ -187,7 +237,7 @@ def integrate(  # type: ignore[no-untyped-def]
 
     `breakpoints` (n,) [s] are all sample and command times, `commands` (n - 1, parts) hold between
     them; each interval is cut in equal steps of at most `dt`, so that no step straddles a
-    command. Returns (states (n, 13), actuators (n, parts), rows that are finite).
+    command. Returns (states (n, 13), actuators (n, parts), rows before it failed, if it did).
     """
     n = breakpoints.size
     states = np.empty((n, 13))
@@ -213,8 +263,10 @@ def integrate(  # type: ignore[no-untyped-def]
             y = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
             y[3:7] /= np.sqrt(y[3] ** 2 + y[4] ** 2 + y[5] ** 2 + y[6] ** 2)
             here = there
-        if not np.all(np.isfinite(y)):
-            return states, positions, row + 1
+            speed2 = y[7] ** 2 + y[8] ** 2 + y[9] ** 2
+            turn2 = (y[10] ** 2 + y[11] ** 2 + y[12] ** 2) * h**2
+            if not (np.all(np.isfinite(y)) and speed2 <= FASTEST**2 and turn2 <= 1.0):
+                return states, positions, row + 1
         held = here.copy()
         states[row + 1] = y
         positions[row + 1] = held

@@ -54,6 +54,8 @@ class Parameters(NamedTuple):
     """1: the added mass's own coupling acts, 0: it is in the law"""
     law: float
     """code in the registry of hull laws"""
+    law_scaled: float
+    """1: its coefficients hold the reference density, 0: it takes the water's"""
     law_values: Array
     density_depth: Array
     density_value: Array
@@ -95,6 +97,7 @@ def parameters_of(vehicle: Vehicle, density_depth: Array, density_value: Array) 
         added_mass=array(vehicle.added_mass),
         coupling=float(vehicle.added_mass_coupling),
         law=float(LAWS.code(vehicle.law.kind)),
+        law_scaled=float(vehicle.law.density_in_coefficients),
         law_values=array(vehicle.law.values()),
         density_depth=array(density_depth),
         density_value=array(density_value),
@@ -159,9 +162,15 @@ part_mass = generate(
 
 
 @jit
-def damping_wrench(p: Parameters, nu_r: Array) -> Array:
-    """-D(nu_r) nu_r of the hull: force [N] and moment [N m] about the CB, shape (6,), body FRD."""
-    return law_wrench(int(p.law), p.law_values, p.reference_density, nu_r)
+def damping_wrench(p: Parameters, nu_r: Array, density: float) -> Array:
+    """-D(nu_r) nu_r of the hull: force [N] and moment [N m] about the CB, shape (6,), body FRD.
+
+    `density` [kg/m3] is that of the water; coefficients that hold the reference density scale.
+    """
+    tau = law_wrench(int(p.law), p.law_values, density, nu_r)
+    if p.law_scaled != 0.0:
+        tau *= density / p.reference_density
+    return tau
 
 
 @jit
@@ -204,18 +213,21 @@ def mass_position(row: Array, positions: Array) -> Array:
 
 
 @jit
-def smoothstep(x: float) -> float:
-    """3 x^2 - 2 x^3 between 0 and 1, constant outside."""
-    x = min(max(x, 0.0), 1.0)
-    return x * x * (3.0 - 2.0 * x)
+def wet_section(below: float, diameter: float) -> float:
+    """Part of a circle's area under the surface when its lowest point is `below` [m] deep.
+
+    The segment of the half angle a, cos a = 1 - below / radius, has (a - sin a cos a) / pi of it.
+    """
+    cosine = min(max(1.0 - 2.0 * below / diameter, -1.0), 1.0)
+    half = np.arccos(cosine)
+    return (half - np.sin(half) * cosine) / np.pi
 
 
 @jit
 def strip_immersion(p: Parameters, depth: float, slope: float, strip: int):  # type: ignore[no-untyped-def]
     """(x [m], immersed fraction) of one strip; `slope` is the depth gained per metre forward."""
     x = p.hull_length * ((strip + 0.5) / STRIPS - 0.5)
-    fraction = smoothstep((depth + x * slope + 0.5 * p.hull_diameter) / p.hull_diameter)
-    return x, fraction
+    return x, wet_section(depth + x * slope + 0.5 * p.hull_diameter, p.hull_diameter)
 
 
 @jit

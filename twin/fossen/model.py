@@ -151,8 +151,9 @@ class FossenModel:
         trajectory = self._trajectory(breakpoints[kept], states[kept], actuators[kept])
         if done < breakpoints.size:
             raise SimulationUnstable(
-                f"the Fossen model of vehicle {self.vehicle.name!r} left the finite numbers "
-                f"before {breakpoints[done]:g} s (dt {dt:g} s): use a smaller dt or a slower start",
+                f"the Fossen model of vehicle {self.vehicle.name!r} left what can be "
+                f"(20 m/s, one radian a step) before {breakpoints[done]:g} s (dt {dt:g} s): use a "
+                "smaller dt or a slower start",
                 mission=0,
                 time_s=float(breakpoints[done]),
                 partial=trajectory,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import NoSteadyState
-from twin.fossen.equations import acceleration, mass_distribution
+from twin.fossen.equations import mass_distribution, still_acceleration
 from twin.fossen.forces import Parameters, damping_wrench, pumped
 from twin.physics.steady_motion import DISTINCT_ROOTS, Trim, solve_steady_state
 
@@ -115,8 +115,7 @@ class SteadyProblem:
         return 0.0 if self.turning is None else float(self.positions[self.turning])
 
     def _acceleration(self, nu_r: Array, down: Array) -> Array:
-        no_current = np.zeros(3)
-        return acceleration(self.p, down, DEEP, nu_r, self.positions, self._displaced, no_current)
+        return still_acceleration(self.p, down, DEEP, nu_r, self.positions, self._displaced)
 
     @staticmethod
     def nu_r(x: Array) -> Array:
@@ -159,7 +158,7 @@ class SteadyProblem:
         side = math.copysign(1.0, self.net_mass)
         speed, pitch = 1.0, math.nan
         for turn in range(SPEED_ROUNDS):
-            wrench = damping_wrench(self.p, speed * unit) / speed**2
+            wrench = damping_wrench(self.p, speed * unit, self.p.reference_density) / speed**2
             resultant = math.hypot(wrench[0], wrench[2])
             if side * wrench[2] >= 0.0:
                 return None

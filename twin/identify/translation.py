@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from twin.compiled import inline, jit
 from twin.errors import InputError
-from twin.vehicle.laws.flow_frame import flow_functions
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -121,14 +120,28 @@ def fly(
 
 
 @inline
+def _bounded(angle, linear_angle, blend_angle):  # type: ignore[no-untyped-def]
+    """(odd, square, one): angle, angle^2 and 1 in the identified range, bounded beyond it."""
+    x = (abs(angle) - linear_angle) / (blend_angle - linear_angle)
+    x = min(max(x, 0.0), 1.0)
+    s = x * x * (3.0 - 2.0 * x)
+    sine, cosine = np.sin(angle), np.cos(angle)
+    return (
+        (1.0 - s) * angle + s * sine * cosine,
+        (1.0 - s) * angle * angle + s * sine * sine,
+        (1.0 - s) + s * cosine,
+    )
+
+
+@inline
 def _acceleration(mass, inverse, c, weight, immersion, roll, pitch, p, q, r, u, v, w):  # type: ignore[no-untyped-def]
     """d(u, v, w)/dt [m/s2] from the weight [N], the attitude and the rates; no allocation."""
     square = u * u + v * v + w * w
     speed = np.sqrt(square)
     alpha = np.arctan2(w, u)
     beta = np.arcsin(min(max(v / speed, -1.0), 1.0)) if speed > 0.0 else 0.0
-    odd, alpha_square, one, _ = flow_functions(alpha, c[5], c[6])
-    beta_odd, _, _, _ = flow_functions(beta, c[5], c[6])
+    odd, alpha_square, one = _bounded(alpha, c[5], c[6])
+    beta_odd, _, _ = _bounded(beta, c[5], c[6])
     pressure = square * immersion
     drag = -(c[0] + c[1] * alpha_square) * pressure
     side = c[4] * beta_odd * pressure

@@ -89,7 +89,9 @@ def compile_model(
     except ValueError as error:
         raise VehicleError(f"{_label(vehicle)}: {_first_line(error)}") from error
     _check_free_joint(spec, vehicle)
+    spec.option.gravity = [0.0, 0.0, -vehicle.gravity]
     _write_inertia(spec, vehicle)
+    _write_parts(spec, vehicle)
     if lean:
         _strip(spec)
     if timestep is None and isinstance(vehicle.law, Ellipsoids):
@@ -202,6 +204,7 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int
         "coupling": float(vehicle.added_mass_coupling),
         "rotary_inertia": np.diag(inertia) + np.diag(added_mass)[3:],
         "law": LAWS.code(vehicle.law.kind),
+        "law_scaled": float(vehicle.law.density_in_coefficients),
         "acting": float(any(_acts(part) for part in vehicle.parts)),
         "control_period": vehicle.control_period,
         "log_ring": ring,
@@ -232,7 +235,7 @@ def _acts(part: Part) -> bool:
 def _part_rows(vehicle: Vehicle, model: mujoco.MjModel) -> np.ndarray:
     """The parts as numbers, shape (parts * PART_WORDS,)."""
     rows = np.zeros(len(vehicle.parts), b.PART)
-    for row, part in zip(rows, vehicle.parts, strict=True):
+    for index, (row, part) in enumerate(zip(rows, vehicle.parts, strict=True)):
         kind, values = type(part), part.values()
         if len(values) > b.VALUES:
             raise VehicleError(
@@ -244,6 +247,10 @@ def _part_rows(vehicle: Vehicle, model: mujoco.MjModel) -> np.ndarray:
         row["lag"] = _step_lag(part.lag, model)
         row["place"], row["rest"] = part.position, part.rest
         row["values"][: len(values)] = values
+        row["dof"] = -1.0
+        if model.actuator_trntype[index] == mujoco.mjtTrn.mjTRN_JOINT:
+            row["dof"] = model.jnt_dofadr[model.actuator_trnid[index, 0]]
+            row["servo_damping"] = -model.actuator_biasprm[index, 2]
         for effect in ("volume", "mass", "wrench"):
             row[f"gives_{effect}"] = float(getattr(kind, f"native_{effect}") is not None)
     return rows.view(np.float64).ravel()
@@ -312,8 +319,18 @@ def _write_inertia(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
         else:
             body.inertia = np.diag(i)
     for mass in vehicle.masses:
-        body = spec.body(mass.name)
-        body.pos = [mass.neutral_x, body.pos[1], body.pos[2] * 0.0]
+        spec.body(mass.name).pos = [mass.neutral_x, 0.0, 0.0]
+
+
+def _write_parts(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
+    """Make the spec's travels and places those of `vehicle`."""
+    for part in vehicle.parts:
+        actuator = spec.actuator(part.name)
+        actuator.actrange = actuator.ctrlrange = [part.low, part.high]
+        if part.joint is None:
+            spec.site(actuator.target).pos = flip_vector(np.array(part.position))
+    for name, place in (("imu", vehicle.imu_position), ("gps", vehicle.gps_position)):
+        spec.site(name).pos = flip_vector(place)
 
 
 def _strip(spec: mujoco.MjSpec) -> None:

@@ -121,14 +121,18 @@ def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass
             reader.fail(
                 f"body {name!r} <inertial pos>", "on its own vertical axis: '0 0 -eccentricity'"
             )
-        place = reader.vector(body, "pos", 3, default="0 0 0") + own
+        place = reader.vector(body, "pos", 3, default="0 0 0")
+        if not np.allclose(place[1:], 0, atol=1e-12):
+            reader.fail(
+                f"body {name!r} pos", "on the hull's axis: 'X 0 0', about which its hinge turns"
+            )
         masses.append(
             MovingMass(
                 name=name,
                 mass=float(reader.inertial(body, "mass")[0]),
                 inertia=reader.inertia(body),
                 neutral_x=float(place[0]),
-                eccentricity=-float(place[2]),
+                eccentricity=-float(own[2]),
                 slide=slide,
                 hinge=hinge,
             )

@@ -99,9 +99,11 @@ class MjcfReader:
         """A vector of a <custom><numeric> in the file's axes, turned to FRD."""
         return flip_vector(np.array(self.numeric(name, size)))
 
-    def numeric(self, name: str, size: int) -> tuple:
-        """The `size` numbers of a <custom><numeric>."""
+    def numeric(self, name: str, size: int, default: tuple[float, ...] | None = None) -> tuple:
+        """The `size` numbers of a <custom><numeric>; without a default it must be there."""
         if name not in self.numerics:
+            if default is not None:
+                return default
             raise VehicleError(
                 f"vehicle file {self.path}: <custom><numeric name={name!r}> is missing; "
                 f"it holds {size} number{'s' if size > 1 else ''}"

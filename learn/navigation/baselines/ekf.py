@@ -173,7 +173,7 @@ def _rates(p: Parameters, inverse: Array, inertia: Array, coupling: Array, x: Ar
         nu[i + 3] = given[i + 3]
         for j in range(3):
             momentum[i] += inertia[i, j] * x[j] + coupling[i, j] * given[j + 3]
-    force = damping_wrench(p, nu)
+    force = damping_wrench(p, nu, p.reference_density)
     weight = p.gravity * (given[6] + x[4])
     out = np.zeros(5)
     for j in range(3):

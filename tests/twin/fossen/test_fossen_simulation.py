@@ -17,6 +17,7 @@ from twin.mission.schedule import Schedule
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.geostrophic import Geostrophic
 from twin.water.current.inertial import Inertial
+from twin.water.current.sampler import sample_gradient
 from twin.water.current.uniform import Uniform
 
 DIVE = Schedule(times=[0.0], commands=[[0.02, math.radians(30), -290.0]])
@@ -192,8 +193,18 @@ def test_sheared_current_obeys_newton_in_the_inertial_frame(seawing):
         return (8.0 * ahead - behind) / (12.0 * h)
 
     nu_r = np.hstack((track.v_rel, track.rates))
+    flow = np.array(
+        [sample_gradient(model.program, t, *x) for t, x in zip(track.time, track.position_ned)]
+    )
+    gradient = flow[:, 6:].reshape(-1, 3, 3)
+    turning = np.einsum("tji,tjk,tkl->til", r, gradient, r)  # body axes
+    nu_w = nu_r.copy()
+    nu_w[:, 3:] -= np.stack([turning[:, 2, 1], -turning[:, 2, 0], turning[:, 1, 0]], axis=1)
     added = nu_r @ p.added_mass
-    wrench = np.array([damping_wrench(p, x) for x in nu_r])
+    # what is carried round with the hull is the impulse in the water that turns
+    carried = added - nu_w @ p.added_mass
+    strained = np.einsum("tji,tj->ti", turning, (nu_w @ p.added_mass)[:, :3])
+    wrench = np.array([damping_wrench(p, x, p.reference_density) for x in nu_w])
     over_ground = np.zeros_like(track.position_ned)
     over_ground[2:-2] = rate(track.position_ned)
     cg_ned = to_ned(np.broadcast_to(cg, nu_r[:, :3].shape))
@@ -201,17 +212,21 @@ def test_sheared_current_obeys_newton_in_the_inertial_frame(seawing):
 
     v_cg = over_ground + to_ned(np.cross(track.rates, cg))
     net = p.mass - p.reference_density * (p.neutral_volume + 1e-6 * actuators[2])
-    water = to_ned(wrench[:, :3])[inside] - rate(to_ned(added[:, :3]))
+    displaced = p.mass - net
+    own = flow[:, 3:6] + np.einsum("tij,tj->ti", gradient, flow[:, :3])  # the water's own rate
+    water = (
+        to_ned(wrench[:, :3] - strained + np.cross(track.rates, carried[:, :3])) + displaced * own
+    )[inside] - rate(to_ned(added[:, :3]))
     force = water + net * p.gravity * np.array([0.0, 0.0, 1.0])
     # v_cg is itself a difference: four rows at either end hold no value.
     np.testing.assert_allclose(
         p.mass * rate(v_cg)[2:-2], force[2:-2], atol=2e-6, err_msg="translation"
     )
-    water_moment = (
-        to_ned(wrench[:, 3:])[inside]
-        - rate(to_ned(added[:, 3:]))
-        - to_ned(np.cross(track.v_rel, added[:, :3]))[inside]
-    )
+    water_moment = to_ned(
+        wrench[:, 3:]
+        - np.cross(track.v_rel, (added - carried)[:, :3])
+        + np.cross(track.rates, carried[:, 3:])
+    )[inside] - rate(to_ned(added[:, 3:]))
     buoyancy = -(p.mass - net) * p.gravity * np.array([0.0, 0.0, 1.0])
     moment_cg = water_moment - np.cross(cg_ned[inside], water + buoyancy)
     spin = rate(to_ned(track.rates @ inertia))

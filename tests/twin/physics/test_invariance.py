@@ -88,7 +88,19 @@ def test_shear_pushes_through_the_added_mass():
     from twin.frames import euler_to_matrix
 
     rate = euler_to_matrix(0.0, -0.5, 0.7).T @ np.array([gradient * down, 0.0, 0.0])
+    r = euler_to_matrix(0.0, -0.5, 0.7)
+    field = np.zeros((3, 3))
+    field[0, 2] = gradient
+    g = r.T @ field @ r
+    twist = np.concatenate([r.T @ [0.3, 0.1, down], np.zeros(3)])
+    turned = twist - [0.0, 0.0, 0.0, g[2, 1], -g[2, 0], g[1, 0]]
     expected = VEHICLE.added_mass[:, :3] @ rate
+    # the water turns under the hull, and strains the impulse of its added mass
+    before, after = (np.array(native_wrench(VALUES, DENSITY, *x)) for x in (twist, turned))
+    h = VEHICLE.added_mass @ turned
+    expected += after - before
+    expected[:3] -= g.T @ h[:3]
+    expected[3:] -= np.cross(twist[:3], h[:3] - (VEHICLE.added_mass @ twist)[:3])
     np.testing.assert_allclose(sheared - still, expected, rtol=1e-9, atol=1e-12)
 
 

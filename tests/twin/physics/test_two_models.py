@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ from twin.water.current.tide import TidalEllipse, Tide
 from twin.water.density import DensityProfile
 
 VEHICLE = load_vehicle("glider")
+TORPEDO = load_vehicle(Path(__file__).parents[2] / "vehicles" / "torpedo.xml")
 NEUTRAL = (0.0, 0.0, 0.0)
 HEAVY = (0.02, 0.3, VEHICLE.pump_for_net_mass(0.3))
 
@@ -123,7 +126,6 @@ def test_a_neutral_glider_rises_in_denser_water_and_sinks_in_lighter(density, de
     assert ours["true_depth"][-1] - 300.0 == pytest.approx(moved, rel=1e-3)
 
 
-@pytest.mark.xfail(strict=True, reason="the hull keeps the gravity of its file for its weight")
 def test_a_neutral_glider_stays_neutral_under_any_gravity():
     """Weight and buoyancy are both in proportion to g."""
     start = Start(depth=300.0)
@@ -156,7 +158,6 @@ def test_a_command_beyond_the_travel_is_one_to_its_end(command):
     np.testing.assert_array_equal(far.states[:, 17:20], near.states[:, 17:20])
 
 
-@pytest.mark.xfail(strict=True, reason="the Fossen model clips the position, not the command")
 @pytest.mark.parametrize("command", BEYOND)
 def test_both_models_take_a_command_beyond_the_travel_alike(command):
     ours, theirs = fly_both(Start(depth=300.0), command, duration=20.0)
@@ -171,7 +172,6 @@ def off_axis(position: str) -> Vehicle:
     return parse_vehicle(text, VEHICLE.path)
 
 
-@pytest.mark.xfail(strict=True, reason="the y of the battery's axis acts in one model only")
 def test_a_battery_beside_the_axis_is_refused_or_flown_alike():
     try:
         vehicle = off_axis("0.4016 0.02 0")
@@ -182,7 +182,6 @@ def test_a_battery_beside_the_axis_is_refused_or_flown_alike():
     assert np.abs(ours.v_rel - theirs.v_rel).max() < 1e-3
 
 
-@pytest.mark.xfail(strict=True, reason="the axis of rotation moves to the hull's axis unasked")
 @pytest.mark.parametrize("height", [0.02, -0.02])
 def test_a_battery_above_or_below_the_axis_turns_about_its_own_joint(height):
     """MuJoCo's own kinematics of the file are what `battery.position` must say, or it refuses."""
@@ -201,16 +200,24 @@ def test_a_battery_above_or_below_the_axis_turns_about_its_own_joint(height):
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
-@pytest.mark.xfail(strict=True, reason="only what is not finite counts as a failure")
-@pytest.mark.parametrize(("drag", "duration"), [(-2.0, 35.5), (-20.0, 18.0)])
-def test_a_run_that_blows_up_but_stays_finite_is_told(drag, duration):
-    """The water drives this hull: 341 m/s after 35.5 s, and the numbers are still finite."""
-    wild = VEHICLE.replace(drag=(drag, 0.0))
-    scenario = Scenario(
-        vehicle=wild,
-        plan=Schedule(times=[0.0], commands=[HEAVY]),
-        duration=duration,
-        start=Start(depth=300.0),
-    )
-    with pytest.raises(SimulationUnstable):
-        simulate(scenario)
+def test_a_run_that_leaves_physics_but_stays_finite_is_told():
+    """A screw of a hundred times its thrust drives the hull beyond 20 m/s."""
+    screw = TORPEDO.part("propeller")
+    strong = {"thrust_coefficient": 100.0 * screw.thrust_coefficient, "zero_thrust_advance": 0.0}
+    wild = TORPEDO.replace(propeller=strong)
+    plan = Schedule(times=[0.0], commands=[(screw.high, 0.0, 0.0)])
+    start = Start(depth=300.0)
+    with pytest.raises(SimulationUnstable) as ours:
+        simulate(Scenario(vehicle=wild, plan=plan, duration=60.0, start=start))
+    with pytest.raises(SimulationUnstable) as theirs:
+        FossenModel(wild).simulate(FossenState(position_ned=(0.0, 0.0, 300.0)), plan, 60.0)
+    assert 10.0 < np.linalg.norm(ours.value.partial.v_rel[-1]) < 20.5  # a sample before it
+    assert ours.value.time_s == pytest.approx(theirs.value.time_s, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"drag": (-2.0, 0.0)}, {"drag": (7.0, -1.0)}, {"yaw_moment": (34.0, 1.0)}]
+)
+def test_drag_and_damping_that_drive_are_refused(changes):
+    with pytest.raises(VehicleError, match="never drives"):
+        VEHICLE.replace(**changes)

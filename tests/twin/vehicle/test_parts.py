@@ -14,7 +14,7 @@ from physics import full_mass, glider, set_motion
 
 from twin.errors import InputError, VehicleError
 from twin.fossen import FossenModel
-from twin.fossen.equations import acceleration
+from twin.fossen.equations import still_acceleration
 from twin.fossen.forces import displaced_mass, pumped
 from twin.fossen.steady import down_axis
 from twin.mission.schedule import Schedule
@@ -305,7 +305,7 @@ def test_a_pump_off_the_centre_turns_the_hull():
         rates = []
         for parameters in (p, q):
             displaced = displaced_mass(parameters, 1000.0, pumped(parameters, arguments[3])[0])
-            rates.append(acceleration(parameters, *arguments, displaced, np.zeros(3)))
+            rates.append(still_acceleration(parameters, *arguments, displaced))
         ours = []
         for vehicle in (ahead, GLIDER):
             model, data = glider(vehicle=vehicle)
@@ -357,7 +357,7 @@ def test_a_dropped_weight_leaves_the_vehicle_without_it():
         displaced = displaced_mass(dropped, 500.0, positions[2])
         down = down_axis(roll, pitch)
         theirs = [
-            acceleration(p, down, 500.0, nu, np.array([*positions, held]), displaced, np.zeros(3))
+            still_acceleration(p, down, 500.0, nu, np.array([*positions, held]), displaced)
             for p, held in ((dropped, 0.0), (never, 1.0))
         ]
         np.testing.assert_allclose(*theirs, rtol=1e-9, atol=1e-12)

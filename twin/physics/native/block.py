@@ -18,7 +18,7 @@ from twin.vehicle.parts.base import VALUES
 
 NAME = "glider_twin_block"
 MAGIC = 7.316e-217  # a value no vehicle parameter has
-VERSION = 2.0
+VERSION = 3.0
 
 CONTROL_NONE, CONTROL_MISSION, CONTROL_SCHEDULE = 0.0, 1.0, 2.0
 
@@ -39,6 +39,8 @@ PART = np.dtype(
         ("gives_mass", "f8"),
         ("gives_wrench", "f8"),  # 1: it has such a kernel
         ("place", "f8", (3,)),  # [m] FRD about the CB
+        ("dof", "f8"),  # of the joint that it drives, -1: none
+        ("servo_damping", "f8"),  # of its servo [N s/m or N m s/rad]
         ("values", "f8", (VALUES,)),  # as its kernels read them
     ]
 )
@@ -66,6 +68,7 @@ HEADER = np.dtype(
         ("coupling", "f8"),  # 1: the added mass's own coupling acts, 0: it is in the law
         ("rotary_inertia", "f8", (3,)),  # roll, pitch, yaw with added mass [kg m2]
         ("law", "f8"),  # code in the registry of hull laws
+        ("law_scaled", "f8"),  # 1: its coefficients hold the reference density
         ("law_values", TABLE),
         ("parts", TABLE),
         ("acting", "f8"),  # 1: some part does more than displace volume at the CB

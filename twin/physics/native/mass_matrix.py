@@ -6,8 +6,8 @@ from twin.compiled import inline, jit
 
 
 @jit
-def add_added_mass(added_mass, mass, rotation):
-    """Add J^T M_A J to the free joint's block of the lower-triangular mass matrix.
+def add_added_mass(added_mass, scale, mass, rotation):
+    """Add scale J^T M_A J to the free joint's block of the lower-triangular mass matrix.
 
     The free joint's linear velocities are in the world frame, its angular ones in hull axes, so
     J = diag(R^T, 1) with R hull to world. `rotation` is R, row major; M_A turns from FRD to
@@ -17,8 +17,8 @@ def add_added_mass(added_mass, mass, rotation):
     r10, r11, r12 = rotation[3], rotation[4], rotation[5]
     r20, r21, r22 = rotation[6], rotation[7], rotation[8]
     # A R^T with A in hull axes: x keeps its sign, y and z flip together
-    a00, a01, a02 = added_mass[0, 0], -added_mass[0, 1], -added_mass[0, 2]
-    a11, a12, a22 = added_mass[1, 1], added_mass[1, 2], added_mass[2, 2]
+    a00, a01, a02 = scale * added_mass[0, 0], -scale * added_mass[0, 1], -scale * added_mass[0, 2]
+    a11, a12, a22 = scale * added_mass[1, 1], scale * added_mass[1, 2], scale * added_mass[2, 2]
     t00, t01, t02 = _times(a00, a01, a02, r00, r01, r02, r10, r11, r12, r20, r21, r22)
     t10, t11, t12 = _times(a01, a11, a12, r00, r01, r02, r10, r11, r12, r20, r21, r22)
     t20, t21, t22 = _times(a02, a12, a22, r00, r01, r02, r10, r11, r12, r20, r21, r22)
@@ -31,7 +31,7 @@ def add_added_mass(added_mass, mass, rotation):
     # C R^T, rotational rows against translational columns, and the rotational corner
     for i in range(3):
         k = 3 + i
-        sign = 1.0 if i == 0 else -1.0
+        sign = scale if i == 0 else -scale
         c0, c1, c2 = sign * added_mass[k, 0], -sign * added_mass[k, 1], -sign * added_mass[k, 2]
         x, y, z = _times(c0, c1, c2, r00, r01, r02, r10, r11, r12, r20, r21, r22)
         start = (3 + i) * (4 + i) // 2

@@ -47,10 +47,14 @@ from twin.physics.native.water import (
     part_rate,
     point_mass_wrench,
 )
-from twin.water.current.sampler import sample
+from twin.water.current.sampler import sample_gradient
 from twin.water.density import density_at
 
 CONTROL_NONE = b.CONTROL_NONE
+
+ZERO = (0.0, 0.0, 0.0)
+FASTEST = 20.0
+"""[m/s] through the water: what is faster has left physics, whatever it looks like later"""
 
 _VOID = types.void(types.int64, types.int64)
 
@@ -80,6 +84,23 @@ def kept(damping, inertia):
     return max(0.0, 1.0 + damping / inertia)
 
 
+@inline
+def fail(state, time):
+    """Note the first failure of a run."""
+    if state.failed == 0.0:
+        state.failed, state.fail_time = 1.0, time
+
+
+@inline
+def along(local, a, n, e, d):
+    """`local` and the derivative along (n, e, d) of what has the gradient `a` (9), NED."""
+    return (
+        local[0] + (a[0] * n + a[1] * e + a[2] * d),
+        local[1] + (a[3] * n + a[4] * e + a[5] * d),
+        local[2] + (a[6] * n + a[7] * e + a[8] * d),
+    )
+
+
 @jit
 def water(model, data):
     """One evaluation of everything the water does; idempotent at a given state."""
@@ -97,8 +118,39 @@ def water(model, data):
     rigid = 3.0 * head.rigid_mass
     if abs(mass[0] + mass[2] + mass[5] - rigid) > 1e-9 * rigid:
         mj_make_mass(model, data)  # called again at the same state: M_A is already inside
-    add_added_mass(head.added_mass, mass, rotation)
+    position = array(field(table, data, at.D_XPOS) + 24 * hull, 3)
+    velocity = array(field(table, data, at.D_QVEL), 6)
+    state = state_of(table, data)
+    force = array(field(table, data, at.D_XFRC_APPLIED) + 48 * hull, 6)
+    time = load_f8(data + load_i8(table + 8 * at.D_TIME))
+    timestep = load_f8(model + load_i8(table + 8 * at.M_TIMESTEP))
+    depth = -position[2]
+    total, spin2 = 0.0, 0.0
+    for i in range(6):
+        total += velocity[i]
+    for i in range(3, 6):
+        spin2 += velocity[i] * velocity[i]
+    finite = math.isfinite(total + position[0] + position[1] + depth)
+    if not finite or spin2 * timestep * timestep > 1.0:
+        fail(state, time)
+    if not finite:
+        mj_factor_mass(model, data)
+        for i in range(6):
+            force[i] = 0.0
+        return
+
+    # what displaces and what is carried; the water moves along as far as it covers the hull
+    density = head.reference_density
+    if head.density["size"] > 0.0:
+        density = density_at(table_of(start, head, head.density), depth)
+    sin_pitch = rotation[6]  # world z of the hull's forward axis
+    fraction, arm = immersion(head.length, head.diameter, depth, sin_pitch)
+    water_scale = fraction * density / head.reference_density
+    law_scale = water_scale if head.law_scaled != 0.0 else fraction
+    add_added_mass(head.added_mass, water_scale, mass, rotation)
     carried, volume = 0.0, 0.0
+    control = array(field(table, data, at.D_CTRL), count)
+    passive = array(field(table, data, at.D_QFRC_PASSIVE), int(head.nv))
     for k in range(count):
         part = part_at(start, head, k)
         if part.gives_volume != 0.0:
@@ -107,75 +159,88 @@ def water(model, data):
             extra = part_mass(int(part.kind), part.values, act[k] + part.zero)
             carried += extra
             add_point_mass(extra, part.place, mass, rotation)
+        dof = int(part.dof)
+        if 6 <= dof < int(head.nv):
+            # the servo's damping resists the commanded motion: give it that force
+            passive[dof] += part.servo_damping * part_rate(part, act[k], control[k])
     mj_factor_mass(model, data)
-
-    position = array(field(table, data, at.D_XPOS) + 24 * hull, 3)
-    velocity = array(field(table, data, at.D_QVEL), 6)
-    state = state_of(table, data)
-    force = array(field(table, data, at.D_XFRC_APPLIED) + 48 * hull, 6)
-    time = load_f8(data + load_i8(table + 8 * at.D_TIME))
-    depth = -position[2]
-    total = 0.0
-    for i in range(6):
-        total += velocity[i]
-    if not math.isfinite(total + position[0] + position[1] + depth):
-        if state.failed == 0.0:
-            state.failed, state.fail_time = 1.0, time
-        for i in range(6):
-            force[i] = 0.0
-        return
 
     v0, v1, v2 = velocity[0], velocity[1], velocity[2]
     centred = head.centred == 1.0
-    timestep = 0.0
     if centred:
-        timestep = load_f8(model + load_i8(table + 8 * at.M_TIMESTEP))
         remember_velocity(state, velocity, time, timestep)
         v0 += 0.5 * (v0 - state.earlier[0])
         v1 += 0.5 * (v1 - state.earlier[1])
         v2 += 0.5 * (v2 - state.earlier[2])
 
-    # current and its rate along the path, NED, then through-water velocity in FRD
+    # body axes FRD in NED: forward, starboard, down of the hull's forward-port-up matrix
+    xn, xe, xd = rotation[0], -rotation[3], -rotation[6]
+    yn, ye, yd = -rotation[1], rotation[4], rotation[7]
+    zn, ze, zd = -rotation[2], rotation[5], rotation[8]
+    p, q, r = velocity[3], -velocity[4], -velocity[5]
     cn, ce, cd, rn, re, rd = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    rate, fluid = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    gradient = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if head.current["size"] > 0.0:
         program = table_of(start, head, head.current)
-        cn, ce, cd, rn, re, rd = sample(
-            program,
-            time,
-            position[0],
-            -position[1],
-            depth,
-            v0,
-            -v1,
-            -v2,
+        flow = sample_gradient(program, time, position[0], -position[1], depth)
+        cn, ce, cd = flow[0], flow[1], flow[2]
+        a = flow[6:]
+        # its rate along the hull's path, and the acceleration of the water itself
+        rn, re, rd = along(flow[3:6], a, v0, -v1, -v2)
+        fn, fe, fd = along(flow[3:6], a, cn, ce, cd)
+        rate = (
+            xn * rn + xe * re + xd * rd,
+            yn * rn + ye * re + yd * rd,
+            zn * rn + ze * re + zd * rd,
         )
-    dx, dy, dz = v0 - cn, v1 + ce, v2 + cd
-    u = rotation[0] * dx + rotation[3] * dy + rotation[6] * dz
-    v = -(rotation[1] * dx + rotation[4] * dy + rotation[7] * dz)
-    w = -(rotation[2] * dx + rotation[5] * dy + rotation[8] * dz)
-    ax = rotation[0] * rn - rotation[3] * re - rotation[6] * rd
-    ay = -(rotation[1] * rn - rotation[4] * re - rotation[7] * rd)
-    az = -(rotation[2] * rn - rotation[5] * re - rotation[8] * rd)
-    p, q, r = velocity[3], -velocity[4], -velocity[5]
+        fluid = (fn, fe, fd)
+        dx, dy, dz = (
+            along(ZERO, a, xn, xe, xd),
+            along(ZERO, a, yn, ye, yd),
+            along(ZERO, a, zn, ze, zd),
+        )
+        gradient = (
+            xn * dx[0] + xe * dx[1] + xd * dx[2],
+            xn * dy[0] + xe * dy[1] + xd * dy[2],
+            xn * dz[0] + xe * dz[1] + xd * dz[2],
+            yn * dx[0] + ye * dx[1] + yd * dx[2],
+            yn * dy[0] + ye * dy[1] + yd * dy[2],
+            yn * dz[0] + ye * dz[1] + yd * dz[2],
+            zn * dx[0] + ze * dx[1] + zd * dx[2],
+            zn * dy[0] + ze * dy[1] + zd * dy[2],
+            zn * dz[0] + ze * dz[1] + zd * dz[2],
+        )
+    dn, de, dd = v0 - cn, -v1 - ce, -v2 - cd
+    u = xn * dn + xe * de + xd * dd
+    v = yn * dn + ye * de + yd * dd
+    w = zn * dn + ze * de + zd * dd
+    if u * u + v * v + w * w > FASTEST * FASTEST:
+        fail(state, time)
 
-    density = head.reference_density
-    if head.density["size"] > 0.0:
-        density = density_at(table_of(start, head, head.density), depth)
     law, values = int(head.law), table_of(start, head, head.law_values)
     if centred:
-        dp, dq, dr = law_rate_damping(law, values, timestep, density, u, v, w, p, q, r)
+        dp, dq, dr = law_rate_damping(law, values, law_scale * timestep, density, u, v, w, p, q, r)
         p += 0.5 * kept(dp, head.rotary_inertia[0]) * (p - state.earlier[3])
         q += 0.5 * kept(dq, head.rotary_inertia[1]) * (q + state.earlier[4])
         r += 0.5 * kept(dr, head.rotary_inertia[2]) * (r + state.earlier[5])
+    # the water's own turning under the hull: how its velocity changes along and across it
+    pw, qw, rw = p - gradient[7], q + gradient[6], r - gradient[3]
 
-    sin_pitch = rotation[6]  # world z of the hull's forward axis
-    fraction, arm = immersion(head.length, head.diameter, depth, sin_pitch)
-    x, y, z, l, m, n = law_wrench(law, values, density, u, v, w, p, q, r)
+    x, y, z, l, m, n = law_wrench(law, values, density, u, v, w, pw, qw, rw)
     xa, ya, za, la, ma, na = added_mass_wrench(
-        head.added_mass, head.coupling, u, v, w, p, q, r, ax, ay, az
+        head.added_mass, head.coupling, (u, v, w, pw, qw, rw), p, q, r, rate, gradient
     )
-    x, y, z = fraction * x + xa, -(fraction * y + ya), -(fraction * z + za)
-    l, m, n = fraction * l + la, -(fraction * m + ma), -(fraction * n + na)
+    x, y, z = (
+        law_scale * x + water_scale * xa,
+        -(law_scale * y + water_scale * ya),
+        -(law_scale * z + water_scale * za),
+    )
+    l, m, n = (
+        law_scale * l + water_scale * la,
+        -(law_scale * m + water_scale * ma),
+        -(law_scale * n + water_scale * na),
+    )
 
     # buoyancy, and the parts: their wrenches in FRD become hull axes here
     total_volume = displaced_volume(
@@ -201,9 +266,9 @@ def water(model, data):
                 u,
                 v,
                 w,
-                p,
-                q,
-                r,
+                pw,
+                qw,
+                rw,
                 density,
                 there,
             )
@@ -228,6 +293,11 @@ def water(model, data):
     fx = rotation[0] * x + rotation[1] * y + rotation[2] * z
     fy = rotation[3] * x + rotation[4] * y + rotation[5] * z
     fz = rotation[6] * x + rotation[7] * y + rotation[8] * z + fraction * lift
+    # Froude-Krylov: the pressure that accelerates the water acts on the hull in its place
+    displaced = fraction * density * total_volume
+    fx += displaced * fluid[0]
+    fy -= displaced * fluid[1]
+    fz -= displaced * fluid[2]
     mx = rotation[0] * l + rotation[1] * m + rotation[2] * n + arm * lift * rotation[3]
     my = rotation[3] * l + rotation[4] * m + rotation[5] * n - arm * lift * rotation[0]
     mz = rotation[6] * l + rotation[7] * m + rotation[8] * n

@@ -29,8 +29,9 @@ from twin.errors import LayoutError
 M_NUMERIC_COUNT, M_NUMERIC_DATA, M_TIMESTEP = 0, 1, 2
 D_TIME, D_QPOS, D_QVEL, D_ACT, D_CTRL, D_USERDATA = 3, 4, 5, 6, 7, 8
 D_XFRC_APPLIED, D_XPOS, D_XMAT, D_XIPOS, D_MASS = 9, 10, 11, 12, 13
+D_QFRC_PASSIVE = 20
 M_NQ, M_NV, M_NU, M_NA, M_NBODY, M_NUSERDATA = 14, 15, 16, 17, 18, 19
-SLOTS = 20
+SLOTS = 21
 
 _MODEL_FIELDS = {
     M_NUMERIC_COUNT: "nnumericdata",
@@ -54,6 +55,7 @@ _DATA_FIELDS = {
     D_XMAT: "xmat",
     D_XIPOS: "xipos",
     D_MASS: "M",
+    D_QFRC_PASSIVE: "qfrc_passive",
 }
 _SCALARS: dict[str, Any] = {
     "mjtSize": ctypes.c_int64,

@@ -1,22 +1,18 @@
 """The water's forces that no law of a hull or part has: added mass, buoyancy, immersion.
 
-Axes are FRD about the centre of buoyancy. Source of the added mass in a moving fluid: Kirchhoff's
-equations as in Fossen (2021), sections 8.1-8.3.
+Axes are FRD about the centre of buoyancy. Sources of the added mass in a moving fluid: Kirchhoff's
+equations as in Fossen (2021), sections 8.1-8.3, and Thomasson and Woolsey (2013), Vehicle motion in
+currents, IEEE J. Oceanic Eng. 38, for a current with a gradient.
 """
 
 from __future__ import annotations
+
+import math
 
 from twin.compiled import inline, jit
 
 STRIPS = 9
 """Equal-volume strips along the hull that carry the buoyancy at the surface."""
-
-
-@inline
-def smoothstep(x):
-    """0 below 0, 1 above 1, cubic between."""
-    x = min(max(x, 0.0), 1.0)
-    return x * x * (3.0 - 2.0 * x)
 
 
 @inline
@@ -33,25 +29,35 @@ def added_momentum(added_mass, row, u, v, w, p, q, r):
 
 
 @jit
-def added_mass_wrench(added_mass, coupling, u, v, w, p, q, r, cx, cy, cz):
+def added_mass_wrench(added_mass, coupling, motion, p, q, r, rate, gradient):
     """What remains of the added-mass force once M_A d(twist)/dt is in the mass matrix.
 
-    With h = M_A (v_rel, omega): the force is M_A (omega x v_rel + R^T dV_c/dt, 0) - (omega x h_1,
-    omega x h_2 + v_rel x h_1). (cx, cy, cz) is R^T dV_c/dt, the rate of the current along the
-    path in body axes [m/s2]. Without `coupling` the second bracket is left to the hull law, whose
-    coefficients hold it.
+    With h = M_A (v_rel, omega_rel): the force is M_A (omega x v_rel + R^T dV_c/dt, 0) -
+    (omega x h_1 + G^T h_1, omega x h_2 + v_rel x h_1). `motion` is (v_rel, omega_rel), the motion
+    through the water that turns under the hull; (p, q, r) is omega; `rate` (3) is R^T dV_c/dt, the
+    rate of the current along the path [m/s2], and `gradient` (9) is G = R^T (grad V_c) R [1/s], row
+    by row, both in body axes. Without `coupling` the second bracket is left to the hull law, whose
+    coefficients hold it, but for G^T h_1, which is the current's.
     """
-    ax = q * w - r * v + cx
-    ay = r * u - p * w + cy
-    az = p * v - q * u + cz
-    h1, h2, h3, h4, h5, h6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    u, v, w, pr, qr, rr = motion
+    ax = q * w - r * v + rate[0]
+    ay = r * u - p * w + rate[1]
+    az = p * v - q * u + rate[2]
+    h1 = added_momentum(added_mass, 0, u, v, w, pr, qr, rr)
+    h2 = added_momentum(added_mass, 1, u, v, w, pr, qr, rr)
+    h3 = added_momentum(added_mass, 2, u, v, w, pr, qr, rr)
+    strained = (
+        gradient[0] * h1 + gradient[3] * h2 + gradient[6] * h3,
+        gradient[1] * h1 + gradient[4] * h2 + gradient[7] * h3,
+        gradient[2] * h1 + gradient[5] * h2 + gradient[8] * h3,
+    )
+    h4, h5, h6 = 0.0, 0.0, 0.0
     if coupling != 0.0:
-        h1 = added_momentum(added_mass, 0, u, v, w, p, q, r)
-        h2 = added_momentum(added_mass, 1, u, v, w, p, q, r)
-        h3 = added_momentum(added_mass, 2, u, v, w, p, q, r)
-        h4 = added_momentum(added_mass, 3, u, v, w, p, q, r)
-        h5 = added_momentum(added_mass, 4, u, v, w, p, q, r)
-        h6 = added_momentum(added_mass, 5, u, v, w, p, q, r)
+        h4 = added_momentum(added_mass, 3, u, v, w, pr, qr, rr)
+        h5 = added_momentum(added_mass, 4, u, v, w, pr, qr, rr)
+        h6 = added_momentum(added_mass, 5, u, v, w, pr, qr, rr)
+    else:
+        h1, h2, h3 = 0.0, 0.0, 0.0
     x = added_momentum(added_mass, 0, ax, ay, az, 0.0, 0.0, 0.0) - (q * h3 - r * h2)
     y = added_momentum(added_mass, 1, ax, ay, az, 0.0, 0.0, 0.0) - (r * h1 - p * h3)
     z = added_momentum(added_mass, 2, ax, ay, az, 0.0, 0.0, 0.0) - (p * h2 - q * h1)
@@ -70,7 +76,7 @@ def added_mass_wrench(added_mass, coupling, u, v, w, p, q, r, cx, cy, cz):
         - (p * h5 - q * h4)
         - (u * h2 - v * h1)
     )
-    return x, y, z, l, m, n
+    return x - strained[0], y - strained[1], z - strained[2], l, m, n
 
 
 @inline
@@ -98,8 +104,9 @@ def point_mass_wrench(mass, place, p, q, r, rotation, gravity):
 
 @inline
 def immersed_fraction(depth, diameter):
-    """Immersed fraction of a strip of the hull whose axis is at `depth` [m]."""
-    return smoothstep(depth / diameter + 0.5)
+    """Immersed part of the circular section of a strip whose axis is at `depth` [m]."""
+    x = min(max(2.0 * depth / diameter, -1.0), 1.0)
+    return 0.5 + (x * math.sqrt(1.0 - x * x) + math.asin(x)) / math.pi
 
 
 @jit

@@ -30,6 +30,9 @@ class HullLaw(abc.ABC):
 
     kind: ClassVar[str] = ""
     """Name in vehicle files: `<text name="hull_law" data="...">`."""
+    density_in_coefficients: ClassVar[bool] = True
+    """True: the coefficients hold the vehicle's reference density, and both models scale the
+    wrench by the water's density over it; False: the kernels use the density that they are given"""
     native_wrench: ClassVar[Kernel | None] = None
     """(values, density, u, v, w, p, q, r) -> X, Y, Z, K, M, N [N, N m] about the CB, body FRD"""
     native_rate_damping: ClassVar[Kernel | None] = None

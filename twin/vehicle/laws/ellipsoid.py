@@ -184,6 +184,7 @@ class Ellipsoids(HullLaw):
     """The ellipsoids that stand for a hull and its wings."""
 
     kind: ClassVar[str] = "ellipsoid"
+    density_in_coefficients: ClassVar[bool] = False
     native_wrench = staticmethod(native_wrench)
     native_rate_damping = staticmethod(native_rate_damping)
     fossen_wrench = staticmethod(fossen_wrench)

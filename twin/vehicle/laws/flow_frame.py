@@ -1,15 +1,19 @@
 """Flow-frame law: lift, drag and moments of angle of attack and sideslip, times speed squared.
 
 For speed V through the water, angle of attack alpha and sideslip beta (S. Zhang, J. Yu, A. Zhang,
-F. Zhang, Ocean Engineering 60 (2013) 1-13; the coefficients carry the density of sea water):
+F. Zhang, Ocean Engineering 60 (2013) 1-13), with a_L = alpha + K_L0 / K_alpha, the angle of attack
+from that of zero lift:
 
-    D = (K_D0 + K_D alpha^2) V^2    SF = K_beta beta V^2    L = (K_L0 + K_alpha alpha) V^2
-    T1 = (K_MR beta + K_p p) V^2    T2 = (K_M0 + K_M alpha + K_q q) V^2
-    T3 = (K_MY beta + K_r r) V^2
+    D  = (K_D0 + K_D alpha^2) V^2          L  = (K_L0 + K_alpha alpha) V^2
+    SF = (K_beta + K_beta_lift a_L) beta V^2
+    T1 = ((K_MR + K_MR_lift a_L) beta + K_p p + (K_pr + K_pr_lift a_L) r) V^2
+    T2 = (K_M0 + K_M alpha + K_q q) V^2
+    T3 = ((K_MY + K_MY_lift a_L) beta + K_r r + (K_rp + K_rp_lift a_L) p) V^2
 
-(-D, SF, -L) and (T1, T2, T3) turn from the flow to the body. Outside the identified range of the
-flow angles the terms blend into the sines and cosines of the whole circle: ours, see
-docs/physics.md.
+(-D, SF, -L) and (T1, T2, T3) turn from the flow to the body. The terms with a_L are ours: what
+wings do in sideslip changes its sign with their lift, what a fin does keeps it, and the paper's
+dives cannot tell the two apart. They are 0 in vehicles as printed. Outside the identified range of
+the flow angles the terms blend into a law of the whole sphere: also ours, see docs/physics.md.
 """
 
 from __future__ import annotations
@@ -33,7 +37,8 @@ Array = NDArray[np.float64]
 
 # places in the values
 K_D0, K_D, K_L0, K_ALPHA, K_BETA, K_MR, K_P, K_M0, K_M, K_Q, K_MY, K_R = range(12)
-LINEAR, BLEND, SLOWEST = 12, 13, 14
+K_BETA_LIFT, K_MR_LIFT, K_MY_LIFT, K_PR, K_PR_LIFT, K_RP, K_RP_LIFT = range(12, 19)
+ZERO_LIFT, LINEAR, BLEND, SLOWEST = 19, 20, 21, 22
 
 
 # --- the MuJoCo twin's ------------------------------------------------------------------------
@@ -41,7 +46,7 @@ LINEAR, BLEND, SLOWEST = 12, 13, 14
 
 @inline
 def _blend(angle, linear, full):  # type: ignore[no-untyped-def]
-    """0 inside the identified range, 1 where the cross-flow law holds: a cubic step between."""
+    """0 inside the identified range, 1 where the law of the whole sphere holds, cubic between."""
     x = min(max((abs(angle) - linear) / (full - linear), 0.0), 1.0)
     return x * x * (3.0 - 2.0 * x)
 
@@ -61,38 +66,42 @@ def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
         sb, cb = v / speed, in_plane / speed
         beta = math.asin(min(max(sb, -1.0), 1.0))
     linear, full = c[LINEAR], c[BLEND]
-    wa, wb = 0.0, 0.0
-    if abs(alpha) > linear:
-        wa = _blend(alpha, linear, full)
-    if abs(beta) > linear:
-        wb = _blend(beta, linear, full)
-    odd_a = (1.0 - wa) * alpha + wa * sa * ca
-    even_a = (1.0 - wa) * alpha * alpha + wa * sa * sa
-    constant_a = (1.0 - wa) + wa * ca
-    odd_b = (1.0 - wb) * beta + wb * sb * cb
-
-    drag = (c[K_D0] + c[K_D] * even_a) * speed2
-    side = c[K_BETA] * odd_b * speed2
-    lift = (c[K_L0] * constant_a + c[K_ALPHA] * odd_a) * speed2
-    t1 = c[K_MR] * odd_b * speed2
-    t2 = (c[K_M0] * constant_a + c[K_M] * odd_a) * speed2
-    t3 = c[K_MY] * odd_b * speed2
+    lift_angle = alpha + c[ZERO_LIFT]
     floor = c[SLOWEST]
     damping2 = max(speed2, floor * floor)
     d1 = c[K_P] * p * damping2
     d2 = c[K_Q] * q * damping2
     d3 = c[K_R] * r * damping2
 
-    # rate moments turn from flow axes (as identified) to body axes, where they always damp
-    s = max(wa, wb)
-    k = 1.0 - s
+    drag = (c[K_D0] + c[K_D] * alpha * alpha) * speed2
+    side = (c[K_BETA] + c[K_BETA_LIFT] * lift_angle) * beta * speed2
+    lift = (c[K_L0] + c[K_ALPHA] * alpha) * speed2
+    t1 = (c[K_MR] + c[K_MR_LIFT] * lift_angle) * beta * speed2 + d1
+    t2 = (c[K_M0] + c[K_M] * alpha) * speed2 + d2
+    t3 = (c[K_MY] + c[K_MY_LIFT] * lift_angle) * beta * speed2 + d3
+    t1 += (c[K_PR] + c[K_PR_LIFT] * lift_angle) * r * damping2
+    t3 += (c[K_RP] + c[K_RP_LIFT] * lift_angle) * p * damping2
+    l = ca * cb * t1 - ca * sb * t2 - sa * t3
+    m = sb * t1 + cb * t2
+    n = sa * cb * t1 - sa * sb * t2 + ca * t3
+
+    if abs(alpha) > linear or abs(beta) > linear:
+        s = max(_blend(alpha, linear, full), _blend(beta, linear, full))
+        k = 1.0 - s
+        # direction of the flow in body axes; uw, vw, ... are products of its components
+        fx, fy, fz = ca * cb, sb, sa * cb
+        drag = k * drag + s * (c[K_D0] + c[K_D] * (fy * fy + fz * fz)) * speed2
+        side = k * side + s * c[K_BETA] * sb * cb * speed2
+        lift = k * lift + s * (c[K_L0] + c[K_ALPHA] * fz) * fx * speed2
+        # moments that do no work around any closed turn: flow x gradient of a potential
+        roll = -(c[K_M0] + (c[K_M] + c[K_MY]) * fz) * fy
+        l = k * l + s * (roll * speed2 + d1)
+        m = k * m + s * ((c[K_M0] + c[K_M] * fz) * fx * speed2 + d2)
+        n = k * n + s * (c[K_MY] * fx * fy * speed2 + d3)
+
     x = -ca * cb * drag - ca * sb * side + sa * lift
     y = -sb * drag + cb * side
     z = -sa * cb * drag - sa * sb * side - ca * lift
-    e1, e2, e3 = t1 + k * d1, t2 + k * d2, t3 + k * d3
-    l = ca * cb * e1 - ca * sb * e2 - sa * e3 + s * d1
-    m = sb * e1 + cb * e2 + s * d2
-    n = sa * cb * e1 - sa * sb * e2 + ca * e3 + s * d3
     return x, y, z, l, m, n
 
 
@@ -107,21 +116,47 @@ def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore
 
 
 @jit
-def flow_functions(angle, linear_angle, blend_angle):  # type: ignore[no-untyped-def]
-    """Stand for angle, angle^2 and 1, and equal them inside the identified range.
-
-    Returns (odd, square, one, weight): beyond `blend_angle` they are sin cos, sin^2 and cos, the
-    shapes of a plate in cross flow, so that the forces stay bounded on the whole circle; the
-    weight of those shapes rises from 0 at `linear_angle` to 1.
-    """
+def beyond_identified(angle, linear_angle, blend_angle):  # type: ignore[no-untyped-def]
+    """Weight of the law of the whole sphere: 0 up to `linear_angle`, 1 from `blend_angle` on."""
     x = (abs(angle) - linear_angle) / (blend_angle - linear_angle)
     x = min(max(x, 0.0), 1.0)
-    s = x * x * (3.0 - 2.0 * x)
-    sine, cosine = np.sin(angle), np.cos(angle)
-    odd = (1.0 - s) * angle + s * sine * cosine
-    square = (1.0 - s) * angle * angle + s * sine * sine
-    one = (1.0 - s) + s * cosine
-    return odd, square, one, s
+    return 3.0 * x**2 - 2.0 * x**3
+
+
+@jit
+def _identified(c, alpha, beta, omega, speed, turn):  # type: ignore[no-untyped-def]
+    """Force and moment in flow axes over speed squared, (6,): the law as printed."""
+    from_zero_lift = alpha + c[ZERO_LIFT]
+    lifting = np.array([c[K_BETA_LIFT], c[K_MR_LIFT], c[K_MY_LIFT]]) * from_zero_lift
+    flow = np.empty(6)
+    flow[0] = -(c[K_D0] + c[K_D] * alpha**2)
+    flow[1] = (c[K_BETA] + lifting[0]) * beta
+    flow[2] = -(c[K_L0] + c[K_ALPHA] * alpha)
+    flow[3] = (c[K_MR] + lifting[1]) * beta
+    flow[4] = c[K_M0] + c[K_M] * alpha
+    flow[5] = (c[K_MY] + lifting[2]) * beta
+    flow *= speed**2
+    rates = np.zeros((3, 3))
+    rates[0, 0], rates[1, 1], rates[2, 2] = c[K_P], c[K_Q], c[K_R]
+    rates[0, 2] = c[K_PR] + c[K_PR_LIFT] * from_zero_lift
+    rates[2, 0] = c[K_RP] + c[K_RP_LIFT] * from_zero_lift
+    for i in range(3):
+        for j in range(3):
+            flow[3 + i] += rates[i, j] * omega[j] * turn**2
+    return flow
+
+
+@jit
+def _sphere_moment(c, e):  # type: ignore[no-untyped-def]
+    """e x grad Phi, (3,), with Phi = -K_M0 e_z - K_M e_z^2 / 2 + K_MY e_y^2 / 2.
+
+    `e` is the direction of the motion in body axes. Such a moment does no work around any closed
+    turn of the hull, and it is K_M0 + K_M alpha and K_MY beta near e = (1, 0, 0).
+    """
+    gradient = np.zeros(3)
+    gradient[1] = c[K_MY] * e[1]
+    gradient[2] = -c[K_M0] - c[K_M] * e[2]
+    return np.cross(e, gradient)
 
 
 @jit
@@ -129,33 +164,29 @@ def fossen_wrench(c, density, nu_r):  # type: ignore[no-untyped-def]
     """-D(nu_r) nu_r: force [N] and moment [N m] about the CB, shape (6,), body FRD.
 
     The flow frame's force (-D, SF, -L) and moment (T1, T2, T3) both turn to the body by R_BC of
-    angle of attack and sideslip (Zhang et al. 2013). Outside the identified range the rate moments
-    pass over to body axes: turned by R_BC, those of roll and yaw would drive the rates in
-    reversed flow instead of damping them.
+    angle of attack and sideslip (Zhang et al. 2013). Outside the identified range the moments pass
+    over to body axes: turned by R_BC, those of roll and yaw rate would drive the rates in reversed
+    flow instead of damping them.
     """
-    u, v, w = nu_r[0], nu_r[1], nu_r[2]
-    speed2 = u * u + v * v + w * w
-    speed = np.sqrt(speed2)
-    alpha = np.arctan2(w, u)
-    beta = 0.0
+    velocity, omega = nu_r[:3], nu_r[3:]
+    speed = np.sqrt(velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2)
+    e = np.zeros(3)
+    e[0] = 1.0
     if speed > 0.0:
-        beta = np.arcsin(min(max(v / speed, -1.0), 1.0))
-    alpha_odd, alpha_square, one, alpha_weight = flow_functions(alpha, c[LINEAR], c[BLEND])
-    beta_odd, _, _, beta_weight = flow_functions(beta, c[LINEAR], c[BLEND])
-    weight = max(alpha_weight, beta_weight)
-    rate2 = max(speed, c[SLOWEST]) ** 2
-    damping = np.empty(3)
-    damping[0] = c[K_P] * nu_r[3] * rate2
-    damping[1] = c[K_Q] * nu_r[4] * rate2
-    damping[2] = c[K_R] * nu_r[5] * rate2
-
-    flow = np.empty(6)
-    flow[0] = -(c[K_D0] + c[K_D] * alpha_square) * speed2
-    flow[1] = c[K_BETA] * beta_odd * speed2
-    flow[2] = -(c[K_L0] * one + c[K_ALPHA] * alpha_odd) * speed2
-    flow[3] = c[K_MR] * beta_odd * speed2 + (1.0 - weight) * damping[0]
-    flow[4] = (c[K_M0] * one + c[K_M] * alpha_odd) * speed2 + (1.0 - weight) * damping[1]
-    flow[5] = c[K_MY] * beta_odd * speed2 + (1.0 - weight) * damping[2]
+        e = velocity / speed
+    alpha = np.arctan2(e[2], e[0])
+    beta = np.arcsin(min(max(e[1], -1.0), 1.0))
+    turn = max(speed, c[SLOWEST])
+    flow = _identified(c, alpha, beta, omega, speed, turn)
+    s = max(
+        beyond_identified(alpha, c[LINEAR], c[BLEND]), beyond_identified(beta, c[LINEAR], c[BLEND])
+    )
+    crossing = np.zeros(3)
+    if s > 0.0:
+        crossing[0] = -(c[K_D0] + c[K_D] * (1.0 - e[0] ** 2))
+        crossing[1] = c[K_BETA] * np.sin(beta) * np.cos(beta)
+        crossing[2] = -(c[K_L0] + c[K_ALPHA] * e[2]) * e[0]
+        flow[:3] = (1.0 - s) * flow[:3] + s * speed**2 * crossing
 
     ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
     body = np.empty(6)
@@ -163,8 +194,9 @@ def fossen_wrench(c, density, nu_r):  # type: ignore[no-untyped-def]
         body[k] = ca * cb * flow[k] - ca * sb * flow[k + 1] - sa * flow[k + 2]
         body[k + 1] = sb * flow[k] + cb * flow[k + 1]
         body[k + 2] = sa * cb * flow[k] - sa * sb * flow[k + 1] + ca * flow[k + 2]
-    for i in range(3):
-        body[3 + i] += weight * damping[i]
+    if s > 0.0:
+        damped = np.array([c[K_P], c[K_Q], c[K_R]]) * omega * turn**2
+        body[3:] = (1.0 - s) * body[3:] + s * (speed**2 * _sphere_moment(c, e) + damped)
     return body
 
 
@@ -192,12 +224,25 @@ class FlowFrame(HullLaw):
     """K_M0 [kg], K_M [kg/rad], K_q [kg s/rad2]"""
     yaw_moment: tuple[float, float]
     """K_MY [kg/rad], K_r [kg s/rad2]"""
+    side_force_lift: tuple[float] = (0.0,)
+    """K_beta_lift [kg/m/rad2]"""
+    roll_moment_lift: tuple[float] = (0.0,)
+    """K_MR_lift [kg/rad2]"""
+    yaw_moment_lift: tuple[float] = (0.0,)
+    """K_MY_lift [kg/rad2]"""
+    roll_from_yaw: tuple[float, float] = (0.0, 0.0)
+    """K_pr [kg s/rad], of a fin; K_pr_lift [kg s/rad2], of wings"""
+    yaw_from_roll: tuple[float, float] = (0.0, 0.0)
+    """K_rp [kg s/rad], of a fin; K_rp_lift [kg s/rad2], of wings"""
     linear_angle: float
     """[rad], the published law holds as printed up to this flow angle."""
     blend_angle: float
-    """[rad], the cross-flow law holds from this flow angle on."""
+    """[rad], the law of the whole sphere holds from this flow angle on."""
     rate_damping_min_speed: float
     """[m/s], rate damping uses at least this speed."""
+    identified_angle: float = 0.0
+    """[rad], angle of attack from zero lift in the glides that the coefficients were identified
+    in; 0: not said"""
 
     @classmethod
     def read(cls, reader: MjcfReader) -> Self:
@@ -210,14 +255,35 @@ class FlowFrame(HullLaw):
             roll_moment=numeric("roll_moment", 2),
             pitch_moment=numeric("pitch_moment", 3),
             yaw_moment=numeric("yaw_moment", 2),
+            side_force_lift=numeric("side_force_lift", 1, default=(0.0,)),
+            roll_moment_lift=numeric("roll_moment_lift", 1, default=(0.0,)),
+            yaw_moment_lift=numeric("yaw_moment_lift", 1, default=(0.0,)),
+            roll_from_yaw=numeric("roll_from_yaw", 2, default=(0.0, 0.0)),
+            yaw_from_roll=numeric("yaw_from_roll", 2, default=(0.0, 0.0)),
             linear_angle=numeric("linear_angle", 1)[0],
             blend_angle=numeric("blend_angle", 1)[0],
             rate_damping_min_speed=numeric("rate_damping_min_speed", 1)[0],
+            identified_angle=reader.number("identified_angle", default=0.0),
         )
 
     def problems(self) -> list[tuple[str, str]]:
-        """Angles out of order, a negative speed."""
+        """Drag or rate terms that drive, no lift slope, angles out of order, a negative speed."""
         found = []
+        if min(self.drag) < 0.0:
+            found.append(("drag", "at least 0: drag never drives"))
+        split = any(any(getattr(self, name)) for name in _LIFT_FIELDS)
+        if self.lift[1] < 0.0 or (split and self.lift[1] == 0.0):
+            found.append(("lift", "a pair with a positive slope K_alpha"))
+        if max(self.roll_moment[1], self.pitch_moment[2], self.yaw_moment[1]) > 0.0:
+            found.append(("K_p, K_q, K_r", "at most 0: damping never drives"))
+        else:
+            widest = self.linear_angle + abs(self.zero_lift)
+            for angle in (-widest, widest):
+                cross = sum(a + b * angle for a, b in (self.roll_from_yaw, self.yaw_from_roll))
+                if cross * cross > 4.0 * self.roll_moment[1] * self.yaw_moment[1] + 1e-12:
+                    rule = "so small that K_p and K_r damp: (K_pr + K_rp)^2 <= 4 K_p K_r"
+                    found.append(("roll_from_yaw, yaw_from_roll", rule))
+                    break
         if self.rate_damping_min_speed < 0:
             found.append(("rate_damping_min_speed", "at least 0"))
         if not 0 < self.linear_angle < self.blend_angle <= math.pi / 2:
@@ -227,6 +293,8 @@ class FlowFrame(HullLaw):
                     "ordered as 0 < linear_angle < blend_angle <= pi/2",
                 )
             )
+        if not 0.0 <= self.identified_angle < math.pi / 2:
+            found.append(("identified_angle", "between 0 and pi/2"))
         return found
 
     def values(self) -> Array:
@@ -235,22 +303,48 @@ class FlowFrame(HullLaw):
             [
                 *(*self.drag, *self.lift, *self.side_force),
                 *(*self.roll_moment, *self.pitch_moment, *self.yaw_moment),
-                *(self.linear_angle, self.blend_angle, self.rate_damping_min_speed),
+                *(*self.side_force_lift, *self.roll_moment_lift, *self.yaw_moment_lift),
+                *(*self.roll_from_yaw, *self.yaw_from_roll),
+                *(self.zero_lift, self.linear_angle, self.blend_angle),
+                self.rate_damping_min_speed,
             ],
             dtype=np.float64,
         )
 
+    @property
+    def zero_lift(self) -> float:
+        """K_L0 / K_alpha [rad], the angle of attack of zero lift with its sign reversed."""
+        return self.lift[0] / self.lift[1] if self.lift[1] else 0.0
+
+    @property
+    def _split_unknown(self) -> bool:
+        """Whether nobody has said which part of its roll moment of sideslip is the wings'."""
+        return self.identified_angle > 0.0 and self.roll_moment_lift == (0.0,)
+
     def uncertainties(self) -> tuple[Uncertainty, ...]:
-        """Every coefficient."""
-        return tuple(coefficient(name, what) for name, what, _ in COEFFICIENTS)
+        """Every coefficient that the file has, and the wings' part of an unsplit roll moment."""
+        values = dict(zip(COEFFICIENT_NAMES, self.values(), strict=False))
+        found = [
+            coefficient(name, what)
+            for name, what, field in COEFFICIENTS
+            if field not in _LIFT_FIELDS or values[name] != 0.0
+        ]
+        if self._split_unknown:
+            found.append(ROLL_LIFT_SHARE)
+        return tuple(found)
 
     def scaled(self, factors: Mapping[str, float]) -> Self:
-        """By the names of COEFFICIENTS."""
+        """By the names of COEFFICIENTS; those that are not given stay."""
         fields: dict[str, Any] = {}
         for name, _, field in COEFFICIENTS:
             values = fields.setdefault(field, [])
-            values.append(getattr(self, field)[len(values)] * factors[name])
+            values.append(getattr(self, field)[len(values)] * factors.get(name, 1.0))
         changes: dict[str, Any] = {name: tuple(values) for name, values in fields.items()}
+        share = factors.get(ROLL_LIFT_SHARE.name, 0.0)
+        if share != 0.0:
+            moment, damping = changes["roll_moment"]
+            changes["roll_moment"] = ((1.0 - share) * moment, damping)
+            changes["roll_moment_lift"] = (share * moment / self.identified_angle,)
         return dataclasses.replace(self, **changes)
 
     @property
@@ -258,6 +352,19 @@ class FlowFrame(HullLaw):
         """[rad] `linear_angle`."""
         return self.linear_angle
 
+
+ROLL_LIFT_SHARE = Uncertainty(
+    name="roll_lift_share",
+    certain=0.0,
+    spread="uniform(0.8, 1)",
+    why="wings' part of the roll moment of sideslip, which changes sign with lift: the turns of 7 "
+    "Seagliders and a SeaExplorer in dives and climbs show most of it to be theirs",
+)
+"""Of vehicles whose coefficients were identified in dives alone"""
+
+_LIFT_FIELDS = (
+    "side_force_lift", "roll_moment_lift", "yaw_moment_lift", "roll_from_yaw", "yaw_from_roll",
+)  # fmt: skip
 
 COEFFICIENTS = (
     ("k_d0", "drag at zero angle of attack", "drag"),
@@ -272,5 +379,14 @@ COEFFICIENTS = (
     ("k_q", "pitch damping", "pitch_moment"),
     ("k_my", "yaw moment", "yaw_moment"),
     ("k_r", "yaw damping", "yaw_moment"),
+    ("k_beta_lift", "side force of lifting wings", "side_force_lift"),
+    ("k_mr_lift", "roll moment of lifting wings", "roll_moment_lift"),
+    ("k_my_lift", "yaw moment of lifting wings", "yaw_moment_lift"),
+    ("k_pr", "roll moment of yaw rate, fin", "roll_from_yaw"),
+    ("k_pr_lift", "roll moment of yaw rate, lifting wings", "roll_from_yaw"),
+    ("k_rp", "yaw moment of roll rate, fin", "yaw_from_roll"),
+    ("k_rp_lift", "yaw moment of roll rate, lifting wings", "yaw_from_roll"),
 )
-"""Name, meaning and field of each coefficient, in the order of the fields' numbers"""
+"""Name, meaning and field of each coefficient, in the order of the values"""
+
+COEFFICIENT_NAMES = tuple(name for name, _, _ in COEFFICIENTS)

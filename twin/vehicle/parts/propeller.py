@@ -9,6 +9,7 @@ the thrust depends on the rate alone.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -34,8 +35,8 @@ def native_wrench(values, place, position, u, v, w, p, q, r, density, depth):  #
     if values[ADVANCE] > 0.0:
         loading -= values[THRUST] / values[ADVANCE] * turning * advance / diameter
     # the part of the disc that is under water carries
-    x = min(max(depth / diameter + 0.5, 0.0), 1.0)
-    wet = x * x * (3.0 - 2.0 * x)
+    x = min(max(2.0 * depth / diameter, -1.0), 1.0)
+    wet = 0.5 + (x * math.sqrt(1.0 - x * x) + math.asin(x)) / math.pi
     thrust = wet * density * diameter**4 * loading
     torque = wet * density * diameter**5 * values[TORQUE] * position * turning
     return thrust, 0.0, 0.0, -torque, place[2] * thrust, -place[1] * thrust
@@ -50,10 +51,9 @@ def fossen_wrench(values, place, position, nu_r, density, depth):  # type: ignor
     t_nu = -density * d**3 * values[THRUST] / values[ADVANCE] if values[ADVANCE] > 0.0 else 0.0
     force = t_nn * abs(position) * position + t_nu * abs(position) * inflow
     moment = density * d**5 * values[TORQUE] * abs(position) * position
-    below = (depth + 0.5 * d) / d
-    if below < 1.0:
-        below = max(below, 0.0)
-        share = 3.0 * below**2 - 2.0 * below**3
+    if depth < 0.5 * d:
+        half = np.arccos(min(-2.0 * depth / d, 1.0))
+        share = (half - np.sin(half) * np.cos(half)) / np.pi
         force *= share
         moment *= share
     tau = np.zeros(6)

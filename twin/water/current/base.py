@@ -47,6 +47,8 @@ class Current(abc.ABC):
     """See above."""
     directional: ClassVar[Compiled | None] = None
     """See above."""
+    depends_on: ClassVar[tuple[str, ...]] = ("time", "north", "east", "depth")
+    """What the velocity of a `directional` kind varies with: only those derivatives are taken."""
     usage: ClassVar[Mapping[str, str]] = {}
     """Example texts for `--current`, each with a few words; FILE stands for a file's name."""
     settings: ClassVar[Mapping[str, str] | None] = None

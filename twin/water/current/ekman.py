@@ -54,6 +54,7 @@ class Ekman(Current):
     code: ClassVar[int] = 3
     payload_size: ClassVar[int] = 4
     directional: ClassVar[Any] = spiral
+    depends_on: ClassVar[tuple[str, ...]] = ("depth",)
     usage: ClassVar[Mapping[str, str]] = {
         "ekman:tau=0.1,direction=90": "wind stress Pa, degrees the wind blows toward"
     }

@@ -13,16 +13,49 @@ from twin.compiled import jit
 from twin.errors import CurrentError
 from twin.water.current import arguments as checks
 from twin.water.current.base import Current
-from twin.water.current.interpolation import table
+from twin.water.current.interpolation import INVALID
 from twin.water.current.origin import Origin
 from twin.water.current.program import Floats
 from twin.water.current.register import register
 
 
 @jit
-def series(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
-    """Table over time: n, times [s since mission start] (n), velocity (n, 3)."""
-    return table(program, start, size, t, r_t)
+def smooth_series(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
+    """Cubic through nodes: interval [s], velocity (n, 3), with the slope at a node that of its
+    neighbours (Catmull and Rom 1974), so that no acceleration jumps; held after the last node."""
+    if size < 4 or (size - 1) % 3 != 0 or not program[start] > 0.0:
+        return INVALID
+    last = (size - 1) // 3 - 1
+    x = t / program[start]
+    if not x >= 0.0:
+        x = 0.0
+    k = int(x) if x < last else last
+    f, held = x - k, k == last
+    if held:
+        f = 0.0
+    here = start + 1 + 3 * k
+    after = here if held else here + 3
+    before = here if k == 0 else here - 3
+    beyond = after if k >= last - 1 else after + 3
+    # weights of the values and of the slopes at both ends, and their derivatives
+    g = 1.0 - f
+    h0, h1 = g * g * (1.0 + 2.0 * f), f * f * (3.0 - 2.0 * f)
+    s0, s1 = 0.5 * f * g * g, -0.5 * f * f * g
+    rate = 0.0 if held else r_t / program[start]
+    dh = 6.0 * f * g
+    ds0, ds1 = 0.5 * g * (1.0 - 3.0 * f), 0.5 * f * (3.0 * f - 2.0)
+    n0, e0, d0 = program[here], program[here + 1], program[here + 2]
+    n1, e1, d1 = program[after], program[after + 1], program[after + 2]
+    pn, pe, pd = n1 - program[before], e1 - program[before + 1], d1 - program[before + 2]
+    qn, qe, qd = program[beyond] - n0, program[beyond + 1] - e0, program[beyond + 2] - d0
+    return (
+        h0 * n0 + h1 * n1 + s0 * pn + s1 * qn,
+        h0 * e0 + h1 * e1 + s0 * pe + s1 * qe,
+        h0 * d0 + h1 * d1 + s0 * pd + s1 * qd,
+        rate * (dh * (n1 - n0) + ds0 * pn + ds1 * qn),
+        rate * (dh * (e1 - e0) + ds0 * pe + ds1 * qe),
+        rate * (dh * (d1 - d0) + ds0 * pd + ds1 * qd),
+    )
 
 
 @register
@@ -33,12 +66,13 @@ class GaussMarkov(Current):
     x' + (x - mean)/T = w (Fossen 2021, ch. 10), in its exact discretisation
     x[k+1] = mean + exp(-dt/T) (x[k] - mean) + std sqrt(1 - exp(-2 dt/T)) w[k], started from the
     stationary distribution. The speed is clipped after the recursion. Drawn at compile on a fixed
-    interval and linear between: a longer mission extends the same series.
+    interval, with a smooth curve between: a longer mission extends the same series.
     """
 
     kind: ClassVar[str] = "gauss-markov"
     code: ClassVar[int] = 8
-    directional: ClassVar[Any] = series
+    directional: ClassVar[Any] = smooth_series
+    depends_on: ClassVar[tuple[str, ...]] = ("time",)
     usage: ClassVar[Mapping[str, str]] = {
         "gauss-markov:speed=0.1,std=0.05,direction=90,direction_std=20,time=10800,seed=1": (
             "a current that wanders"
@@ -102,7 +136,7 @@ class GaussMarkov(Current):
 
     def draw(self, duration_s: float) -> tuple[Floats, Floats, Floats]:
         """time [s], speed [m/s] after clipping, direction [rad], each of shape (n,)."""
-        n = math.ceil(duration_s / self.interval) + 1
+        n = math.ceil(duration_s / self.interval) + 2  # one beyond: the last slope needs it
         # One row per node, so that a longer draw starts with the shorter one.
         noise = np.random.default_rng(self.seed).standard_normal((n, 2))
         keep = math.exp(-self.interval / self.correlation_time)
@@ -118,8 +152,8 @@ class GaussMarkov(Current):
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
         """One layout record."""
-        time, speed, direction = self.draw(duration_s)
+        _, speed, direction = self.draw(duration_s)
         velocity = np.column_stack(
             [speed * np.cos(direction), speed * np.sin(direction), np.zeros_like(speed)]
         )
-        return [self.record(time.size, time, velocity)]
+        return [self.record(self.interval, velocity)]

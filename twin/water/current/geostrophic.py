@@ -45,6 +45,7 @@ class Geostrophic(Current):
     code: ClassVar[int] = 4
     payload_size: ClassVar[int] = 5
     directional: ClassVar[Any] = shear
+    depends_on: ClassVar[tuple[str, ...]] = ("depth",)
     usage: ClassVar[Mapping[str, str]] = {
         "geostrophic:surface=0.2,direction=45,scale=800,barotropic=0.05": "m/s, degrees toward, m"
     }

@@ -52,6 +52,7 @@ class Inertial(Current):
     code: ClassVar[int] = 6
     payload_size: ClassVar[int] = 5
     directional: ClassVar[Any] = slab
+    depends_on: ClassVar[tuple[str, ...]] = ("time", "depth")
     usage: ClassVar[Mapping[str, str]] = {
         "inertial:speed=0.08,layer=40": "near-inertial oscillation of the mixed layer"
     }

@@ -48,6 +48,7 @@ class LogLayer(Current):
     code: ClassVar[int] = 7
     payload_size: ClassVar[int] = 5
     directional: ClassVar[Any] = wall_layer
+    depends_on: ClassVar[tuple[str, ...]] = ("depth",)
     usage: ClassVar[Mapping[str, str]] = {
         "log-layer:friction=0.01,direction=0,bottom=100": "turbulent layer above the sea floor, m"
     }

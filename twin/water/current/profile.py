@@ -51,6 +51,7 @@ class Profile(Current):
     kind: ClassVar[str] = "profile"
     code: ClassVar[int] = 2
     directional: ClassVar[Any] = column
+    depends_on: ClassVar[tuple[str, ...]] = ("depth",)
     usage: ClassVar[Mapping[str, str]] = {
         "profile:FILE.csv": "columns depth,north,east[,down] in m and m/s"
     }

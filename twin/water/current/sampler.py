@@ -12,6 +12,7 @@ new, and with it every compiled function that samples currents.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -75,13 +76,15 @@ def _held(k):
     )
 
 
-def _chain(of_kernel: str, of_directional: str, invalid: tuple[float, ...]) -> Written:
+def _chain(
+    of_kernel: str, of_directional: Callable[[registry.Kind], str], invalid: tuple[float, ...]
+) -> Written:
     """A branch for each kind; `{}` in the expressions stands for its function."""
-    names = {"_along": _along, "_gather": _gather, "_invalid": invalid}
+    names = {"_along": _along, "_gather": _gather, "_none": (0.0,) * 6, "_invalid": invalid}
     lines = []
     for kind in registry.kinds().values():
         function = f"_kind_{kind.code}"
-        expression = of_directional if kind.directional is not None else of_kernel
+        expression = of_directional(kind) if kind.directional is not None else of_kernel
         names[function] = kind.directional or kind.kernel
         lines.append(f"if code == {kind.code}:")
         if kind.payload_size is not None:
@@ -93,15 +96,30 @@ def _chain(of_kernel: str, of_directional: str, invalid: tuple[float, ...]) -> W
 def _write_rate() -> Written:
     point, direction = ", ".join(_POINT), ", ".join(_DIRECTION)
     return _chain(
-        f"_along({{}}({point}), {direction})", f"{{}}({point}, 1.0, {direction})", INVALID
+        f"_along({{}}({point}), {direction})",
+        lambda kind: f"{{}}({point}, 1.0, {direction})",
+        INVALID,
     )
+
+
+_AXES = {
+    "time": "1.0, 0.0, 0.0, 0.0",
+    "north": "0.0, 1.0, 0.0, 0.0",
+    "east": "0.0, 0.0, 1.0, 0.0",
+    "depth": "0.0, 0.0, 0.0, 1.0",
+}
 
 
 def _write_gradient() -> Written:
     point = ", ".join(_POINT)
-    axes = ("1.0, 0.0, 0.0, 0.0", "0.0, 1.0, 0.0, 0.0", "0.0, 0.0, 1.0, 0.0", "0.0, 0.0, 0.0, 1.0")
-    four = ", ".join(f"{{}}({point}, {axis})" for axis in axes)
-    return _chain(f"{{}}({point})", f"_gather({four})", INVALID_GRADIENT)
+
+    def derivatives(kind: registry.Kind) -> str:
+        # the velocity comes with the derivative along time, so that one is always taken
+        taken = {"time", *kind.cls.depends_on}
+        four = (f"{{}}({point}, {d})" if axis in taken else "_none" for axis, d in _AXES.items())
+        return f"_gather({', '.join(four)})"
+
+    return _chain(f"{{}}({point})", derivatives, INVALID_GRADIENT)
 
 
 _rate_of_kind = generate(

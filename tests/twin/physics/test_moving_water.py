@@ -1,0 +1,240 @@
+"""Water that accelerates, shears and strains: limits that hold whatever the vehicle's law is."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from twin.compiled import jit
+from twin.fossen import FossenModel, FossenState
+from twin.mission.schedule import Schedule
+from twin.physics.scenario import Scenario
+from twin.physics.simulation import simulate
+from twin.physics.start import Start
+from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.water.current import register, registry
+from twin.water.current.base import Current
+from twin.water.current.sampler import sample_gradient
+from twin.water.current.spec import parse_current
+
+VEHICLE = load_vehicle("glider")
+NEUTRAL = (0.0, 0.0, 0.0)
+HOUR = 3600.0
+
+
+@jit
+def linear_kernel(program, start, size, t, north, east, depth):  # type: ignore[no-untyped-def]
+    """V = A (x - x0), steady: x0 (3), A (9)."""
+    x, y, z = north - program[start], east - program[start + 1], depth - program[start + 2]
+    a = program[start + 3 : start + 12]
+    return (
+        a[0] * x + a[1] * y + a[2] * z,
+        a[3] * x + a[4] * y + a[5] * z,
+        a[6] * x + a[7] * y + a[8] * z,
+        *(0.0, 0.0, 0.0, a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8]),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Linear(Current):
+    """A current that is linear in place: strain, shear or rotation."""
+
+    kind: ClassVar[str] = "test-linear"
+    payload_size: ClassVar[int] = 12
+    kernel: ClassVar[Any] = linear_kernel
+    usage: ClassVar[dict[str, str]] = {"test-linear:centre=..., gradient=...": "V = A (x - x0)"}
+
+    centre: tuple[float, ...]
+    gradient: tuple[float, ...]
+
+    def records(self, duration_s, origin):
+        return [self.record(self.centre, self.gradient)]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def linear_kind():
+    register(Linear)
+    yield
+    registry.remove(Linear.kind)
+
+
+def bare(vehicle: Vehicle = VEHICLE, **changes: Any) -> Vehicle:
+    """The vehicle without a force of its law, its CG in the CB."""
+    battery = vehicle.battery
+    moment = battery.mass * np.array([battery.neutral_x, 0.0, battery.eccentricity])
+    return vehicle.replace(
+        static_cg=-moment / vehicle.static_mass,
+        drag=(0.0, 0.0), lift=(0.0, 0.0), side_force=(0.0,), roll_moment=(0.0, 0.0),
+        pitch_moment=(0.0, 0.0, 0.0), yaw_moment=(0.0, 0.0), **changes,
+    )  # fmt: skip
+
+
+def fly_both(vehicle, start, current, duration, command=NEUTRAL, timestep=0.1):
+    """(MuJoCo's trajectory, Fossen's) with one command held."""
+    plan = Schedule(times=[0.0], commands=[command])
+    ours = simulate(
+        Scenario(
+            vehicle=vehicle, plan=plan, duration=duration, start=start, current=current,
+            timestep=timestep,
+        )
+    )  # fmt: skip
+    state = FossenState(
+        position_ned=(start.north, start.east, start.depth),
+        attitude=(start.roll, start.pitch, start.heading),
+        v_rel=start.v_rel, rates=start.rates, actuators=start.actuators,
+    )  # fmt: skip
+    program = None if current is None else current.compile(duration)
+    theirs = FossenModel(vehicle, current_program=program).simulate(
+        state, plan, duration, sample_period=float(ours.time[1] - ours.time[0])
+    )
+    return ours, theirs
+
+
+CURRENTS = (
+    "uniform:0.3,-0.2",
+    "tide:m2=0.5",
+    "tide:m2=0.5,minor=0.2,k1=0.3,phase=70",
+    "inertial:speed=0.4,lat=40",
+    "gauss-markov:speed=0.2,std=0.1,direction=90,direction_std=40,time=1800,seed=1",
+    "geostrophic:speed=0.5,direction=30,scale=100",
+    "ekman:stress=0.2,lat=40,direction=20",
+    "log-layer:friction=0.02,direction=70,bottom=400",
+)
+
+
+@functools.cache
+def at_rest():
+    """The neutral hull in still water, in both models."""
+    return fly_both(VEHICLE, Start(depth=300.0), None, HOUR)
+
+
+@pytest.mark.parametrize("text", CURRENTS)
+def test_a_neutral_hull_follows_the_water(text):
+    """It starts with the water and stays with it, in both models: below 0.01 mm/s."""
+    start = Start(depth=300.0)
+    moving = fly_both(VEHICLE, start, parse_current(text), HOUR)
+    for found, still in zip(moving, at_rest(), strict=True):
+        assert np.abs(found.v_rel - still.v_rel).max() < 1e-5
+
+
+HEAVY = (0.02, 0.0, VEHICLE.pump_for_net_mass(0.3))
+GLIDE = Start(depth=100.0, pitch=-0.5755, v_rel=(0.4728, 0.0, 0.012), actuators=HEAVY)
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.0, 2.5])
+def test_a_steady_glide_in_a_tide_is_that_of_still_water(heading):
+    """The whole vehicle feels the water's acceleration as a tilt of gravity of 7 microradian."""
+    start = Start(**{**vars(GLIDE), "heading": heading})
+    tide = parse_current("tide:m2=0.5,phase=90")
+    for found, still in zip(
+        fly_both(VEHICLE, start, tide, HOUR, HEAVY),
+        fly_both(VEHICLE, start, None, HOUR, HEAVY),
+        strict=True,
+    ):
+        difference = np.abs(found.v_rel - still.v_rel)
+        settled = found.time > 600.0
+        assert difference[settled].max() < 1e-6
+
+
+STRAIN = 0.02
+"""[1/s]"""
+
+
+@pytest.mark.parametrize("added", [0.0, 0.5, 2.0])
+def test_a_neutral_sphere_in_a_strain_flow_moves_as_taylor_has_it(added):
+    """Exact: x = x0 cosh(a t) + v0 / a sinh(a t), at any added mass and any slip.
+
+    In V = (a x, -a y, 0) the water accelerates at a^2 (x, y, 0), and a sphere at (m_d + m_a) /
+    (m + m_a) of that along its own path (G. I. Taylor, Proc. R. Soc. A 120 (1928) 260-283): a
+    neutral one as a^2 x whatever its speed is, for only x enters, not the slip.
+    """
+    sphere = added * VEHICLE.mass * np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    vehicle = bare(added_mass=sphere)
+    flow = Linear(
+        centre=(0.0, 0.0, 300.0), gradient=(STRAIN, 0, 0, 0, -STRAIN, 0, 0, 0, 0)
+    )  # fmt: skip
+    start = Start(north=5.0, east=-8.0, depth=300.0, heading=0.7, v_rel=(0.2, -0.1, 0.0))
+    over_ground = start.v_rel[0] * np.array([np.cos(0.7), np.sin(0.7)])
+    over_ground += start.v_rel[1] * np.array([-np.sin(0.7), np.cos(0.7)])
+    over_ground += STRAIN * np.array([5.0, 8.0])
+    for found, tolerance in zip(fly_both(vehicle, start, flow, 60.0), (2e-4, 1e-5), strict=True):
+        t = STRAIN * found.time
+        north = 5.0 * np.cosh(t) + over_ground[0] / STRAIN * np.sinh(t)
+        east = -8.0 * np.cosh(t) + over_ground[1] / STRAIN * np.sinh(t)
+        place = found.position if hasattr(found, "position") else found.position_ned
+        np.testing.assert_allclose(place[:, 0], north, atol=tolerance * np.abs(north).max())
+        np.testing.assert_allclose(place[:, 1], east, atol=tolerance * np.abs(east).max())
+
+
+@pytest.mark.parametrize("heading", [0.0, np.pi / 2])
+def test_a_neutral_spheroid_along_a_strain_flow_follows_the_same_law(heading):
+    """Each axis of the flow by itself: the added mass of that axis cancels out."""
+    flow = Linear(centre=(0.0, 0.0, 300.0), gradient=(STRAIN, 0, 0, 0, -STRAIN, 0, 0, 0, 0))
+    vehicle = bare(added_mass=np.diag([3.0, 60.0, 60.0, 0.0, 8.0, 8.0]))
+    start = Start(north=10.0, depth=300.0, heading=heading)
+    for found in fly_both(vehicle, start, flow, 60.0):
+        place = found.position if hasattr(found, "position") else found.position_ned
+        expected = 10.0 * np.exp(STRAIN * found.time)
+        np.testing.assert_allclose(place[:, 0], expected, rtol=1e-4)
+        assert np.abs(found.v_rel).max() < 1e-4
+
+
+def test_a_neutral_hull_turns_with_water_that_turns_as_a_whole():
+    """Solid rotation at 1 deg/s about a point 50 m away: it goes round and keeps its side to it.
+
+    What is left of slip is the rigid body's: its CG is 5 mm off the CB.
+    """
+    spin = np.deg2rad(1.0)
+    flow = Linear(centre=(0.0, 0.0, 300.0), gradient=(0, -spin, 0, spin, 0, 0, 0, 0, 0))
+    start = Start(north=50.0, depth=300.0, heading=np.pi / 2, rates=(0.0, 0.0, spin))
+    for found in fly_both(VEHICLE, start, flow, 360.0):
+        place = found.position if hasattr(found, "position") else found.position_ned
+        angle = spin * found.time
+        circle = 50.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        assert np.abs(place[:, :2] - circle).max() < 0.05
+        assert np.abs(found.v_rel).max() < 2e-4
+        heading = (
+            found.attitude[:, 2]
+            if hasattr(found, "attitude")
+            else np.deg2rad(found["true_heading"])
+        )
+        turned = np.unwrap(heading) - heading[0]
+        np.testing.assert_allclose(turned, angle, atol=np.deg2rad(0.5))
+
+
+def test_a_shear_across_the_track_turns_the_hull_as_its_yaw_damping_says():
+    """At rest in V_north = g east: the water turns at -g under a hull that points north.
+
+    Its yaw damping vanishes at r = dv_c/dx = -g sin^2(heading): the law by which a thin rod turns
+    into the stream (Jeffery 1922), cot(heading) = g t from broadside.
+    """
+    g = 0.01
+    flow = Linear(centre=(0.0, 0.0, 300.0), gradient=(0, g, 0, 0, 0, 0, 0, 0, 0))
+    start = Start(depth=300.0, heading=np.pi / 2)
+    ours, theirs = fly_both(VEHICLE, start, flow, 600.0)
+    heading = np.unwrap(np.deg2rad(ours["true_heading"]))
+    expected = np.arctan2(1.0, g * ours.time)
+    assert heading[-1] < 1.0  # it has turned from 1.57
+    assert np.abs(heading - expected).max() < 0.2
+    assert np.abs(heading - np.unwrap(theirs.attitude[:, 2])).max() < 1e-3
+
+
+@pytest.mark.parametrize("text", CURRENTS)
+def test_the_gradient_of_every_current_is_that_of_its_velocity(text):
+    """Central differences of the velocity, so that no derivative is left out."""
+    program, step = parse_current(text).compile(HOUR), 1e-3
+    place = np.array([1234.5, 10.0, -20.0, 37.0])
+    found = np.array(sample_gradient(program, *place))
+    for axis in range(4):
+        move = np.zeros(4)
+        move[axis] = step
+        change = np.subtract(
+            sample_gradient(program, *(place + move))[:3],
+            sample_gradient(program, *(place - move))[:3],
+        ) / (2 * step)  # fmt: skip
+        given = found[3:6] if axis == 0 else found[6:].reshape(3, 3)[:, axis - 1]
+        np.testing.assert_allclose(given, change, atol=1e-9)
