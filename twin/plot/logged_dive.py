@@ -91,8 +91,7 @@ def log_figure(trajectory: Trajectory, beside: Trajectory | None = None) -> Figu
     shown = [
         p
         for p in (*PANELS, *_other_parts(trajectory))
-        if has_values(trajectory, p.signal)
-        or (beside is not None and has_values(beside, p.signal))
+        if has_values(trajectory, p.signal) or (beside is not None and has_values(beside, p.signal))
     ]
     rows = -(-(len(shown) + 1) // 2)
     with style.styled():
@@ -200,9 +199,7 @@ def _draw_beside(axes: Axes, log: Trajectory, beside: Trajectory, values: Array)
     axes.plot(time / seconds, shown, color=style.ESTIMATE, lw=1.0, label=TWIN, zorder=2.5)
 
 
-def _limit(
-    axes: Axes, panel: Panel, trajectory: Trajectory, beside: Trajectory | None
-) -> None:
+def _limit(axes: Axes, panel: Panel, trajectory: Trajectory, beside: Trajectory | None) -> None:
     """The range that shows what happens under water in the log and in the twin's flight."""
     found = [
         limits

@@ -18,10 +18,12 @@ from twin.checks.logs.flight import fly_dives
 from twin.checks.logs.legs import LEAST_RANGE, PHASES, Phase
 from twin.checks.logs.samples import angle_of_attack, flown_samples, logged_samples
 from twin.checks.logs.steering import Turning, turning_of
-from twin.errors import InputError, SimulationUnstable, StoreError, VehicleError
+from twin.errors import SimulationUnstable, StoreError, VehicleError
+from twin.lazy import resolve
 from twin.records.logs import LogStore
 from twin.records.reader import MissionStore
 from twin.records.trajectory import Trajectory
+from twin.vehicle.laws import FlowFrame
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 DEPTH_RATE_LIMIT = 0.05
@@ -132,8 +134,8 @@ def check_logs(
 
     Args:
       store: path of a store that `factory import` wrote.
-      vehicle: shipped name, path of an MJCF file, a vehicle, or one with the errors of its sensors
-        (`twin.identify.load_calibration`).
+      vehicle: shipped name or path of an MJCF file, with the errors of the sensors that it holds;
+        a vehicle, whose sensors are taken as exact; or `twin.identify.load_calibration(...)`.
       missions: rows of the store, all by default.
 
     Raises:
@@ -175,9 +177,16 @@ def check_logs(
 
 
 def _hull(vehicle: str | Path | Vehicle | Calibrated) -> Calibrated:
-    if isinstance(vehicle, str | Path):
-        return Uncalibrated(vehicle=load_vehicle(vehicle))
-    return Uncalibrated(vehicle=vehicle) if isinstance(vehicle, Vehicle) else vehicle
+    """The vehicle with what its file says of its sensors, where it is of a kind that can."""
+    if not isinstance(vehicle, str | Path):
+        return Uncalibrated(vehicle=vehicle) if isinstance(vehicle, Vehicle) else vehicle
+    loaded = load_vehicle(vehicle)
+    _check_vehicle(loaded)
+    if not isinstance(loaded.law, FlowFrame):
+        return Uncalibrated(vehicle=loaded)
+    # looked up when it is needed: identification may check what it found by these very logs
+    calibrated: Calibrated = resolve("twin.identify.calibration:load_calibration")(vehicle)
+    return calibrated
 
 
 class _Present:

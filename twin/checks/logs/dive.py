@@ -83,11 +83,6 @@ class Dive:
     """[deg], (time,), NaN outside legs"""
 
     @property
-    def time(self) -> Array:
-        """[s] since its first sample."""
-        return self.period * np.arange(len(self.depth))
-
-    @property
     def legs(self) -> list[Leg]:
         """Its descents and climbs."""
         return [target.leg for target in self.targets]
@@ -148,7 +143,7 @@ def filled(values: Array) -> Array | None:
     if finite.sum() < 2:
         return None
     index = np.arange(len(values))
-    return np.interp(index, index[finite], values[finite])
+    return np.asarray(np.interp(index, index[finite], values[finite]))
 
 
 def unwrapped(degrees: Array) -> Array | None:
@@ -213,9 +208,7 @@ def _running_mean(values: Array, width: int) -> Array:
     return np.asarray((total[last] - total[first]) / (last - first))
 
 
-def _target(
-    leg: Leg, depth: Array, pitch: Array, pump: Array, wanted: Array | None
-) -> Target:
+def _target(leg: Leg, depth: Array, pitch: Array, pump: Array, wanted: Array | None) -> Target:
     inside = _in_band(leg, depth)
     position = float(np.median(pump[inside]))
     resting = np.flatnonzero(np.abs(pump[leg.samples] - position) <= PUMP_REST)

@@ -109,9 +109,7 @@ def phase_figures(legs: Sequence[Samples]) -> PhaseFigures | None:
     errors = [e for leg in legs if (e := settled_error(leg)) is not None]
     error = np.concatenate([*errors, np.zeros(0)])
     names = dict.fromkeys(name for leg in legs for name in leg.positions)
-    swings = [
-        {name: _swing(name, leg) for name in ("heading", "pitch", "roll")} for leg in legs
-    ]
+    swings = [{name: _swing(name, leg) for name in ("heading", "pitch", "roll")} for leg in legs]
     return PhaseFigures(
         depth_rate=mean([leg.depth_rate[leg.steady] for leg in legs]),
         speed=float(known.mean()) if known.size >= LEAST_SAMPLES else None,

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.checks.agreement import file_timestep
 from twin.checks.logs.dive import Dive, Target
 from twin.errors import InputError, SimulationUnstable
 from twin.mission import Mission
@@ -25,6 +26,8 @@ SHALLOWEST = 2.0
 """[m] where a twin starts and where its climbs end: nearer the surface its hull breaks it"""
 BIN = 2.0
 """[m] of the density profile taken from the log"""
+SAMPLE_PERIOD = 1.0
+"""[s] of the twin's samples: a roll swings within ten"""
 BEYOND = 0.05
 """Part of its travel by which a log may pump more than the vehicle file lets the pump"""
 
@@ -48,7 +51,7 @@ def scenario_of(vehicle: Vehicle, dive: Dive) -> Scenario:
     pump = vehicle.steered("buoyancy")
     assert pump is not None
     plan = mission_of(vehicle, dive)
-    timestep = float(vehicle_timestep(vehicle))
+    timestep = file_timestep(vehicle)
     return Scenario(
         vehicle=vehicle,
         plan=plan,
@@ -59,7 +62,7 @@ def scenario_of(vehicle: Vehicle, dive: Dive) -> Scenario:
             pitch=math.radians(first.pitch),
             actuators={pump.name: _within(vehicle, first.pump, dive.row)},
         ),
-        sample_period=max(round(dive.period / timestep), 1) * timestep,
+        sample_period=max(round(SAMPLE_PERIOD / timestep), 1) * timestep,
     )
 
 
@@ -100,10 +103,21 @@ def mission_of(vehicle: Vehicle, dive: Dive) -> Mission:
 
 
 def legs_flown(dive: Dive, trajectory: Trajectory) -> Array:
-    """Number of the log's leg that the twin was flying at each of its samples, (time,)."""
+    """Number of the log's leg that the twin was flying at each of its samples, (time,).
+
+    -1 once it has flown all: a mission that holds goes on with its last segment.
+    """
     legs = [k for k, target in enumerate(dive.targets) for _ in target.pieces]
     segment = np.nan_to_num(trajectory["commanded_segment"], nan=0.0).astype(int)
-    return np.array([*legs, legs[-1]])[np.clip(segment, 0, len(legs))]
+    number = np.array(legs)[np.clip(segment, 0, len(legs) - 1)]
+    last = dive.targets[-1]
+    down = last.leg.phase == "dive"
+    end = last.turn_depth if down else max(last.turn_depth, SHALLOWEST)
+    depth = trajectory["true_depth"]
+    there = (number == len(dive.targets) - 1) & ((depth >= end) if down else (depth <= end))
+    if there.any():
+        number[int(np.argmax(there)) + 1 :] = -1
+    return number
 
 
 def water_of(dive: Dive) -> DensityProfile:
@@ -112,13 +126,6 @@ def water_of(dive: Dive) -> DensityProfile:
     used = np.unique(bins[dive.measured]) if dive.measured.any() else np.unique(bins)
     values = [float(np.median(dive.density[bins == k])) for k in used]
     return DensityProfile(depth=used * BIN, values=np.array(values))
-
-
-def vehicle_timestep(vehicle: Vehicle) -> float:
-    """Physics step [s] that a vehicle's file asks for."""
-    from twin.checks.agreement import file_timestep
-
-    return file_timestep(vehicle)
 
 
 def _ways(vehicle: Vehicle, dive: Dive, index: int) -> dict[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from typing import Literal
 
 import numpy as np
@@ -53,7 +54,7 @@ def legs_of(depth: Array) -> list[Leg]:
     """Descents and climbs in their order; `depth` [m], (time,), without NaN."""
     turns = _turns(depth)
     legs = []
-    for a, b in zip(turns[:-1], turns[1:], strict=True):
+    for a, b in itertools.pairwise(turns):
         phase: Phase = "dive" if depth[b] > depth[a] else "climb"
         ends = sorted((float(depth[a]), float(depth[b])))
         legs.append(Leg(first=a, last=b, phase=phase, top=ends[0], bottom=ends[1]))

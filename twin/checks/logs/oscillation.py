@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,10 @@ LEAST_AMPLITUDE = {"heading": 1.0, "pitch": 0.5, "roll": 1.0}
 """[deg] of a swing that counts, by the signal"""
 CYCLES = 3.0
 """Periods that a leg must hold at least: of fewer nobody knows whether they go on"""
-SHORTEST = 8
+SHORTEST = 4
 """samples of a period"""
+WIDTH = 0.15
+"""Part of its frequency by which a swing may wander within a leg, as speed and trim do"""
 SHARE = 0.5
 """Part of the variance that the swing must be: noise is spread over all periods"""
 LASTING = 0.7
@@ -55,12 +57,12 @@ def oscillation_of(name: str, values: Array, period: float) -> Oscillation | Non
     if total == 0.0 or highest < lowest:
         return None
     peak = lowest + int(np.argmax(power[lowest : highest + 1]))
-    share = float(power[max(peak - 1, 1) : peak + 2].sum()) / total
-    phase = np.exp(-2j * np.pi * peak * np.arange(count) / count)
+    wide = max(1, round(WIDTH * peak))
+    share = float(power[max(peak - wide, 1) : peak + wide + 1].sum()) / total
     half = count // 2
-    early, late = (2.0 * abs(np.mean((swing * phase)[s])) for s in (slice(half), slice(half, None)))
+    early, late = (float(np.std(swing[part])) for part in (slice(half), slice(half, None)))
     amplitude = float(np.sqrt(2.0 * share * np.mean(swing**2)))
-    growth = float(late / early) if early > 0.0 else float("inf")
+    growth = late / early if early > 0.0 else float("inf")
     if amplitude < LEAST_AMPLITUDE[name] or share < SHARE or growth < LASTING:
         return None
     return Oscillation(
@@ -68,7 +70,9 @@ def oscillation_of(name: str, values: Array, period: float) -> Oscillation | Non
     )
 
 
-def limit_cycle(legs: list[Mapping[str, Oscillation | None]], least: float) -> Oscillation | None:
+def limit_cycle(
+    legs: Sequence[Mapping[str, Oscillation | None]], least: float
+) -> Oscillation | None:
     """The largest swing among those that at least a part of the legs show, their medians.
 
     Args:
@@ -84,6 +88,4 @@ def limit_cycle(legs: list[Mapping[str, Oscillation | None]], least: float) -> O
                 for field in ("period_s", "amplitude_deg", "growth")
             }
             found.append(Oscillation(signal=name, legs=len(mine) / len(legs), **median))
-    return max(
-        found, key=lambda one: one.amplitude_deg / LEAST_AMPLITUDE[one.signal], default=None
-    )
+    return max(found, key=lambda one: one.amplitude_deg / LEAST_AMPLITUDE[one.signal], default=None)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from twin.checks.logs.comparison import LogCheck
 from twin.checks.logs.dive import Dive
+from twin.checks.logs.flight import legs_flown
 from twin.checks.logs.legs import PHASES
 from twin.checks.logs.steering import RUDDER, USUAL_NAMES, log_signal
 from twin.plot.caption import mission_caption
@@ -97,4 +98,9 @@ def as_logged(
         name = log_signal(vehicle, part, names) or log_signal(vehicle, part, USUAL_NAMES)
         sense = part.sense("heading") if name == RUDDER else 1.0
         signals[name or f"measured_{part.name}"] = sense * flight[f"true_{part.name}"]
-    return Trajectory(time=flight.time + begin, signals=signals, states=flight.states[:, :0])
+    flown = legs_flown(dive, flight) >= 0
+    return Trajectory(
+        time=flight.time[flown] + begin,
+        signals={name: values[flown] for name, values in signals.items()},
+        states=flight.states[flown, :0],
+    )
