@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
+from scipy.signal import lfilter, savgol_filter
 
 from twin.checks.logs.calibrated import Calibrated
 from twin.checks.logs.legs import Leg, Phase, legs_of
@@ -164,11 +164,10 @@ def felt_density(store: LogStore, row: int, hull: Calibrated, depth: Array) -> A
     if water is None or not hull.thermal_expansion:
         return density
     share = 1.0 - np.exp(-store.period / hull.thermal_lag)
-    warm = np.empty_like(water)
-    warm[0] = water[0]
-    for k in range(1, len(water)):
-        warm[k] = warm[k - 1] + share * (water[k] - warm[k - 1])
-    return density * (1.0 + hull.thermal_expansion * (warm - REFERENCE_TEMPERATURE))
+    begin = [water[0] * (1.0 - share)]
+    warm, _ = lfilter([share], [1.0, share - 1.0], water, zi=begin)
+    swelling = hull.thermal_expansion * (warm - REFERENCE_TEMPERATURE)
+    return np.asarray(density * (1.0 + swelling))
 
 
 REFERENCE_TEMPERATURE = 10.0

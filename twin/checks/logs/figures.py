@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
+from scipy.signal import lfilter, savgol_filter
 
 from twin.checks.logs.oscillation import Oscillation, limit_cycle, oscillation_of
 
@@ -20,9 +20,12 @@ SLOWEST_TURN = 0.3
 """[deg/s] of that turn"""
 NEW_TARGET = 5.0
 """[deg] of a change of the target that counts as one"""
-TURN_WINDOW = 30.0
-"""[s] of the filter whose slope is the turn rate: longer than the yaw's lag"""
-LEAST_MOVED = 0.5
+TURN_WINDOW = 40.0
+"""[s] of the filter whose slope is the turn rate: compasses of logs are noisy"""
+TURN_LAGS = (0.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0)
+"""[s] of the turn rate behind the position; a loop that answers the heading hides the effect of its
+part where the lag is left out"""
+LEAST_MOVED = 0.2
 """[deg] standard deviation of a turning part's position from which its effect can be told"""
 LEAST_CORRELATION = 0.3
 """Of turn rate and position; less, and other things turned the vehicle"""
@@ -60,8 +63,6 @@ class Samples:
     """of the parts, in the units of stores"""
     steady: Mask
     """away from inflections and the surface, with the pump at rest and all measured"""
-    measured: Mask
-    """where values are measured and the vehicle is under water"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -149,30 +150,41 @@ def settled_error(leg: Samples) -> Array | None:
 def turn_per_actuator(legs: Sequence[Samples]) -> float | None:
     """Slope of turn rate [deg/s] on the turning part's position [deg]; None where nothing tells.
 
-    Each leg has a mean of its own: what turns a vehicle whose part is at 0 is not of the part.
+    The position acts through a first-order lag, the one of TURN_LAGS that explains most. Each leg
+    has a mean of its own: what turns a vehicle whose part is at 0 is not of the part.
     """
+    found = [fit for lag in TURN_LAGS if (fit := _turn_fit(legs, lag)) is not None]
+    slope, correlation = max(found, key=lambda fit: abs(fit[1]), default=(0.0, 0.0))
+    return slope if abs(correlation) >= LEAST_CORRELATION else None
+
+
+def _turn_fit(legs: Sequence[Samples], lag: float) -> tuple[float, float] | None:
+    """Slope and correlation at a lag [s]; None where the part hardly moved."""
     rates, positions = [], []
     for leg in legs:
-        if leg.heading is None or leg.turning is None:
-            continue
         window = max(round(TURN_WINDOW / leg.period), 5) | 1
-        if len(leg.heading) <= window:
+        if leg.heading is None or leg.turning is None or len(leg.heading) <= window:
+            continue
+        use = leg.steady
+        if use.sum() < LEAST_SAMPLES:
             continue
         rate = savgol_filter(leg.heading, window, 2, deriv=1, delta=leg.period)
-        position = savgol_filter(leg.turning, window, 2)
-        use = leg.measured
-        if use.sum() >= LEAST_SAMPLES:
-            rates.append(rate[use] - rate[use].mean())
-            positions.append(position[use] - position[use].mean())
+        position = leg.turning
+        if lag > 0.0:
+            share = 1.0 - np.exp(-leg.period / lag)
+            begin = [position[0] * (1.0 - share)]
+            position, _ = lfilter([share], [1.0, share - 1.0], position, zi=begin)
+        position = savgol_filter(position, window, 2)
+        rates.append(rate[use] - rate[use].mean())
+        positions.append(position[use] - position[use].mean())
     if not rates:
         return None
     rate, position = np.concatenate(rates), np.concatenate(positions)
-    moved = float(np.sqrt(np.mean(position**2)))
-    turned = float(np.sqrt(np.mean(rate**2)))
-    if moved < LEAST_MOVED or turned == 0.0:
+    moved, turned = float(np.mean(position**2)), float(np.mean(rate**2))
+    if moved < LEAST_MOVED**2 or turned == 0.0:
         return None
     together = float(np.mean(rate * position))
-    return together / moved**2 if abs(together) >= LEAST_CORRELATION * moved * turned else None
+    return together / moved, together / np.sqrt(moved * turned)
 
 
 def _swing(name: str, leg: Samples) -> Oscillation | None:

@@ -13,8 +13,9 @@ from twin.checks.logs.dive import Dive, Target
 from twin.errors import InputError, SimulationUnstable
 from twin.mission import Mission
 from twin.mission.segments import SawTooth
+from twin.physics.quiet import quiet_mujoco
 from twin.physics.scenario import Scenario
-from twin.physics.simulation import simulate_many
+from twin.physics.simulation import Simulation
 from twin.physics.start import Start
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
@@ -28,6 +29,10 @@ BIN = 2.0
 """[m] of the density profile taken from the log"""
 SAMPLE_PERIOD = 1.0
 """[s] of the twin's samples: a roll swings within ten"""
+PATIENCE = 2.0
+"""Times the log's duration that a twin may take for a dive"""
+LOOK = 10.0
+"""[s] between looks whether a dive is flown"""
 BEYOND = 0.05
 """Part of its travel by which a log may pump more than the vehicle file lets the pump"""
 
@@ -39,7 +44,24 @@ def fly_dives(vehicle: Vehicle, dives: Sequence[Dive]) -> list[Trajectory | Simu
       InputError: the vehicle's pump cannot do what the log's did.
       MissionError: the vehicle cannot fly the log's pitch at its buoyancy.
     """
-    return simulate_many([scenario_of(vehicle, dive) for dive in dives])
+    flights: list[Trajectory | SimulationUnstable] = []
+    with quiet_mujoco():
+        for dive in dives:
+            try:
+                flights.append(_fly(vehicle, dive))
+            except SimulationUnstable as error:
+                flights.append(error)
+    return flights
+
+
+def _fly(vehicle: Vehicle, dive: Dive) -> Trajectory:
+    """One dive, until it is flown or the twin has taken far longer than the log."""
+    simulation = Simulation(scenario_of(vehicle, dive))
+    patience = PATIENCE * dive.period * (dive.targets[-1].leg.last - dive.targets[0].leg.first)
+    steps = max(1, round(LOOK / simulation.model.opt.timestep))
+    while not (simulation.flown or simulation.failed) and simulation.data.time < patience:
+        simulation.step(steps)
+    return simulation.trajectory(dive.row)
 
 
 def scenario_of(vehicle: Vehicle, dive: Dive) -> Scenario:

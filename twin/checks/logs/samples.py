@@ -47,7 +47,6 @@ def logged_samples(dive: Dive, phase: Phase, pump: str) -> list[Samples]:
                 turning=None if dive.turning is None else dive.turning[part],
                 positions=positions,
                 steady=measured & _steady(dive.depth[part], leg, target, positions.get(pump)),
-                measured=measured,
             )
         )
     return found
@@ -86,7 +85,6 @@ def flown_samples(
                 turning=None if turning is None else turning.sense * positions[turning.part],
                 positions=positions,
                 steady=measured & _steady(depth, leg, target, positions[pump]),
-                measured=measured,
             )
         )
     return found
