@@ -14,7 +14,7 @@ import numpy as np
 from twin.checks.logs.calibrated import Calibrated, Uncalibrated
 from twin.checks.logs.dive import Dive, read_dive
 from twin.checks.logs.figures import PhaseFigures, phase_figures
-from twin.checks.logs.flight import fly_dives
+from twin.checks.logs.flight import PATIENCE, fly_dives
 from twin.checks.logs.legs import LEAST_RANGE, PHASES, Phase
 from twin.checks.logs.samples import angle_of_attack, flown_samples, logged_samples
 from twin.checks.logs.steering import Turning, turning_of
@@ -41,6 +41,8 @@ class PhaseComparison:
     log: PhaseFigures
     twin: PhaseFigures | None
     """None: it never came to a steady part of such a leg"""
+    speed_from: str | None
+    """What the log's speed is: "measured", "depth rate and pitch", or None"""
     same_part: bool
     """Whether the same kind of part turns both, so that its effect can be compared"""
 
@@ -61,6 +63,7 @@ class PhaseComparison:
         return {
             "log": {**log, "parts": dict(self.log.parts)},
             "twin": {**twin, "parts": {} if self.twin is None else dict(self.twin.parts)},
+            "speed_from": self.speed_from,
             "ratio": ratio,
             "deviation": {
                 name: _difference(twin[name], log[name]) for name in ("pitch_deg", "heading_sd_deg")
@@ -92,11 +95,13 @@ class LogCheck:
         found = [f"dive {d.row}: {f}" for d, f in self._flown() if isinstance(f, Exception)]
         for name, phase in self.phases.items():
             found += [f"{name}: {text}" for text in _beyond(phase)]
-        return found + [
-            f"dive {dive.row}: the twin did not fly it to its end ({_ending(flight)})"
-            for dive, flight in self._flown()
-            if isinstance(flight, Trajectory) and _ending(flight) != "flown"
-        ]
+        short = [d.row for d, f in self._flown() if isinstance(f, Trajectory) and not _is_flown(f)]
+        if short:
+            found.append(
+                f"the twin took more than {PATIENCE:g} times the log's time in {len(short)} of "
+                f"{len(self.dives)} dives ({', '.join(map(str, short))})"
+            )
+        return found
 
     def describe(self) -> dict[str, Any]:
         """JSON-able."""
@@ -257,7 +262,9 @@ def _phases(
         legs = [s for dive, f in flown for s in flown_samples(dive, f, phase, vehicle, turning)]
         mine = phase_figures(legs)
         angles = [a for d, f in flown if (a := angle_of_attack(d, f, phase)) is not None]
+        speed_from = None if log.speed is None else "measured"
         if log.speed is None and angles:
+            speed_from = "depth rate and pitch"
             path = math.radians(log.pitch - float(np.mean(angles)))
             log = dataclasses.replace(log, speed=-log.depth_rate / math.sin(path))
             notes.append(
@@ -265,7 +272,10 @@ def _phases(
                 f"twin's angle of attack ({np.mean(angles):.1f} deg); it measured none"
             )
         phases[phase] = PhaseComparison(
-            log=log, twin=mine, same_part=turning is not None and turning.same
+            log=log,
+            twin=mine,
+            speed_from=speed_from,
+            same_part=turning is not None and turning.same,
         )
     return phases, notes
 
@@ -325,8 +335,8 @@ def _beyond(phase: PhaseComparison) -> list[str]:
     return found
 
 
-def _ending(flight: Trajectory) -> str:
-    return str(flight.provenance.get("ended"))
+def _is_flown(flight: Trajectory) -> bool:
+    return flight.provenance.get("ended") == "flown"
 
 
 def _ratio(mine: float | None, theirs: float | None) -> float | None:

@@ -12,6 +12,7 @@ from twin.checks.logs.calibrated import Calibrated
 from twin.checks.logs.legs import Leg, Phase, legs_of
 from twin.checks.logs.steering import Turning, log_signal
 from twin.records.logs import LogStore
+from twin.records.trajectory import VELOCITY
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -108,7 +109,6 @@ def read_dive(store: LogStore, row: int, hull: Calibrated, turning: Turning | No
         heading = np.rad2deg(hull.true_heading(np.deg2rad(heading)))
     wanted = _heading_target(store, row, heading)
     targets = tuple(_target(leg, smooth, pitch, pump, wanted) for leg in legs)
-    speed = store.signal("true_speed", row)
     gap = np.nan_to_num(store.signal("measured_gap", row), nan=0.0) > 0.0
     known = np.isfinite(store.signal("measured_depth", row))
     positions = {}
@@ -127,7 +127,7 @@ def read_dive(store: LogStore, row: int, hull: Calibrated, turning: Turning | No
         pitch=pitch,
         roll=filled(store.signal("measured_roll", row)),
         heading=heading,
-        speed=speed if np.isfinite(speed).any() else None,
+        speed=_speed(store, row),
         density=felt_density(store, row, hull, smooth),
         positions=positions,
         turning=turned,
@@ -183,6 +183,14 @@ def _pump(store: LogStore, row: int, hull: Calibrated) -> Array:
     if not np.isfinite(values).any():
         values = store.signal(name.replace("measured_", "commanded_", 1), row)
     return values
+
+
+def _speed(store: LogStore, row: int) -> Array | None:
+    """Speed through the water [m/s] that was measured, NaN where not; None without any."""
+    speed = store.signal("true_speed", row)
+    parts = np.stack([store.signal(f"true_{name}", row) for name in VELOCITY])
+    speed = np.where(np.isfinite(speed), speed, np.sqrt(np.sum(parts**2, axis=0)))
+    return speed if np.isfinite(speed).any() else None
 
 
 def _heading_target(store: LogStore, row: int, heading: Array | None) -> Array | None:
