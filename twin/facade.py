@@ -16,8 +16,10 @@ from twin.mission import Mission
 from twin.mission.controller import Controller
 from twin.mission.schedule import Schedule
 from twin.mission.shipped import load_mission_for
+from twin.physics.ballast import weighed
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
 from twin.physics.simulation import simulate as fly
+from twin.records.attributes import SENSOR_SUITE
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.base import Current
@@ -40,6 +42,9 @@ def simulate(
     mission: str | Path | Mission | Schedule | None = None,
     current: str | Current | None = None,
     density: str | Path | DensityProfile | None = None,
+    ballast_at: float | None = None,
+    mass: float | None = None,
+    compressibility: float | None = None,
     duration: float | None = None,
     start: Start | Mapping[str, Any] | None = None,
     origin: Origin | None = None,
@@ -62,6 +67,10 @@ def simulate(
       current: as text, such as "uniform:0.1,-0.05" (north, east [m/s]), or an object; parts are
         added with +.
       density: "constant", "thermocline", a CSV file, or a DensityProfile.
+      ballast_at: [m] of this water where the vehicle is neutral; None takes water of the reference
+        density at the surface.
+      mass: [kg] of the whole vehicle, whose hull keeps its volume; None takes the file's.
+      compressibility: [1/Pa] of the hull; None takes the file's.
       duration: [s]; None takes the mission's own.
       start: where, when and how the run begins: a Start, or some of its fields by name, such as
         {"latitude": 49.0, "longitude": -16.0, "time": "2003-08-01"}; None takes the mission's.
@@ -88,8 +97,12 @@ def simulate(
         if mission is None and controller is None:
             mission = DEFAULT_MISSION
         flown = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(str(vehicle))
+        flown, ballast = weighed(
+            flown, ballast_at=ballast_at, mass=mass, compressibility=compressibility
+        )
         scenario = Scenario(
             vehicle=flown,
+            ballast=ballast,
             plan=load_mission_for(flown, mission) if isinstance(mission, str | Path) else mission,
             duration=duration,
             start=start,
@@ -117,14 +130,28 @@ def simulate(
         raise InputError("seed and bottom_depth are for the sensors: give sensors too")
     trajectory = fly(scenario, controller)
     provenance: dict[str, Any] = {**trajectory.provenance, **provenance_of(scenario)}
-    signals = trajectory.signals
-    if suite is not None:
-        measured, drawn = _measure(suite, scenario, trajectory, seed, bottom_depth)
-        signals = {**signals, **measured}
-        provenance["sensor_suite"] = json.dumps(
-            {"settings": suite.settings(), "drawn": drawn, "seed": seed}
-        )
-    return dataclasses.replace(trajectory, signals=signals, provenance=provenance)
+    trajectory = dataclasses.replace(trajectory, provenance=provenance)
+    if suite is None:
+        return trajectory
+    return with_sensors(trajectory, scenario, suite, seed=seed, bottom_depth=bottom_depth)
+
+
+def with_sensors(
+    trajectory: Trajectory,
+    scenario: Scenario,
+    suite: SensorSuite,
+    *,
+    seed: int = 0,
+    bottom_depth: float | None = None,
+) -> Trajectory:
+    """The trajectory with what the sensors measured, and their settings in its provenance."""
+    measured, drawn = _measure(suite, scenario, trajectory, seed, bottom_depth)
+    said = json.dumps({"settings": suite.settings(), "drawn": drawn, "seed": seed})
+    return dataclasses.replace(
+        trajectory,
+        signals={**trajectory.signals, **measured},
+        provenance={**trajectory.provenance, SENSOR_SUITE: said},
+    )
 
 
 def provenance_of(scenario: Scenario) -> dict[str, str]:

@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 
 from factory.flight.bounds import check_possible
 from factory.flight.mission_water import bottom_depth, build_current, build_density, origin
-from factory.flight.vehicle_errors import ballast_of, encoder_zeros, spread_vehicle
+from factory.flight.vehicle_errors import (
+    ballast_of,
+    believed_vehicle,
+    encoder_zeros,
+    spread_vehicle,
+)
 from factory.recipe.sampling import SAW_TOOTH, SURFACE, Parameters, number
 from twin.mission import Mission, SawTooth, Segment, Spiral, Surface
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario
@@ -89,12 +94,13 @@ def build_scenario(
     parameters: Parameters, nominal: Vehicle, current: Current | None = None
 ) -> Scenario:
     """Everything that the physics needs; `current` replaces the drawn one."""
+    believed = believed_vehicle(nominal, parameters)
     return Scenario(
         vehicle=spread_vehicle(nominal, parameters),
-        believed=nominal,
+        believed=believed,
         ballast=ballast_of(nominal, parameters),
         encoder_zeros=encoder_zeros(nominal, parameters),
-        plan=build_mission(parameters, nominal),
+        plan=build_mission(parameters, believed),
         duration=parameters.duration_s,
         current=build_current(parameters) if current is None else current,
         density=build_density(parameters),

@@ -35,6 +35,18 @@ def spread_vehicle(nominal: Vehicle, parameters: Parameters) -> Vehicle:
     )
 
 
+def believed_vehicle(nominal: Vehicle, parameters: Parameters) -> Vehicle:
+    """`nominal` with what guidance knows of the drawn coefficients."""
+    known = {
+        u.name: parameters.number(f"vehicle.{u.name}")
+        for u in nominal.law.uncertainties()
+        if u.known
+    }
+    if all(known[u.name] == u.certain for u in nominal.law.uncertainties() if u.known):
+        return nominal
+    return nominal.replace(law=nominal.law.scaled(known))
+
+
 def _fields(part: Part, parameters: Parameters) -> dict[str, float]:
     """The fields of a part that are drawn, times their factors."""
     return {

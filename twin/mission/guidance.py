@@ -8,9 +8,9 @@ the native plant, a Python loop and a copy of a simulation behave alike. Angles 
 positive down, the frame is NED and FRD.
 
 A loop works on the part's position times its sense: a slide moved forward pitches the nose down,
-so its sense in pitch is -1; a battery turned by a positive angle turns the glider to starboard in
-a dive and in a climb (a glider that rolls to port turns to starboard both ways), so the heading
-loop keeps its sign.
+so its sense in pitch is -1. Which way a rolled battery turns a glider depends on its lift, so the
+heading loop takes its sense and strength from the row, for dives and climbs apart
+(`twin.mission.turning`).
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ DURATION = 10  # [s], NaN: none
 UNTIL_DEPTH = 11  # [m], NaN: none
 ABORT_DEPTH = 12  # [m], inf: none
 SURFACE_DEPTH = 13  # [m] above this the vehicle counts as surfaced
-SEGMENT_COLUMNS = 14
+DIVE_TURN, CLIMB_TURN = 14, 15  # factor of the heading loop, with the sign of the turn
+SEGMENT_COLUMNS = 16
 # then three commands, each of the width of the vehicle: what its parts do in a dive, in a climb,
 # and in a hold or at the surface. The loops start from the position of their part in it.
 DIVE_COMMAND, CLIMB_COMMAND, REST_COMMAND = 0, 1, 2
@@ -49,8 +50,8 @@ PITCH_KP, PITCH_KI, PITCH_KD = 0, 1, 2  # position per error [1/rad], [1/(rad s)
 HEADING_KP, HEADING_KI, HEADING_KD = 3, 4, 5  # likewise
 PERIOD = 6  # [s]
 PITCH_PART, PITCH_SENSE = 7, 8  # place among the parts, -1: none; +1 or -1
-TURN_PART, TURN_SENSE = 9, 10  # likewise
-GAINS = 11
+TURN_PART = 9  # place among the parts, -1: none
+GAINS = 10
 
 # --- state: all zeros before the first step ---------------------------------------------------
 SEGMENT = 0  # index of the row being flown
@@ -59,12 +60,13 @@ YO_COUNT = 2  # of this segment, in halves; -0.5 while it finishes a climb it di
 SEGMENT_START = 3  # [s]
 ARRIVAL = 4  # [s] time of reaching the surface
 UNTIL_SIDE = 5  # +1: the segment ends below UNTIL_DEPTH, -1: above it
-DIVE_INTEGRAL, CLIMB_INTEGRAL, HEADING_INTEGRAL = 6, 7, 8  # [rad s]
-PITCH_SETPOINT = 9  # [rad], NaN: none
-HEADING_SETPOINT = 10  # [rad] in [0, 2 pi), NaN: none
-DONE = 11  # 1 once the plan is flown, and the surface reached where it ends there
-ABORTED = 12  # 1 once the abort depth was exceeded
-GUIDANCE_STATE = 13
+DIVE_INTEGRAL, CLIMB_INTEGRAL = 6, 7  # of pitch [rad s]
+DIVE_TURN_INTEGRAL, CLIMB_TURN_INTEGRAL = 8, 9  # of heading [rad s]
+PITCH_SETPOINT = 10  # [rad], NaN: none
+HEADING_SETPOINT = 11  # [rad] in [0, 2 pi), NaN: none
+DONE = 12  # 1 once the plan is flown, and the surface reached where it ends there
+ABORTED = 13  # 1 once the abort depth was exceeded
+GUIDANCE_STATE = 14
 
 NOT_STARTED, DIVE, CLIMB, SURFACING, AT_SURFACE, HOLDING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 
@@ -86,7 +88,7 @@ def _enter(table: Array, state: Array, index: int, t: float, depth: float, headi
     state[SEGMENT_START] = t
     state[YO_COUNT] = 0.0
     state[UNTIL_SIDE] = 1.0 if table[index, UNTIL_DEPTH] > depth else -1.0
-    state[HEADING_INTEGRAL] = 0.0
+    state[DIVE_TURN_INTEGRAL] = state[CLIMB_TURN_INTEGRAL] = 0.0
     target = table[index, HEADING]
     state[HEADING_SETPOINT] = heading if math.isnan(target) else target
     if kind == HOLD:
@@ -218,12 +220,14 @@ def guidance_step(
         _command(row, REST_COMMAND, command)
         return
 
-    # each way keeps its own integral: the trim error of a dive is not that of a climb
+    # each way keeps its own integrals: the trim error of a dive is not that of a climb
     if phase == DIVE:
         setpoint, slot = row[DIVE_PITCH], DIVE_INTEGRAL
+        turn, turn_slot = row[DIVE_TURN], DIVE_TURN_INTEGRAL
         _command(row, DIVE_COMMAND, command)
     else:
         setpoint, slot = row[CLIMB_PITCH], CLIMB_INTEGRAL
+        turn, turn_slot = row[CLIMB_TURN], CLIMB_TURN_INTEGRAL
         _command(row, CLIMB_COMMAND, command)
     state[PITCH_SETPOINT] = setpoint
     part = int(gains[PITCH_PART])
@@ -251,18 +255,21 @@ def guidance_step(
     error = state[HEADING_SETPOINT] - heading
     error -= 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
     heading_rate = (q * math.sin(roll) + r * math.cos(roll)) / max(math.cos(pitch), MIN_COS_PITCH)
-    command[part] = gains[TURN_SENSE] * _pid(
+    if not abs(turn) > 0.0:
+        return
+    limit = row[TURN_LIMIT] / abs(turn)
+    command[part] = turn * _pid(
         gains[HEADING_KP],
         gains[HEADING_KI],
         gains[HEADING_KD],
         error,
         heading_rate,
-        gains[TURN_SENSE] * command[part],
-        -row[TURN_LIMIT],
-        row[TURN_LIMIT],
+        command[part] / turn,
+        -limit,
+        limit,
         gains[PERIOD],
         state,
-        HEADING_INTEGRAL,
+        turn_slot,
     )
 
 

@@ -217,12 +217,13 @@ def _plain(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _gains(vehicle: Vehicle) -> Array:
-    """The two loops' gains, parts and senses, shape (GAINS,), for `guidance_step`."""
+    """The two loops' gains and parts, shape (GAINS,), for `guidance_step`."""
     gains = np.empty(g.GAINS)
     gains[g.PITCH_KP : g.PERIOD] = [*vehicle.pitch_pid, *vehicle.heading_pid]
     gains[g.PERIOD] = vehicle.control_period
     for control, place in (("pitch", g.PITCH_PART), ("heading", g.TURN_PART)):
-        part, index = vehicle.steered(control), vehicle.steered_index(control)
+        index = vehicle.steered_index(control)
         gains[place] = -1.0 if index is None else index
-        gains[place + 1] = 1.0 if part is None else part.sense(control)
+    pitching = vehicle.steered("pitch")
+    gains[g.PITCH_SENSE] = 1.0 if pitching is None else pitching.sense("pitch")
     return gains

@@ -29,6 +29,8 @@ SHORTEST_STEP, LONGEST_STEP = 1e-4, 1.0
 """[s]"""
 ELLIPSOID_TIMESTEP = 0.02
 """[s] quadratic rotary drag of the ellipsoid law is stiff at inflections: 0.1 s diverges there"""
+RUN_TABLES = ("plan", "current", "density", "temperature")
+"""Tables of a run; the others are the vehicle's"""
 _FREE_JOINT_ROWS = np.array([0, 1, 3, 6, 10, 15])
 
 
@@ -157,7 +159,8 @@ def _body(model: mujoco.MjModel) -> np.ndarray:
 
 
 def table(model: mujoco.MjModel, name: str) -> np.ndarray:
-    """One of the block's tables, live: "parts", "law_values", "plan", "current", "density"."""
+    """One of the block's tables, live: "parts", "law_values", "plan", "current", "density",
+    "temperature"."""
     place = header(model)[name]
     start = int(place["start"])
     return _body(model)[start : start + int(place["size"])]
@@ -198,6 +201,9 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int
         "gravity": vehicle.gravity,
         "reference_density": vehicle.reference_density,
         "compressibility": vehicle.hull_compressibility,
+        "thermal_expansion": vehicle.hull_thermal_expansion,
+        "thermal_lag": vehicle.hull_thermal_lag,
+        "reference_temperature": vehicle.hull_reference_temperature,
         "length": vehicle.hull_length,
         "diameter": vehicle.hull_diameter,
         "added_mass": added_mass,
@@ -221,7 +227,7 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int
         body[used : used + values.size] = values
         head[name]["start"], head[name]["size"] = used, values.size
         used += values.size
-    for name in ("plan", "current", "density"):
+    for name in RUN_TABLES:
         head[name]["start"], head[name]["size"] = used, 0
 
 
@@ -274,7 +280,7 @@ def write_tables(model: mujoco.MjModel, tables: Tables) -> None:
         )
     head, body = header(model), _body(model)
     used = int(head["plan"]["start"])
-    for name in ("plan", "current", "density"):
+    for name in RUN_TABLES:
         values = getattr(tables, name).ravel()
         head[name]["size"] = 0  # first: no table may be seen half written
         head[name]["start"] = used

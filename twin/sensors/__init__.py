@@ -6,6 +6,7 @@ A sensor of one's own is one file: see docs/sensors.md and `register`.
 from twin.sensors.attitude import Attitude
 from twin.sensors.base import Sensor, Surroundings
 from twin.sensors.compass import COMPASS_PRESETS, Compass
+from twin.sensors.ctd import Ctd
 from twin.sensors.dvl import Dvl
 from twin.sensors.encoders import Encoders
 from twin.sensors.gps import Gps
@@ -22,6 +23,7 @@ __all__ = [
     "SUITE_PRESETS",
     "Attitude",
     "Compass",
+    "Ctd",
     "Dvl",
     "Encoders",
     "Gps",

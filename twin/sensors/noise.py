@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Normals = NDArray[np.float32]
 
-PLACES = ("imu", "attitude", "compass", "pressure", "gps", "dvl", "encoders", "onboard")
+PLACES = ("imu", "attitude", "compass", "pressure", "gps", "dvl", "encoders", "onboard", "ctd")
 """Places of the shipped sensors in the seed tree: append, never reorder. Any other sensor has the
 place that its name hashes to."""
 

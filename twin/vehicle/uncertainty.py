@@ -33,6 +33,8 @@ class Uncertainty:
     says 0"""
     scale: float = 1.0
     """of a position: the part's unit in `unit`"""
+    known: bool = False
+    """of a hull law: guidance has it too, as a pilot knows which way the vehicle turns"""
 
 
 def coefficient(name: str, what: str, *, field: str | None = None) -> Uncertainty:

@@ -60,6 +60,7 @@ def blank_row(vehicle: Vehicle) -> Array:
     row[g.ABORT_DEPTH] = np.inf
     row[g.SURFACE_DEPTH] = 0.5 * vehicle.hull_length + SURFACED_MARGIN_M
     row[g.TURN_LIMIT] = 0.0
+    row[g.DIVE_TURN] = row[g.CLIMB_TURN] = 1.0
     pitching = vehicle.steered("pitch")
     row[g.PITCH_LOW], row[g.PITCH_HIGH] = (
         (0.0, 0.0) if pitching is None else (pitching.low, pitching.high)

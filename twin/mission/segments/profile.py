@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from twin.mission import fields as check
 from twin.mission import guidance as g
 from twin.mission.segments.base import Segment, blank_row, command_of, limit
+from twin.mission.turning import turn_factor
 from twin.mission.way import (
     DEFAULT_NET_MASS_KG,
     TIME_MARGIN,
@@ -110,6 +111,7 @@ class Profile(Segment):
         dive, climb = self._ways(vehicle, label)
         row[g.MIN_DEPTH], row[g.MAX_DEPTH] = self.min_depth_m, self.max_depth_m
         row[g.DIVE_PITCH], row[g.CLIMB_PITCH] = dive.pitch, climb.pitch
+        row[g.DIVE_TURN], row[g.CLIMB_TURN] = (turn_factor(vehicle, w) for w in (dive, climb))
         command_of(vehicle, row, g.DIVE_COMMAND)[:] = dive.command
         command_of(vehicle, row, g.CLIMB_COMMAND)[:] = climb.command
         row[g.YO_LIMIT] = limit(self.yos)

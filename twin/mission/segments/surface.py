@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from twin.mission import fields as check
 from twin.mission import guidance as g
 from twin.mission.segments.base import Segment, blank_row, command_of
+from twin.mission.turning import turn_factor
 from twin.mission.way import (
     TIME_MARGIN,
     Way,
@@ -84,6 +85,7 @@ class Surface(Segment):
         climb = self._ascent(vehicle, label)
         row[g.KIND] = g.SURFACE
         row[g.CLIMB_PITCH] = climb.pitch
+        row[g.CLIMB_TURN] = turn_factor(vehicle, climb)
         command_of(vehicle, row, g.CLIMB_COMMAND)[:] = climb.command
         rest = command_of(vehicle, row, g.REST_COMMAND)
         pump, pitching = vehicle.steered_index("buoyancy"), vehicle.steered("pitch")

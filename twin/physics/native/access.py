@@ -100,6 +100,7 @@ def header_address(table, model):
         and head.parts["size"] == PART_WORDS * head.nu
         and _inside(head.current, body)
         and _inside(head.density, body)
+        and _inside(head.temperature, body)
         and _inside(head.plan, body)
         and 0.0 <= head.plan_rows <= head.plan["size"]
         and head.log_ring >= 0.0

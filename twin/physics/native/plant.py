@@ -43,6 +43,7 @@ from twin.physics.native.sample_log import run_log
 from twin.physics.native.water import (
     added_mass_wrench,
     displaced_volume,
+    hull_warming,
     immersion,
     part_rate,
     point_mass_wrench,
@@ -243,14 +244,11 @@ def water(model, data):
     )
 
     # buoyancy, and the parts: their wrenches in FRD become hull axes here
-    total_volume = displaced_volume(
-        head.neutral_volume,
-        volume,
-        head.reference_density,
-        head.gravity,
-        head.compressibility,
-        depth,
-    )
+    warming = 0.0
+    if head.temperature["size"] > 0.0:
+        seawater = density_at(table_of(start, head, head.temperature), depth)
+        warming = hull_warming(head, state, time, seawater)
+    total_volume = displaced_volume(head, volume, depth, warming)
     lift = density * total_volume * head.gravity
     for k in range(count if head.acting != 0.0 else 0):
         part = part_at(start, head, k)

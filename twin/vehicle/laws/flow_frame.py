@@ -357,6 +357,7 @@ ROLL_LIFT_SHARE = Uncertainty(
     name="roll_lift_share",
     certain=0.0,
     spread="uniform(0.8, 1)",
+    known=True,
     why="wings' part of the roll moment of sideslip, which changes sign with lift: the turns of 7 "
     "Seagliders and a SeaExplorer in dives and climbs show most of it to be theirs",
 )

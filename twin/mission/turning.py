@@ -1,0 +1,148 @@
+"""Turning: how fast a vehicle turns for the position of what turns it, in a steady way.
+
+Wings that sweep or stand up roll the hull in sideslip one way in a dive and the other in a climb;
+a rudder does not care. So neither the sign nor the gain of a heading loop is the same in both
+phases: they follow from the steady turns of the vehicle, linearised about its straight way.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import MissionError
+from twin.mission.way import DEFAULT_NET_MASS_KG, Way, way
+
+if TYPE_CHECKING:
+    from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+LATERAL = (1, 3, 5)
+"""Rows of side force, roll and yaw moment"""
+STEP = 1e-5
+"""[m/s, rad, rad/s] of the differences; the law is smooth there"""
+PART_STEP = 1e-4
+"""Part of the turning part's travel, likewise"""
+DEEP = 1e3
+"""[m] where everything is under water"""
+USUAL_PITCH_DEG = -30.0
+"""Of the dive that the gains of a vehicle file are for"""
+LARGEST_FACTOR = 4.0
+"""A loop is never made stronger than this, nor weaker than its inverse"""
+
+
+def turn_per_position(vehicle: Vehicle, steady: Way) -> float:
+    """Turn rate [rad/s] about the vertical, to starboard, per unit of the turning part.
+
+    Side force, roll moment and yaw moment vanish for the three unknowns sway, roll and turn rate:
+    Kirchhoff's equations with the rigid body's (Fossen 2021, sections 3.3 and 8.1), linearised
+    about the straight way. 0 for vehicles that nothing turns.
+
+    Raises:
+      MissionError: no steady turn is near: the three equations do not determine one.
+    """
+    index = vehicle.steered_index("heading")
+    if index is None:
+        return 0.0
+    part = vehicle.parts[index]
+    step = PART_STEP * (part.high - part.low)
+    slopes = np.empty((3, 3))
+    for k in range(3):
+        x = np.zeros(3)
+        x[k] = STEP
+        ahead, behind = (_imbalance(vehicle, steady, s * x, index, 0.0) for s in (1.0, -1.0))
+        slopes[:, k] = (ahead - behind) / (2.0 * STEP)
+    ahead, behind = (_imbalance(vehicle, steady, np.zeros(3), index, s * step) for s in (1.0, -1.0))
+    try:
+        found = np.linalg.solve(slopes, -(ahead - behind) / (2.0 * step))
+    except np.linalg.LinAlgError:
+        raise MissionError(
+            f"vehicle {vehicle.name!r}: its {part.name} determines no steady turn: side force, "
+            "roll and yaw moment of the hull law do not depend on sideslip, roll and turn rate"
+        ) from None
+    return float(found[2])
+
+
+def turn_factor(vehicle: Vehicle, steady: Way) -> float:
+    """What the heading loop of a vehicle file is multiplied by in a way.
+
+    It has the sign of the turn there, and the inverse of its size over that in the usual dive,
+    within LARGEST_FACTOR.
+
+    Raises:
+      MissionError: as `turn_per_position`, or the part does not turn the vehicle.
+    """
+    if vehicle.steered("heading") is None:
+        return 1.0
+    here, there = turn_per_position(vehicle, steady), _usual_turn(vehicle)
+    if here == 0.0 or not math.isfinite(here):
+        raise MissionError(
+            f"vehicle {vehicle.name!r}: its {vehicle.steering['heading']} does not turn it"
+        )
+    size = min(max(abs(there / here), 1.0 / LARGEST_FACTOR), LARGEST_FACTOR)
+    return math.copysign(size, here)
+
+
+@functools.lru_cache(maxsize=64)
+def _usual_turn(vehicle: Vehicle) -> float:
+    """`turn_per_position` in the dive that the gains of the file are for."""
+    net_mass = DEFAULT_NET_MASS_KG
+    pump = vehicle.steered("buoyancy")
+    if pump is not None:
+        net_mass = min(net_mass, vehicle.net_mass_for_pump(float(pump.low)))
+    label = f"vehicle {vehicle.name!r}: the usual dive"
+    dive = way(vehicle, label, "pitch_deg", USUAL_PITCH_DEG, net_mass, None, within_travel=True)
+    return turn_per_position(vehicle, dive)
+
+
+def _imbalance(vehicle: Vehicle, steady: Way, x: Array, index: int, moved: float) -> Array:
+    """Side force [N], roll and yaw moment [N m] left over, shape (3,), body FRD about the CB.
+
+    `x`: sway [m/s], roll [rad], turn rate [rad/s]; `moved`: of part `index` from its rest.
+    """
+    sway, roll, turn_rate = x
+    pitch, alpha = steady.pitch, steady.angle_of_attack
+    down = np.array(
+        [-math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll)]
+    )
+    velocity = np.array([steady.speed * math.cos(alpha), sway, steady.speed * math.sin(alpha)])
+    omega = turn_rate * down
+    nu = np.concatenate([velocity, omega])
+    position = steady.command.copy()
+    position[index] = vehicle.parts[index].rest + moved
+
+    density, gravity = vehicle.reference_density, vehicle.gravity
+    mass, first, inertia = vehicle.static_mass, vehicle.static_mass * vehicle.static_cg, np.zeros(3)
+    inertia = vehicle.static_inertia @ omega
+    inertia = inertia + _point(vehicle.static_mass, vehicle.static_cg, omega)
+    at = dict(zip(vehicle.part_names, position, strict=True))
+    for moving in vehicle.masses:
+        place = moving.position(at.get(moving.slide or "", 0.0), at.get(moving.hinge or "", 0.0))
+        mass += moving.mass
+        first = first + moving.mass * place
+        inertia = inertia + moving.inertia @ omega + _point(moving.mass, place, omega)
+    impulse = mass * velocity + np.cross(omega, first)
+    spin = inertia + np.cross(first, velocity)
+    water = vehicle.added_mass @ nu if vehicle.added_mass_coupling else np.zeros(6)
+
+    wrench = vehicle.law.wrench(nu, density)
+    volume = vehicle.neutral_volume
+    for part, place in zip(vehicle.parts, position, strict=True):
+        wrench = wrench + part.wrench(float(place), nu, density, DEEP)
+        own = part.displaced(float(place))
+        volume += own
+        wrench[3:] -= density * own * gravity * np.cross(part.position, down)
+    wrench[:3] += (mass - density * volume) * gravity * down - np.cross(omega, impulse + water[:3])
+    wrench[3:] += gravity * np.cross(first, down) - np.cross(omega, spin + water[3:])
+    wrench[3:] -= np.cross(velocity, impulse + water[:3])
+    return wrench[list(LATERAL)]
+
+
+def _point(mass: float, place: Array, omega: Array) -> Array:
+    """Angular momentum [N m s] of a point mass that turns about the CB, shape (3,)."""
+    return mass * np.cross(place, np.cross(omega, place))
