@@ -32,8 +32,9 @@ class Identify(JsonOption):
 
     store: Annotated[Path, tyro.conf.Positional]
     """store of logs, as `factory import` writes it; a simulated one with sensors will do too"""
-    vehicle: str = "graver-2005"
-    """vehicle to start from: shipped name, or the path of an MJCF file"""
+    vehicle: str | None = None
+    """vehicle to start from: shipped name, or the path of an MJCF file; default: the shipped one
+    of the log's kind, or the one that a simulated store has"""
     out: Path | None = None
     """write the calibrated vehicle here (.xml)"""
     overwrite: bool = False
@@ -65,6 +66,7 @@ class Identify(JsonOption):
         from twin.commands.simulate import check_plot_path
         from twin.errors import InputError
         from twin.identify import identify, load_calibration, load_logs
+        from twin.identify.start import start_vehicle
         from twin.identify.unknowns import with_known
 
         check_plot_path(self.plot)
@@ -84,7 +86,8 @@ class Identify(JsonOption):
         if self.pitch_scale is not None and not 0.5 <= self.pitch_scale <= 2.0:
             raise InputError(f"--pitch-scale must be between 0.5 and 2, not {self.pitch_scale:g}")
         offset = None if self.pitch_offset is None else math.radians(self.pitch_offset)
-        nominal = load_calibration(self.vehicle, pitch_scale=self.pitch_scale, pitch_offset=offset)
+        started = self.vehicle if self.vehicle is not None else start_vehicle(self.store)
+        nominal = load_calibration(started, pitch_scale=self.pitch_scale, pitch_offset=offset)
         known = parse_known(self.known)
         nominal = with_known(nominal, known)
         logs = load_logs(self.store, parse_rows(self.missions))
@@ -244,9 +247,7 @@ def _say_handling(console: Console, handling: Handling) -> None:
     vehicle = handling.identification.calibration.vehicle
     rows: dict[str, str] = {}
     if handling.pitch_deviation is not None:
-        rows["pitch by battery and pump, RMSE"] = (
-            f"{math.degrees(handling.pitch_deviation):.2f} deg"
-        )
+        rows["steady pitch, RMSE"] = f"{math.degrees(handling.pitch_deviation):.2f} deg"
     if handling.turn_deviation is not None:
         rows["yaw rate of a minute, deviation"] = (
             f"{math.degrees(handling.turn_deviation):.3f} deg/s"

@@ -133,7 +133,7 @@ class Calibration:
 
 
 def load_calibration(
-    vehicle: str | Path,
+    vehicle: str | Path | Vehicle,
     *,
     pitch_scale: float | None = None,
     pitch_offset: float | None = None,
@@ -141,7 +141,8 @@ def load_calibration(
     """The calibration that a vehicle file holds, or the nominal one of a file without any.
 
     Args:
-      vehicle: name of a shipped file or path of one; `twin identify` writes such files.
+      vehicle: name of a shipped file or path of one, which `twin identify` writes, or a vehicle as
+        its file has it.
       pitch_scale, pitch_offset: known errors of the pitch sensor [1], [rad], in place of the
         file's.
 
@@ -149,7 +150,7 @@ def load_calibration(
       VehicleError: unknown or unreadable file, a vehicle that is no glider with a battery and a
         pump, or a figure in the file that is none.
     """
-    loaded = load_vehicle(vehicle)
+    loaded = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     calibration = Calibration(vehicle=loaded, water_density=loaded.reference_density)
     numerics = {
         element.get("name"): element.get("data", "")

@@ -43,7 +43,7 @@ SPEED_BINS = 3
 """Glides of a phase, by speed, that turns are linearised about."""
 ENOUGH_IN_BIN = 6
 """Windows for which a glide of their own is worth while."""
-LEAST_WINDOWS = 4
+LEAST_WINDOWS = 3
 """of a phase: with fewer its turns are not known"""
 LEAST_TURN = math.radians(0.01)
 """[rad/s] that the yaw rate is off at least: compasses and the log's rounding."""

@@ -99,7 +99,7 @@ def test_a_vehicle_without_ctd_in_a_store_of_others_is_identified(tmp_path, run)
     without = load_logs(tmp_path / "mixed.zarr", [0])
     assert len(without) == 1
     assert without[0].density is None
-    assert "density" in identify(without, load_calibration("glider"))["mass"].note
+    assert identify(without, load_calibration("glider"))["drag"].determined
     both = load_logs(tmp_path / "mixed.zarr")
     assert [log.index for log in both] == [1]  # its buoyancy is known, the other's is not
 

@@ -1,0 +1,278 @@
+"""Handling: turns, pitch and loops come back from a log; what cannot fly is not written."""
+
+import dataclasses
+import importlib.util
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin.__main__ import PROGRAM
+from twin.errors import InputError
+from twin.identify import identify, load_calibration, load_logs
+from twin.identify.blocks import PRIOR, bootstrap, cut
+from twin.identify.gains import Phase, loop_modes, plane_of, trimmed, with_gains
+from twin.identify.handling import handle
+from twin.identify.lateral import Glide, exponential, linearised
+from twin.identify.pitch import PITCHING, righting_arm, with_righting_arm
+from twin.identify.proof import failures
+from twin.identify.turning import TURNING, munk_moment
+from twin.mission import Mission
+from twin.mission.segments import SawTooth
+from twin.physics.scenario import Scenario
+from twin.physics.simulation import simulate
+from twin.vehicle.vehicle import load_vehicle
+
+_SPEC = importlib.util.spec_from_file_location(
+    "identify_logs", Path(__file__).with_name("identify_logs.py")
+)
+simulated = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(simulated)
+
+NET_MASS = 0.25
+HEADINGS = (0.0, 40.0, 340.0, 60.0, 20.0, 300.0, 350.0, 30.0)
+
+
+def real_vehicle():
+    """The Sea-Wing with what wings do in sideslip changing its sign with their lift, as vehicles
+    that are flown do: turns to the other side in climbs, at equal banks."""
+    nominal = load_calibration("glider")
+    munk = munk_moment(nominal)
+    vehicle = load_vehicle("glider").replace(
+        roll_moment=(-3.0, -60.0),
+        yaw_moment=(0.1 * munk, -500.0),
+        yaw_moment_lift=(2.0 * munk,),
+        pump={"position": (-0.2, 0.0, 0.0)},
+        heading_pid=(1.0, 0.002, 0.0),
+    )
+    return with_righting_arm(nominal.replace(vehicle=vehicle), 5e-3).vehicle
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return real_vehicle()
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory, truth):
+    """Three missions that change their heading in each dive and climb, with field sensors."""
+    runs = []
+    for seed, (dive, climb) in enumerate(((22.0, 27.0), (28.0, 23.0), (25.0, 25.0))):
+        segments = tuple(
+            SawTooth(
+                max_depth_m=120.0,
+                pitch_deg=dive,
+                climb_pitch_deg=climb,
+                net_mass_kg=NET_MASS,
+                heading_deg=heading,
+                duration_s=420.0,
+            )
+            for heading in HEADINGS
+        )
+        plan = Mission(name="turns", segments=segments, duration_s=420.0 * len(HEADINGS))
+        scenario = Scenario(
+            vehicle=truth, plan=plan, density=simulated.THERMOCLINE, sample_period=simulated.PERIOD
+        )
+        flown = simulate(scenario)
+        measured = simulated.SUITE.measure(
+            flown.signals,
+            dt=simulated.PERIOD,
+            rng_seed=np.random.SeedSequence(seed),
+            density=simulated.THERMOCLINE,
+        )
+        flown.signals.update(measured)
+        flown.signals["measured_density"] = flown["true_density"]
+        runs.append(flown)
+    return simulated.stored(tmp_path_factory.mktemp("handling") / "log.zarr", runs)
+
+
+@pytest.fixture(scope="module")
+def handling(store):
+    logs = load_logs(store)
+    found = identify(logs, load_calibration("glider"), parameters=["neutral_density", "drag"])
+    return handle(logs, found)
+
+
+def glides(vehicle):
+    """Straight glides of the true vehicle: (climbing, what to linearise about)."""
+    for pitch, net in ((-0.42, NET_MASS), (0.42, -NET_MASS)):
+        state, _ = trimmed(vehicle, Phase(pitch=pitch, net_mass=net))
+        yield Glide(surge=state[0], heave=state[2], pitch=pitch, net_mass=net)
+
+
+def test_turns_and_banks_of_both_phases_come_back(handling, truth):
+    """Which coefficient makes a turn may stay open; how much the vehicle turns may not."""
+    vehicle = handling.identification.calibration.vehicle
+    for glide in glides(truth):
+        turn, roll = linearised(vehicle, glide).gains()
+        wanted_turn, wanted_roll = linearised(truth, glide).gains()
+        assert turn == pytest.approx(wanted_turn, rel=0.25)
+        assert roll == pytest.approx(wanted_roll, rel=0.1)
+    dive, climb = (linearised(truth, glide).gains()[0] for glide in glides(truth))
+    assert dive > 0.0 > climb  # it does turn the other way
+
+
+def test_pitch_by_battery_and_pump_comes_back(handling, truth):
+    found = handling.identification
+    assert found["righting_arm"].value == pytest.approx(5.0, rel=0.15)
+    assert found["pump_position"].value == pytest.approx(-0.2, abs=0.1)
+    for phase in handling.phases:
+        mine = trimmed(found.calibration.vehicle, phase)[1]
+        theirs = trimmed(truth, phase)[1]
+        assert mine[0] == pytest.approx(theirs[0], abs=8e-4)  # [m] of 2e-2
+
+
+def test_what_comes_out_flies_and_its_loops_settle(handling):
+    assert handling.failures == ()
+    vehicle = handling.identification.calibration.vehicle
+    assert vehicle.heading_pid != load_vehicle("glider").heading_pid
+    correlation = handling.identification.correlation
+    assert correlation.shape == (len(handling.identification.determined),) * 2
+    np.testing.assert_allclose(np.diag(correlation), 1.0)
+
+
+def test_command_prints_correlations_and_refuses_a_vehicle_that_does_not_fly(
+    store, tmp_path, capsys, monkeypatch
+):
+    out = tmp_path / "mine.xml"
+    arguments = ["identify", str(store), "--vehicle", "glider", "--out", str(out)]
+    arguments += ["--parameters", "neutral_density", "drag"]
+    assert PROGRAM.main([*arguments, "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["failures"] == []
+    assert set(answer["correlation"]) >= {"drag", "righting_arm", "roll_authority"}
+    assert load_vehicle(out).flow_frame.yaw_moment_lift[0] != 0.0
+    assert load_vehicle(out).part("pump").position[0] != 0.0
+    monkeypatch.setattr(
+        "twin.identify.handling.failures", lambda *_: ("it does not steer in the climb",)
+    )
+    assert PROGRAM.main([*arguments, "--overwrite"]) == 2
+    assert "is not written" in capsys.readouterr().err
+
+
+def test_the_printed_vehicle_with_its_battery_above_the_axis_is_said_to_fail():
+    """No righting arm: nothing trims, and the answer names the phase."""
+    calibration = load_calibration("glider")
+    vehicle = with_righting_arm(calibration, -2e-3).vehicle
+    phases = (Phase(pitch=-0.42, net_mass=0.3), Phase(pitch=0.42, net_mass=-0.3))
+    found = failures(calibration.replace(vehicle=vehicle), phases)
+    assert len(found) >= 2
+    assert "dive" in found[0]
+
+
+def test_a_loop_grows_when_its_gain_does():
+    """The margin is a margin: some multiple of the placed gain is too much."""
+    phases = (Phase(pitch=-0.42, net_mass=NET_MASS), Phase(pitch=0.42, net_mass=-NET_MASS))
+    calibration = load_calibration("glider").replace(vehicle=real_vehicle())
+    vehicle = with_gains(calibration, phases).vehicle
+    state, positions = trimmed(vehicle, phases[0])
+    plane = plane_of(vehicle, state, positions, "heading")
+    assert plane.gain > 0.0
+    kp, ki, kd = vehicle.heading_pid
+
+    def growth(factor):
+        pid = (factor * kp, factor * ki, factor * kd)
+        lag = vehicle.steered("heading").lag
+        return loop_modes(plane, pid, lag, vehicle.control_period).real.max()
+
+    assert growth(1.0) < 0.0 < growth(1000.0)
+    assert growth(-1.0) > 0.0
+
+
+def test_exponential_of_small_matrices():
+    from scipy.linalg import expm
+
+    rng = np.random.default_rng(1)
+    for scale in (1e-3, 1.0, 30.0):
+        matrix = scale * rng.normal(size=(6, 6)) - scale * 3.0 * np.eye(6)
+        np.testing.assert_allclose(exponential(matrix), expm(matrix), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("parameter", [*PITCHING, *TURNING], ids=lambda p: p.name)
+def test_handling_parameters_read_back_what_was_set(parameter):
+    nominal = load_calibration("glider")
+    if parameter.channel == "fin":
+        pytest.skip("the Sea-Wing has no rudder")
+    value = parameter.value(parameter.get(nominal) or 1.0, 0.3)
+    again = parameter.set(nominal, value)
+    assert parameter.get(again) == pytest.approx(value, rel=1e-12)
+    if parameter.name == "roll_authority":
+        assert righting_arm(again) == pytest.approx(righting_arm(nominal))
+
+
+def test_block_bootstrap_knows_of_days_that_differ():
+    """Samples of a day share an error that the usual formula takes for independent ones."""
+    rng = np.random.default_rng(3)
+    days, samples = 12, 50
+    jacobian = np.concatenate([np.ones((days * samples, 1)), np.eye(1) * 1e-3])
+    error = np.repeat(rng.normal(size=days), samples)
+    residual = np.concatenate([error - error.mean(), [0.0]])
+    blocks = np.concatenate([np.repeat(np.arange(days), samples), [PRIOR]])
+    usual = 1.0 / np.sqrt(days * samples)
+    found = float(np.sqrt(bootstrap(jacobian, residual, blocks)[0, 0]))
+    assert found == pytest.approx(error.std() / np.sqrt(days), rel=0.2)
+    assert found > 4.0 * usual
+
+
+def test_few_dives_are_cut_and_what_was_known_is_not():
+    blocks = np.array([0] * 40 + [1] * 40 + [PRIOR] * 3)
+    parts = cut(blocks)
+    assert len(np.unique(parts[:80])) == 8
+    assert (parts[80:] == PRIOR).all()
+
+
+def test_undetermined_keeps_its_known_deviation():
+    jacobian = np.concatenate([np.zeros((100, 1)), np.eye(1)])
+    blocks = np.concatenate([np.repeat(np.arange(10), 10), [PRIOR]])
+    found = float(bootstrap(jacobian, np.zeros(101), blocks)[0, 0])
+    assert found == pytest.approx(1.0, rel=0.25)
+
+
+def test_travel_grows_with_the_log(store):
+    from twin.identify.handling import with_travel
+
+    logs = [dataclasses.replace(log, shift=log.shift + 0.08) for log in load_logs(store)]
+    calibration = with_travel(logs, load_calibration("glider"))
+    slide = calibration.vehicle.part("shift")
+    assert slide.low <= 0.0 < 0.08 < slide.high
+
+
+@pytest.mark.parametrize(
+    ("said", "depth", "vehicle"),
+    [
+        ({"source_format": "slocum"}, 140.0, "slocum-200"),
+        ({"source_format": "slocum"}, 800.0, "slocum-1000"),
+        ({"source_format": "seaglider"}, 140.0, "seaglider"),
+        ({"source_format": "og1", "platform": "SeaExplorer 035"}, 140.0, "seaexplorer"),
+    ],
+)
+def test_the_start_is_the_shipped_vehicle_of_the_logs_kind(
+    tmp_path, store, said, depth, vehicle, monkeypatch
+):
+    from twin.identify import start
+    from twin.records.reader import MissionStore
+
+    monkeypatch.setattr(MissionStore, "logged", property(lambda _: True))
+    monkeypatch.setattr(MissionStore, "attributes", property(lambda _: said))
+    monkeypatch.setattr(MissionStore, "rows", lambda *_: np.array([[0.0, depth]]))
+    monkeypatch.setattr(
+        start, "SHALLOW_SLOCUM", {"measured_depth": start.SHALLOW_SLOCUM["measured_depth"]}
+    )
+    assert start.start_vehicle(store).path.stem == vehicle
+
+
+def test_a_log_of_no_known_kind_asks_for_the_vehicle(store, monkeypatch):
+    from twin.identify.start import start_vehicle
+    from twin.records.reader import MissionStore
+
+    monkeypatch.setattr(MissionStore, "logged", property(lambda _: True))
+    monkeypatch.setattr(MissionStore, "attributes", property(lambda _: {"source_format": "lrauv"}))
+    with pytest.raises(InputError, match="give --vehicle"):
+        start_vehicle(store)
+
+
+def test_a_simulated_store_starts_from_its_own_vehicle(store):
+    from twin.identify.start import start_vehicle
+
+    assert start_vehicle(store).name == "seawing"

@@ -1,0 +1,52 @@
+"""Start: the shipped vehicle that identification starts from, by the kind of the log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from twin.errors import InputError
+from twin.records.attributes import PLATFORM, SOURCE_FORMAT
+from twin.records.reader import MissionStore
+from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+
+SHALLOW_SLOCUM = {"measured_depth": 230.0, "measured_pump": 245.0}
+"""[m], [cm3] beyond which a 200 m Slocum with its ballast pump does not go; deep ones have an oil
+pump of 260 cm3 either way."""
+KINDS = ("seaglider", "seaexplorer", "spray", "slocum")
+"""Kinds of glider, as formats and platforms of logs call them."""
+
+
+def start_vehicle(store: str | Path) -> Vehicle:
+    """The vehicle file that suits a store: a simulated one's own, else that of the log's kind.
+
+    Raises:
+      StoreError: no such store.
+      InputError: the log does not say which kind of glider it is of.
+    """
+    with MissionStore(store) as found:
+        if not found.logged:
+            flown = found.vehicle
+            return parse_vehicle(flown.xml, flown.path)
+        said = [str(found.attributes.get(name, "")) for name in (SOURCE_FORMAT, PLATFORM)]
+        kind = next((k for text in said for k in KINDS if k in text.lower()), None)
+        if kind is None:
+            raise InputError(
+                f"store {store} does not say which glider it is of "
+                f"(source_format {said[0]!r}, platform {said[1]!r}); give --vehicle, such as "
+                f"{', '.join(KINDS[:2])} or slocum-200"
+            )
+        return load_vehicle(_slocum(found) if kind == "slocum" else kind)
+
+
+def _slocum(store: MissionStore) -> str:
+    """The shallow one with a ballast pump, or the deep one with an oil pump."""
+    largest = 0.0
+    for name, limit in SHALLOW_SLOCUM.items():
+        if name in store:
+            values = np.abs(store.rows(name, range(len(store))))
+            known = values[np.isfinite(values)]
+            if known.size:
+                largest = max(largest, float(np.percentile(known, 99.5)) / limit)
+    return "slocum-1000" if largest > 1.0 else "slocum-200"
