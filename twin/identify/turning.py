@@ -37,8 +37,12 @@ SETTLE = 30.0
 """[s] at the start of a window that are not compared: the sideslip there is a guess."""
 LEAST_DEPTH = 5.0
 """[m]"""
-AVERAGE = 60.0
-"""[s] of yaw rate and roll that are compared as one: when a move ended is known to some seconds"""
+SPACINGS, LEAST_AVERAGE, MOST_AVERAGE = 2.5, 10.0, 90.0
+"""Samples of the vehicle's own, and bounds [s], whose means of yaw rate and roll are compared: when
+a move ended is known to about one of its samples."""
+BENT = 1e-6
+"""[rad] of the heading's second difference from which a sample is the vehicle's own, not one that
+was put between two of them"""
 SPEED_BINS = 3
 """Glides of a phase, by speed, that turns are linearised about."""
 ENOUGH_IN_BIN = 6
@@ -262,12 +266,17 @@ class Group:
     """[rad/s] yaw rate, about the body's axis"""
     used: NDArray[np.bool_]
     """what is compared: (averages, windows)"""
+    count: int
+    """Samples of a mean"""
     blocks: NDArray[np.int_]
     """(windows,) numbers of the dives"""
 
 
 def groups_of(windows: Sequence[Window], channel: str | None) -> list[Group]:
     """The windows by phase and speed."""
+    logs = list({w.log.index: w.log for w in windows}.values())
+    average = min(max(SPACINGS * spacing(logs), LEAST_AVERAGE), MOST_AVERAGE)
+    count = max(round(average / logs[0].period), 1)
     found = []
     for climbing in (False, True):
         phase = sorted((w for w in windows if w.climbing == climbing), key=lambda w: w.speed)
@@ -275,11 +284,11 @@ def groups_of(windows: Sequence[Window], channel: str | None) -> list[Group]:
             continue
         bins = max(1, min(SPEED_BINS, len(phase) // ENOUGH_IN_BIN))
         for chosen in np.array_split(np.arange(len(phase)), bins):
-            found.append(_group([phase[k] for k in chosen], channel))
+            found.append(_group([phase[k] for k in chosen], channel, count))
     return found
 
 
-def _group(windows: Sequence[Window], channel: str | None) -> Group:
+def _group(windows: Sequence[Window], channel: str | None, count: int) -> Group:
     period = windows[0].log.period
     length = max(w.part.stop - w.part.start for w in windows)
     skip = round(SETTLE / period)
@@ -309,14 +318,25 @@ def _group(windows: Sequence[Window], channel: str | None) -> Group:
         slope=slope,
         position=None if lacking else position,
         rate=rate,
-        used=np.asarray(_averaged(used.astype(float), period) == 1.0),
+        used=np.asarray(_averaged(used.astype(float), count) == 1.0),
+        count=count,
         blocks=np.array([w.block for w in windows]),
     )
 
 
-def _averaged(values: Array, period: float) -> Array:
-    """Means over AVERAGE, (averages, windows), of (samples, windows); a rest at the end goes."""
-    n = max(round(AVERAGE / period), 1)
+def spacing(logs: Sequence[Log]) -> float:
+    """[s] between the vehicle's own samples: a store puts others on straight lines between."""
+    bends, samples = 0, 0
+    for log in logs:
+        bent = np.abs(np.diff(log.heading, 2)) > BENT
+        bends, samples = bends + int(bent.sum()), samples + len(bent)
+    # a line between two samples of the vehicle bends at the store's samples beside each
+    share = bends / max(samples, 1)
+    return logs[0].period * max(2.0 / share, 1.0) if share > 0.0 else MOST_AVERAGE
+
+
+def _averaged(values: Array, n: int) -> Array:
+    """Means of `n` samples, (averages, windows), of (samples, windows); a rest at the end goes."""
     whole = len(values) // n * n
     return values[:whole].reshape(-1, n, values.shape[1]).mean(axis=1)
 
@@ -415,10 +435,10 @@ class TurnProblem:
             square = group.glide.surge**2 + group.glide.heave**2
             yaw = munk_moment(calibration) * bias * square
             rate = yaw_rates(group, lateral, position, yaw, offset) - group.rate
-            rate = _averaged(rate, group.period)
+            rate = _averaged(rate, group.count)
             roll = None
             if group.position is not None and self.channel == "rotation":
-                roll = _averaged(rolls(group, lateral, position) - group.roll, group.period)
+                roll = _averaged(rolls(group, lateral, position) - group.roll, group.count)
                 # where it rolls to with the battery at rest is no matter of dynamics
                 roll = roll - np.median(roll[group.used])
             out.append((rate, roll))
@@ -494,8 +514,10 @@ class TurnProblem:
             for r, s, g in zip(found, shares, groups, strict=True)
             for k in range(r.shape[1])
         ]
+        first = self.groups[0]
         samples = correlation_samples(
-            [one for one in series if len(one) > 2], round(LONGEST_CORRELATION / AVERAGE)
+            [one for one in series if len(one) > 2],
+            round(LONGEST_CORRELATION / (first.period * first.count)),
         )
         return scale, [np.sqrt(s / samples) / scale for s in shares]
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from twin.__main__ import PROGRAM
 from twin.errors import InputError
@@ -17,11 +18,13 @@ from twin.identify.handling import handle
 from twin.identify.lateral import Glide, exponential, linearised
 from twin.identify.pitch import PITCHING, righting_arm, with_righting_arm
 from twin.identify.proof import failures
+from twin.identify.start import start_vehicle
 from twin.identify.turning import TURNING, munk_moment
 from twin.mission import Mission
 from twin.mission.segments import SawTooth
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
+from twin.records.store import write_store
 from twin.vehicle.vehicle import load_vehicle
 
 _SPEC = importlib.util.spec_from_file_location(
@@ -239,40 +242,27 @@ def test_travel_grows_with_the_log(store):
 
 
 @pytest.mark.parametrize(
-    ("said", "depth", "vehicle"),
+    ("said", "deeper", "vehicle"),
     [
-        ({"source_format": "slocum"}, 140.0, "slocum-200"),
-        ({"source_format": "slocum"}, 800.0, "slocum-1000"),
-        ({"source_format": "seaglider"}, 140.0, "seaglider"),
-        ({"source_format": "og1", "platform": "SeaExplorer 035"}, 140.0, "seaexplorer"),
+        ({"source_format": "slocum"}, 1.0, "slocum-200"),
+        ({"source_format": "slocum"}, 6.0, "slocum-1000"),
+        ({"source_format": "seaglider"}, 1.0, "seaglider"),
+        ({"source_format": "og1", "platform": "SeaExplorer 035"}, 1.0, "seaexplorer"),
     ],
 )
-def test_the_start_is_the_shipped_vehicle_of_the_logs_kind(
-    tmp_path, store, said, depth, vehicle, monkeypatch
-):
-    from twin.identify import start
-    from twin.records.reader import MissionStore
-
-    monkeypatch.setattr(MissionStore, "logged", property(lambda _: True))
-    monkeypatch.setattr(MissionStore, "attributes", property(lambda _: said))
-    monkeypatch.setattr(MissionStore, "rows", lambda *_: np.array([[0.0, depth]]))
-    monkeypatch.setattr(
-        start, "SHALLOW_SLOCUM", {"measured_depth": start.SHALLOW_SLOCUM["measured_depth"]}
-    )
-    assert start.start_vehicle(store).path.stem == vehicle
+def test_the_start_is_the_shipped_vehicle_of_the_logs_kind(tmp_path, store, said, deeper, vehicle):
+    dataset = xr.open_zarr(store).load()
+    dataset["measured_depth"] = deeper * dataset["measured_depth"]
+    dataset["measured_pump"] = 0.5 * dataset["measured_pump"]
+    path = write_store(dataset.assign_attrs(said), tmp_path / "log.zarr")
+    assert start_vehicle(path).path.stem == vehicle
 
 
-def test_a_log_of_no_known_kind_asks_for_the_vehicle(store, monkeypatch):
-    from twin.identify.start import start_vehicle
-    from twin.records.reader import MissionStore
-
-    monkeypatch.setattr(MissionStore, "logged", property(lambda _: True))
-    monkeypatch.setattr(MissionStore, "attributes", property(lambda _: {"source_format": "lrauv"}))
+def test_a_log_of_no_known_kind_asks_for_the_vehicle(tmp_path, store):
+    dataset = xr.open_zarr(store).load().assign_attrs({"source_format": "lrauv"})
     with pytest.raises(InputError, match="give --vehicle"):
-        start_vehicle(store)
+        start_vehicle(write_store(dataset, tmp_path / "log.zarr"))
 
 
-def test_a_simulated_store_starts_from_its_own_vehicle(store):
-    from twin.identify.start import start_vehicle
-
-    assert start_vehicle(store).name == "seawing"
+def test_a_simulated_store_starts_from_a_file_of_its_own(store):
+    assert start_vehicle(store).flow_frame.yaw_moment_lift == (0.0,)
