@@ -62,6 +62,8 @@ class Lateral:
     """(4,) per unit of the turning part's position"""
     yaw: Array
     """(4,) per N m of a constant yaw moment"""
+    inertia: Array
+    """(3, 3) of sway, roll rate and yaw rate, with added mass"""
     pitch: float
     """[rad]"""
 
@@ -76,13 +78,18 @@ class Lateral:
         Returns the transition (2, 2) and the response (2, 4) to roll, roll's slope, the part's
         position and a yaw moment, each linear between samples taken at their mean.
         """
-        a = self.matrix
+        # what rolls it is known to be balanced: side force and yaw moment alone move the two
         keep = [0, 2]
+        free_inertia = np.linalg.inv(self.inertia[np.ix_(keep, keep)])
+
+        def moved(accelerations: Array) -> Array:
+            return free_inertia @ (self.inertia @ accelerations[:3])[keep]
+
+        a, drive, yaw = moved(self.matrix), moved(self.drive), moved(self.yaw)
         # roll rate is not free: d(roll)/dt = p + r tan(pitch)
-        free = a[np.ix_(keep, keep)].copy()
-        free[:, 1] -= a[keep, 1] * math.tan(self.pitch)
-        inputs = np.stack([a[keep, 3], a[keep, 1], self.drive[keep], self.yaw[keep]], axis=1)
-        return _discrete(free, inputs, period)
+        free = a[:, keep].copy()
+        free[:, 1] -= a[:, 1] * math.tan(self.pitch)
+        return _discrete(free, np.stack([a[:, 3], a[:, 1], drive, yaw], axis=1), period)
 
     def rolled_by_part(self, period: float) -> tuple[Array, Array]:
         """One step of (v, p, r, roll): transition (4, 4), response (4, 2) to position and yaw."""
@@ -159,10 +166,12 @@ def linearised(vehicle: Vehicle, glide: Glide) -> Lateral:
     by_state, by_part = jacobians(vehicle, state, positions)
     keep = list(LATERAL)
     place = vehicle.steered_index("heading")
+    inertia = _inertia(vehicle, positions)
     return Lateral(
         matrix=by_state[np.ix_(keep, keep)],
         drive=by_part[keep, place] if place is not None else np.zeros(4),
-        yaw=_per_yaw_moment(vehicle),
+        yaw=np.append(np.linalg.solve(inertia, [0.0, 0.0, 1.0]), 0.0),
+        inertia=inertia,
         pitch=glide.pitch,
     )
 
@@ -186,9 +195,9 @@ def _parameters(vehicle: Vehicle) -> Parameters:
     return parameters_of(vehicle, np.array([0.0, 1e4]), np.full(2, vehicle.reference_density))
 
 
-def _per_yaw_moment(vehicle: Vehicle) -> Array:
-    """(v, p, r, roll) accelerations per N m of yaw moment, the parts at rest."""
-    mass, moment, inertia = mass_distribution(_parameters(vehicle), vehicle.rest)
+def _inertia(vehicle: Vehicle, positions: Array) -> Array:
+    """Mass matrix of sway, roll rate and yaw rate, with added mass, (3, 3)."""
+    mass, moment, inertia = mass_distribution(_parameters(vehicle), positions)
     whole = np.asarray(rigid_body_mass(mass, moment / mass, inertia)) + vehicle.added_mass
-    answer = np.linalg.solve(whole, np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0]))
-    return np.array([answer[1], answer[3], answer[5], 0.0])
+    keep = [SWAY, ROLL_RATE, YAW_RATE]
+    return np.asarray(whole[np.ix_(keep, keep)])
