@@ -51,6 +51,11 @@ def saw_tooth(duration: float = HOUR, dt: float = DT) -> dict[str, np.ndarray]:
         "specific_force_y", "shift", "rotation", "pump",
     ):  # fmt: skip
         truth[f"true_{name}"] = np.zeros_like(t)
+    profile = DensityProfile.thermocline()
+    water = profile.temperature_salinity(depth)
+    assert water is not None  # a thermocline has both
+    truth["true_temperature"], truth["true_salinity"] = water
+    truth["true_density"] = profile.density(depth)
     for part in ("shift", "rotation", "pump"):
         truth[f"commanded_{part}"] = truth[f"true_{part}"]
     return truth

@@ -14,11 +14,20 @@ from examples import ROOT, blocks, files_of, needs_docs, run
 
 import factory
 import twin
+from factory.inspect.verify import verify_store
+from factory.stores.generated import GeneratedStore
 from twin import suite
 from twin.errors import InputError
 from twin.plot.registry import FIGURES, FigureKind
 from twin.plot.registry import table as figure_table
-from twin.records.schema import LOGGED_ONLY, SIMULATED, VARIABLES, WITH_FLOOR, Variable
+from twin.records.schema import (
+    HYDROGRAPHY,
+    LOGGED_ONLY,
+    SIMULATED,
+    VARIABLES,
+    WITH_FLOOR,
+    Variable,
+)
 from twin.records.trajectory import actuator_names
 from twin.registry import Registry
 from twin.sensors import SENSORS, Attitude, Sensor, SensorSuite
@@ -104,7 +113,8 @@ def test_a_distribution_cannot_replace_a_shipped_kind(monkeypatch):
 
 
 def test_every_measured_variable_has_one_sensor_or_is_only_logged():
-    own = {*SIMULATED, *LOGGED_ONLY, *WITH_FLOOR}  # other tests may have declared a vehicle's parts
+    # other tests may have declared a vehicle's parts
+    own = {*SIMULATED, *HYDROGRAPHY, *LOGGED_ONLY, *WITH_FLOOR}
     parts = actuator_names(own)
     written = [entry.name for s in SENSORS.shipped() for entry in SENSORS[s].writes]
     written += [f"measured_{part}" for part in parts]
@@ -201,10 +211,15 @@ def test_two_sensors_do_not_share_a_name():
         ({"measured_odour": 0}, "measured measured_odour: it must return a dict of measured_smell"),
         (None, "measured None: it must"),
         ({"measured_smell": 0.0}, r"gave measured_smell of shape \(\): one value for each of the"),
+        (np.nan, r"gave NaN in measured_smell at sample 0: .*declare it Variable\(.*gaps=True\)"),
     ],
 )
 def test_what_a_sensor_returns_is_checked(result, message, monkeypatch):
-    smell = turbid(measure=lambda self, signals, **_: result)
+    def measure(self, signals, **_):
+        everywhere = {"measured_smell": np.full(len(signals["true_depth"]), np.nan)}
+        return everywhere if isinstance(result, float) else result
+
+    smell = turbid(measure=measure)
     monkeypatch.setitem(VARIABLES, "measured_smell", smell.writes[0])
     SENSORS.register("smell", smell)
     try:
@@ -212,6 +227,33 @@ def test_what_a_sensor_returns_is_checked(result, message, monkeypatch):
             twin.simulate(duration=10.0, sensors=SensorSuite(smell=smell()))
     finally:
         SENSORS.unregister("smell")
+
+
+def test_a_sensor_with_gaps_makes_a_sound_store_and_a_figure(tmp_path, own_variables):
+    """NaN where it says nothing; drawn without a truth, and without the sensor at hand."""
+
+    def measure(self, signals, **_):
+        return {"measured_smell": np.where(signals["true_depth"] > 2.0, 0.5, np.nan)}
+
+    written = (Variable("measured_smell", "1", "smell", limits=(0.0, 1.0), gaps=True),)
+    smell = turbid(measure=measure, writes=written)
+    SENSORS.register("smell", smell)
+    out = tmp_path / "smell.zarr"
+    try:
+        changes = {"mission.duration_h": "uniform(0.03, 0.06)"}
+        factory.generate(
+            out, hours=0.2, sensors=SensorSuite(smell=smell()), workers=1, changes=changes
+        )
+        report = verify_store(GeneratedStore(out))
+        assert report.ok, [check.problems for check in report.checks]
+    finally:
+        SENSORS.unregister("smell")
+    VARIABLES.pop("measured_smell")
+    flown = twin.open_trajectory(out)
+    assert VARIABLES["measured_smell"].gaps
+    shown = [axes.get_title(loc="left") for axes in flown.plot("sensor").axes]
+    assert "smell" in shown
+    assert "measured − true: no true signal" in shown
 
 
 def test_a_sensor_that_reads_what_nobody_measures_is_refused(monkeypatch):

@@ -15,10 +15,12 @@ from twin.errors import InputError
 from twin.mission import Mission
 from twin.mission.controller import Controller
 from twin.mission.schedule import Schedule
-from twin.mission.shipped import load_mission_for
+from twin.mission.shipped import load_mission_for, usual_mission
+from twin.physics.ballast import weighed
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
 from twin.physics.simulation import simulate as fly
 from twin.physics.tables import floor_table
+from twin.records.attributes import SENSOR_SUITE
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.base import Current
@@ -32,7 +34,6 @@ from twin.water.floor.lookup import floor_depths
 if TYPE_CHECKING:
     from twin.sensors import SensorSuite
 
-DEFAULT_MISSION = "default"
 _BESIDE_A_SCENARIO = ("scenario", "controller", "sensors", "seed", "bottom_depth")
 
 
@@ -43,6 +44,9 @@ def simulate(
     mission: str | Path | Mission | Schedule | None = None,
     current: str | Current | None = None,
     density: str | Path | DensityProfile | None = None,
+    ballast_at: float | None = None,
+    mass: float | None = None,
+    compressibility: float | None = None,
     floor: str | Floor | None = None,
     duration: float | None = None,
     start: Start | Mapping[str, Any] | None = None,
@@ -61,11 +65,15 @@ def simulate(
     Args:
       scenario: everything at once; then only `controller` and the sensors may be given beside it.
       vehicle: shipped name, path of an MJCF file, or a Vehicle.
-      mission: shipped name, path of a TOML file, a Mission or a Schedule; "default" when there is
-        no controller either.
+      mission: shipped name, path of a TOML file, a Mission or a Schedule; the shipped one that
+        suits the vehicle when there is no controller either.
       current: as text, such as "uniform:0.1,-0.05" (north, east [m/s]), or an object; parts are
         added with +.
       density: "constant", "thermocline", a CSV file, or a DensityProfile.
+      ballast_at: [m] of this water where the vehicle is neutral; None takes water of the reference
+        density at the surface.
+      mass: [kg] of the whole vehicle, whose hull keeps its volume; None takes the file's.
+      compressibility: [1/Pa] of the hull; None takes the file's.
       floor: sea floor as text, "depth:200" [m] or a bathymetry file such as GEBCO's, or a Floor;
         None is water without a bottom.
       duration: [s]; None takes the mission's own.
@@ -91,11 +99,15 @@ def simulate(
     if scenario is None:
         if mission is not None and controller is not None:
             raise InputError("give a mission or a controller, not both: each gives the commands")
-        if mission is None and controller is None:
-            mission = DEFAULT_MISSION
         flown = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(str(vehicle))
+        if mission is None and controller is None:
+            mission = usual_mission(flown)
+        flown, ballast = weighed(
+            flown, ballast_at=ballast_at, mass=mass, compressibility=compressibility
+        )
         scenario = Scenario(
             vehicle=flown,
+            ballast=ballast,
             plan=load_mission_for(flown, mission) if isinstance(mission, str | Path) else mission,
             duration=duration,
             start=start,
@@ -128,14 +140,28 @@ def simulate(
         )
     trajectory = fly(scenario, controller)
     provenance: dict[str, Any] = {**trajectory.provenance, **provenance_of(scenario)}
-    signals = trajectory.signals
-    if suite is not None:
-        measured, drawn = _measure(suite, scenario, trajectory, seed, bottom_depth)
-        signals = {**signals, **measured}
-        provenance["sensor_suite"] = json.dumps(
-            {"settings": suite.settings(), "drawn": drawn, "seed": seed}
-        )
-    return dataclasses.replace(trajectory, signals=signals, provenance=provenance)
+    trajectory = dataclasses.replace(trajectory, provenance=provenance)
+    if suite is None:
+        return trajectory
+    return with_sensors(trajectory, scenario, suite, seed=seed, bottom_depth=bottom_depth)
+
+
+def with_sensors(
+    trajectory: Trajectory,
+    scenario: Scenario,
+    suite: SensorSuite,
+    *,
+    seed: int = 0,
+    bottom_depth: float | None = None,
+) -> Trajectory:
+    """The trajectory with what the sensors measured, and their settings in its provenance."""
+    measured, drawn = _measure(suite, scenario, trajectory, seed, bottom_depth)
+    said = json.dumps({"settings": suite.settings(), "drawn": drawn, "seed": seed})
+    return dataclasses.replace(
+        trajectory,
+        signals={**trajectory.signals, **measured},
+        provenance={**trajectory.provenance, SENSOR_SUITE: said},
+    )
 
 
 def provenance_of(scenario: Scenario) -> dict[str, str]:

@@ -146,10 +146,14 @@ def import_numpy_with_one_thread() -> None:
 
 def raw_bytes(recipe: Recipe) -> int:
     """Size [bytes] of the same signals as plain float32, without padding."""
+    from factory.recipe.distribution import Fixed
     from factory.recipe.plan import samples_in
     from twin.physics.part_signals import simulated_signals
+    from twin.records.schema import HYDROGRAPHY
 
-    simulated = simulated_signals(recipe.vehicle)
+    simulated = set(simulated_signals(recipe.vehicle))
+    if recipe.distributions["water.stratified"] != Fixed(0.0):
+        simulated |= {name for name in HYDROGRAPHY if name.startswith("true_")}
     measured = {entry.name for entry in recipe.suite.writes(simulated)}
     signals = len(measured.union(simulated))
     return 4 * signals * sum(samples_in(duration) for duration in recipe.plan.durations_s)

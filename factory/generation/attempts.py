@@ -22,6 +22,7 @@ from twin.errors import (
 )
 from twin.records.schema import VARIABLES
 from twin.records.sharded import stored_values
+from twin.vehicle.consumption import ENERGY
 
 MAX_ATTEMPTS = 20
 """So many failures in a row mean impossible distributions, not bad luck."""
@@ -93,8 +94,12 @@ def reason(error: TwinError) -> str:
 
 
 def rounded_signals(flight: Flight) -> dict[str, NDArray[np.float32]]:
-    """Every signal as the store keeps it, in the schema's order."""
-    signals = flight.signals
+    """Every signal as the store keeps it, in the schema's order.
+
+    Energy is left out: it follows from the other signals and the vehicle that the store holds
+    (`MissionStore.energy`), and would add a fifteenth to the size of a store.
+    """
+    signals = {k: v for k, v in flight.signals.items() if not k.startswith(ENERGY)}
     return {
         name: stored_values(signals[name], variable.decimals)
         for name, variable in VARIABLES.items()

@@ -36,12 +36,6 @@ from twin.records.sharded import SHARD_MISSIONS
 Array = NDArray[np.float64]
 Block = Mapping[str, NDArray[np.float32]]
 
-NAN_ALLOWED = (
-    "measured_gps_north", "measured_gps_east",
-    "measured_dvl_surge", "measured_dvl_sway", "measured_dvl_heave",
-    "commanded_pitch", "commanded_heading",
-)  # fmt: skip
-"""Signals that may be NaN inside a mission: no fix, no lock, no setpoint."""
 STEP_TOLERANCE_M = 0.3
 """[m] position change of one sample against its velocities; a launch from rest makes 0.08"""
 DRIFT_TOLERANCE_M = 1.0
@@ -220,7 +214,7 @@ def _check_mission(
         inside, padding = row[:samples], row[samples:]
         check_padding(what, name, padding, samples, checks["padding"])
         check_finite_range(
-            what, name, inside, name not in NAN_ALLOWED, simulated_limits(name), checks["finite"],
+            what, name, inside, not VARIABLES[name].gaps, simulated_limits(name), checks["finite"],
             checks["range"],
         )  # fmt: skip
     truth = {name: row[:samples].astype(float) for name, row in rows.items()}

@@ -30,7 +30,7 @@ class StoredFlight(MissionStore):
         if SENSOR_SUITE not in attributes:
             raise StoreError(
                 f"store {self.path} was flown without sensors, an export needs what they measured: "
-                'twin.simulate(..., sensors="field").save(...) writes a store that has it'
+                "`twin simulate --sensors field --out STORE` writes a store that has it"
             )
         try:
             self.scenario: dict[str, Any] = json.loads(attributes[SCENARIO])

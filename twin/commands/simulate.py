@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -14,14 +15,16 @@ if TYPE_CHECKING:
     from twin.physics.scenario import Scenario
     from twin.physics.simulation import Simulation
     from twin.records.trajectory import Trajectory
+    from twin.sensors import SensorSuite
 
 
 @dataclass(frozen=True, kw_only=True)
 class Simulate(JsonOption):
     """Fly one mission: summary table, and on request a store and a plot."""
 
-    mission: Annotated[str, tyro.conf.Positional] = "default"
-    """shipped mission name, or the path of a mission TOML file"""
+    mission: Annotated[str | None, tyro.conf.Positional] = None
+    """shipped mission name, or the path of a mission TOML file; default: the shipped one that suits
+    the vehicle"""
     vehicle: str = "glider"
     """shipped vehicle name, or the path of an MJCF file"""
     current: str = "none"
@@ -29,7 +32,16 @@ class Simulate(JsonOption):
     grid:FILE.nc,lat=49,lon=-16,time=2000-01-05; parts are added with +; docs/currents.md lists
     all kinds and settings"""
     density: str = "constant"
-    """constant, thermocline, or a CSV file with depth and density columns"""
+    """constant, thermocline, or a CSV file with depth [m] and density [kg/m3] columns, or depth,
+    temperature [degC] and salinity, whose density is that of the start's latitude and longitude"""
+    ballast_at: float | None = None
+    """depth [m] of this water at which the vehicle is neutral; default: neutral in water of the
+    reference density at the surface"""
+    mass: float | None = None
+    """kilograms of the whole vehicle; its hull keeps its volume, or with --ballast-at is neutral
+    there. Default: the vehicle file's"""
+    compressibility: float | None = None
+    """part of the hull's volume lost per pascal, such as 4e-10; default: the vehicle file's"""
     floor: str = "none"
     """sea floor: none, depth:200 [m], or a bathymetry file such as GEBCO.nc (latitude, longitude,
     elevation in m) about --start; docs/physics.md has its settings"""
@@ -47,6 +59,11 @@ class Simulate(JsonOption):
     """MuJoCo integrator; default: the vehicle file's. The implicit ones need a step of 0.02 s"""
     sample_period: float = 0.5
     """seconds between stored samples"""
+    sensors: str | None = None
+    """sensor suite, such as ideal or field: adds what its devices measure to the store and the
+    plots; docs/sensors.md lists all. Default: none"""
+    seed: int = 0
+    """of the sensors' random draws"""
     out: Path | None = None
     """write the trajectory to this zarr store"""
     overwrite: bool = False
@@ -62,6 +79,7 @@ class Simulate(JsonOption):
         from twin.records.store import prepare_target
 
         scenario = self._scenario()
+        suite = self._suite()
         check_plot_path(self.plot)
         if self.out is not None:
             prepare_target(self.out, overwrite=self.overwrite)
@@ -74,6 +92,15 @@ class Simulate(JsonOption):
                 self._write(scenario, error.partial)
                 console.note(f"the samples before it are in {self.out}")
             raise
+        if suite is not None:
+            from twin.facade import with_sensors
+
+            trajectory = with_sensors(trajectory, scenario, suite, seed=self.seed)
+            if "measured_temperature" not in trajectory:
+                console.note(
+                    "the CTD measured nothing: this water column has only density; fly in "
+                    "--density thermocline, or a file with temperature and salinity"
+                )
         if self.out is not None:
             self._write(scenario, trajectory)
         if self.plot is not None:
@@ -81,6 +108,18 @@ class Simulate(JsonOption):
         self._warn(console, simulation, trajectory)
         self._report(console, scenario, trajectory)
         return 0
+
+    def _suite(self) -> SensorSuite | None:
+        """The sensors; refused before anything is flown."""
+        from twin.errors import InputError
+
+        if self.sensors is not None:
+            from twin.sensors import SensorSuite
+
+            return SensorSuite.preset(self.sensors)
+        if self.seed != 0:
+            raise InputError("--seed is for the sensors: give --sensors too, such as field")
+        return None
 
     def _warn(self, console: Console, simulation: Simulation, trajectory: Trajectory) -> None:
         """Say when the mission was not flown, or left the gridded current's file."""
@@ -131,6 +170,7 @@ class Simulate(JsonOption):
         import dataclasses
 
         from twin.mission.shipped import load_mission_for
+        from twin.physics.ballast import weighed
         from twin.physics.scenario import Scenario
         from twin.physics.start import parse_place
         from twin.vehicle.vehicle import load_vehicle
@@ -139,9 +179,16 @@ class Simulate(JsonOption):
         from twin.water.floor import parse_floor
 
         vehicle = load_vehicle(self.vehicle)
+        vehicle, ballast = weighed(
+            vehicle,
+            ballast_at=self.ballast_at,
+            mass=self.mass,
+            compressibility=self.compressibility,
+        )
         mission = load_mission_for(vehicle, self.mission)
         scenario = Scenario(
             vehicle=vehicle,
+            ballast=ballast,
             plan=mission,
             duration=self.duration,
             start=None if self.start is None else parse_place(self.start),
@@ -221,6 +268,7 @@ class Simulate(JsonOption):
                     f"{part} (min, max)": f"{f['min']:z.4g}, {f['max']:z.4g} {f['units']}"
                     for part, f in figures["parts"].items()
                 },
+                "energy": _energy(figures),
                 "samples": figures["samples"],
             },
             title=title,
@@ -248,6 +296,14 @@ def _place(scenario: Scenario) -> str | None:
         return None
     date = "" if place.time is None else f", {place.time} UTC"
     return f"latitude {place.latitude_deg:g}, longitude {place.longitude_deg:g}{date}"
+
+
+def _energy(figures: dict[str, Any]) -> str:
+    """Energy in all, per way over ground, and of each part."""
+    shares = ", ".join(f"{name} {kilo:.3g}" for name, kilo in figures["energy_kJ"].items())
+    total, per_km = figures["total_energy_kJ"], figures["energy_per_km_kJ"]
+    way = f", {per_km:.3g} kJ per km over ground" if math.isfinite(per_km) else ""
+    return f"{total:.3g} kJ{way} ({shares})"
 
 
 PLOT_FORMATS = (".png", ".pdf", ".svg")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from twin.frames import flip_quaternion, flip_vector, quaternion_to_euler, quaternion_to_matrix
 from twin.physics.part_signals import declare_parts, state_columns
 from twin.records.trajectory import Trajectory, sample_times
+from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import Vehicle
 from twin.water.floor.lookup import floor_depths
 
@@ -79,6 +80,7 @@ def from_log(
     time = rows["time"].copy()
     if sample_period is not None:
         time = sample_times(len(rows), sample_period)
+    signals |= Consumption.of(vehicle).signals(vehicle, signals, time)
     columns = state_columns(vehicle)
     return Trajectory(time=time, signals=signals, states=states, state_columns=columns, **fields)
 

@@ -30,7 +30,7 @@ SHORTEST_STEP, LONGEST_STEP = 1e-4, 1.0
 """[s]"""
 ELLIPSOID_TIMESTEP = 0.02
 """[s] quadratic rotary drag of the ellipsoid law is stiff at inflections: 0.1 s diverges there"""
-TABLES = ("plan", "current", "density", "floor")
+RUN_TABLES = ("plan", "current", "density", "temperature", "floor")
 """Tables of a run, in the block's order."""
 _FREE_JOINT_ROWS = np.array([0, 1, 3, 6, 10, 15])
 
@@ -162,7 +162,7 @@ def _body(model: mujoco.MjModel) -> np.ndarray:
 
 
 def table(model: mujoco.MjModel, name: str) -> np.ndarray:
-    """One of the block's tables, live: "parts", "law_values" or one of TABLES."""
+    """One of the block's tables, live: "parts", "law_values" or one of RUN_TABLES."""
     place = header(model)[name]
     start = int(place["start"])
     return _body(model)[start : start + int(place["size"])]
@@ -203,6 +203,9 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int
         "gravity": vehicle.gravity,
         "reference_density": vehicle.reference_density,
         "compressibility": vehicle.hull_compressibility,
+        "thermal_expansion": vehicle.hull_thermal_expansion,
+        "thermal_lag": vehicle.hull_thermal_lag,
+        "reference_temperature": vehicle.hull_reference_temperature,
         "length": vehicle.hull_length,
         "diameter": vehicle.hull_diameter,
         "added_mass": added_mass,
@@ -227,7 +230,7 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int
         body[used : used + values.size] = values
         head[name]["start"], head[name]["size"] = used, values.size
         used += values.size
-    for name in TABLES:
+    for name in RUN_TABLES:
         head[name]["start"], head[name]["size"] = used, 0
 
 
@@ -292,7 +295,7 @@ def write_tables(model: mujoco.MjModel, tables: Tables) -> None:
         )
     head, body = header(model), _body(model)
     used = int(head["plan"]["start"])
-    for name in TABLES:
+    for name in RUN_TABLES:
         values = getattr(tables, name).ravel()
         head[name]["size"] = 0  # first: no table may be seen half written
         head[name]["start"] = used
@@ -400,6 +403,13 @@ def _check_structure(model: mujoco.MjModel, vehicle: Vehicle) -> None:
             f"{_label(vehicle)}: joints other than the hull's must be slides or hinges of moving "
             f"masses, each with an actuator; found {joints}"
         )
+    for index, _ in joint_places(model):
+        joint = model.joint(int(model.actuator_trnid[index, 0]))
+        if joint.stiffness[0] or np.any(joint.damping) or np.any(joint.frictionloss):
+            raise VehicleError(
+                f"{_label(vehicle)}: joint {joint.name!r} must be without stiffness, damping and "
+                "frictionloss: the servo of its actuator holds it"
+            )
     if not np.array_equal(model.M_rowadr[:6], _FREE_JOINT_ROWS):
         raise VehicleError(f"{_label(vehicle)}: body 'hull' must be the first moving body")
     if model.opt.density != 0 or model.opt.viscosity != 0:

@@ -15,7 +15,10 @@ from twin.physics.mujoco_model import header, table
 from twin.physics.scenario import Scenario
 from twin.records.place import START_LATITUDE, START_LONGITUDE, START_TIME
 from twin.records.trajectory import Trajectory
+from twin.water.density import DensityProfile
 
+HYDROGRAPHY = ("true_temperature", "true_salinity")
+"""Signals of missions in water whose temperature and salinity are known"""
 MAY_BE_NAN = ("pitch_setpoint", "heading_setpoint", "segment")
 """Fields of a log row that are NaN in a sound run, where a segment has no setpoint."""
 
@@ -56,6 +59,8 @@ def trajectory_of(
         complete=not failed,
         provenance={"ended": _ending(scenario, ours, failed), **_place(scenario)},
     )
+    if scenario.density is not None:
+        trajectory.signals.update(_hydrography(scenario.density, trajectory))
     if failed:
         time = float(ours["fail_time"])
         raise SimulationUnstable(
@@ -67,6 +72,12 @@ def trajectory_of(
             partial=trajectory,
         )
     return trajectory
+
+
+def _hydrography(density: DensityProfile, trajectory: Trajectory) -> dict[str, NDArray[Any]]:
+    """Temperature [degree_Celsius] and salinity [1] at the vehicle, where the profile has them."""
+    water = density.temperature_salinity(trajectory["true_depth"])
+    return {} if water is None else dict(zip(HYDROGRAPHY, water, strict=True))
 
 
 def _place(scenario: Scenario) -> dict[str, float | str]:

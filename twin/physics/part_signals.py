@@ -13,11 +13,14 @@ from twin.errors import VehicleError
 from twin.records.limits import TABLE
 from twin.records.schema import SIMULATED, VARIABLES, WITH_FLOOR, Variable, declare
 from twin.records.trajectory import actuator_names
+from twin.vehicle.consumption import ENERGY, HOTEL
 from twin.vehicle.mjcf import MjcfReader
 from twin.vehicle.vehicle import Vehicle
 
 UNITS = frozenset(row.units for row in TABLE)
 """Units whose values have limits"""
+ENERGIES = (0.0, 1e10)
+"""[J] nothing to the battery of a small submarine"""
 _OWN = frozenset((*SIMULATED, *WITH_FLOOR))
 """The schema's own signals, whose names parts must leave alone; but for the positions of parts."""
 
@@ -61,9 +64,21 @@ def part_variables(vehicle: Vehicle) -> dict[str, Variable]:
     return found
 
 
+def energy_variables(vehicle: Vehicle) -> tuple[Variable, ...]:
+    """The variables of the energy that a vehicle's electronics and parts take."""
+    of = {HOTEL: "electronics and sensors"}
+    of |= {name: name.replace("_", " ") for name in vehicle.part_names}
+    return tuple(
+        Variable(
+            ENERGY + name, "J", f"electrical energy taken since the start: {text}", limits=ENERGIES
+        )
+        for name, text in of.items()
+    )
+
+
 def declare_parts(vehicle: Vehicle) -> None:
-    """Add the variables of a vehicle's parts to the schema; raises as `part_variables`."""
-    for entry in part_variables(vehicle).values():
+    """Add the variables of a vehicle's parts and of its energy; raises as `part_variables`."""
+    for entry in (*part_variables(vehicle).values(), *energy_variables(vehicle)):
         declare(entry)
 
 

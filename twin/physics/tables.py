@@ -39,13 +39,16 @@ class Tables:
     """compiled current, see `Current.compile`"""
     density: Array = dataclasses.field(default_factory=lambda: _NONE)
     """compiled profile, see `DensityProfile.compile`"""
+    temperature: Array = dataclasses.field(default_factory=lambda: _NONE)
+    """likewise, of hulls that expand; see `DensityProfile.compile_temperature`"""
     floor: Array = dataclasses.field(default_factory=lambda: _NONE)
     """compiled sea floor, see `Floor.compile`"""
 
     @property
     def words(self) -> int:
         """Numbers of all tables."""
-        return int(self.plan.size + self.current.size + self.density.size + self.floor.size)
+        sizes = (self.plan, self.current, self.density, self.temperature, self.floor)
+        return sum(int(table.size) for table in sizes)
 
 
 def tables_of(scenario: Scenario, duration: float) -> Tables:
@@ -62,14 +65,21 @@ def tables_of(scenario: Scenario, duration: float) -> Tables:
     elif isinstance(scenario.plan, Schedule):
         scenario.plan.check(scenario.vehicle)
         plan, control = scenario.plan.table(), b.CONTROL_SCHEDULE
-    current = density = _NONE
+    current = density = temperature = _NONE
     if scenario.current is not None:
         current = scenario.current.compile(duration, scenario.place)
     if scenario.density is not None:
         density = scenario.density.compile()
-    floor = floor_table(scenario, duration)
+        if scenario.vehicle.hull_thermal_expansion:
+            temperature = scenario.density.compile_temperature()
     return Tables(
-        plan=plan, control=control, gains=gains, current=current, density=density, floor=floor
+        plan=plan,
+        control=control,
+        gains=gains,
+        current=current,
+        density=density,
+        temperature=temperature,
+        floor=floor_table(scenario, duration),
     )
 
 

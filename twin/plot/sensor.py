@@ -10,7 +10,7 @@ from twin.errors import InputError, UnknownName
 from twin.plot import style
 from twin.plot.registry import FigureKind
 from twin.plot.signals import thinned_time, unit_text
-from twin.records.schema import variable
+from twin.records.schema import HYDROGRAPHY, LOGGED_ONLY, SIMULATED, variable
 from twin.records.trajectory import Trajectory
 from twin.sensors import SENSORS, Sensor
 
@@ -25,6 +25,7 @@ DEFAULT = (
     "depth",
     "yaw_rate",
     "specific_force_x",
+    "temperature",
     "dvl_surge",
     "onboard_north",
     "onboard_east",
@@ -50,9 +51,16 @@ def _sensor_of(name: str) -> type[Sensor]:
     return Sensor
 
 
-def _of_ones_own(name: str) -> bool:
-    """Whether a sensor measures it that the package does not bring: always shown."""
-    return getattr(_sensor_of(name), "name", "") not in ("", *SENSORS.shipped())
+def _of_ones_own(name: str, trajectory: Trajectory) -> bool:
+    """Whether a sensor measures it that the package does not bring: always shown.
+
+    A store keeps such signals; the sensor itself need not be registered here.
+    """
+    sensor = _sensor_of(name)
+    if sensor is not Sensor:
+        return sensor.name not in SENSORS.shipped()
+    shipped = {*SIMULATED, *HYDROGRAPHY, *LOGGED_ONLY}
+    return f"measured_{name}" not in shipped and f"true_{name}" not in trajectory
 
 
 def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure:
@@ -65,13 +73,13 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
       InputError: the trajectory has no measured signals. UnknownName: not the named one.
     """
     have = [n.removeprefix("measured_") for n in trajectory.signals if n.startswith("measured_")]
-    have = [n for n in have if truth_of(n, trajectory) is not None]
+    have = [n for n in have if truth_of(n, trajectory) is not None or _of_ones_own(n, trajectory)]
     if not have:
         raise InputError("this trajectory has no measured signals: simulate it with sensors")
     for name in names:
         if name not in have:
             raise UnknownName("measured signal", name, have)
-    usual = [n for n in have if _of_ones_own(n)]
+    usual = [n for n in have if _of_ones_own(n, trajectory)]
     shown = list(names) or [n for n in DEFAULT if n in have] + usual or have[:MOST_SHOWN]
     with style.styled():
         figure = style.new_figure(style.PAGE_WIDTH, 0.5 + 0.95 * len(shown))
@@ -79,16 +87,17 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
         time, seconds, unit = thinned_time(trajectory)
         time = time / seconds
         for (left, right), name in zip(axes, shown, strict=True):
-            measured, true = style.thin(
-                trajectory[f"measured_{name}"], np.asarray(truth_of(name, trajectory))
-            )
-            error = measured - true
+            values, truth = trajectory[f"measured_{name}"], truth_of(name, trajectory)
+            known = truth is not None
+            measured, true = style.thin(values, np.asarray(truth) if known else values)
+            error = measured - true if known else np.full(len(measured), np.nan)
             units = variable(f"measured_{name}").units
             if units == "degree":  # the short way round
                 error = (error + 180.0) % 360.0 - 180.0
             sparse = bool(np.isnan(measured).mean() > 0.5)
             mark = {"marker": ".", "ms": 2.5, "ls": "none"} if sparse else {"lw": 0.8}
-            left.plot(time, true, color=style.TRUTH, lw=2.2, label="true")
+            if known:
+                left.plot(time, true, color=style.TRUTH, lw=2.2, label="true")
             left.plot(time, measured, color=style.ESTIMATE, label="measured", **mark)
             right.axhline(0.0, color=style.GUIDE, lw=0.7)
             right.plot(time, error, color=style.ESTIMATE, **mark)
@@ -97,6 +106,8 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
             left.set_title(" ".join(WORDS.get(w, w) for w in name.split("_")))
             finite = error[np.isfinite(error)]
             spread = f"mean {finite.mean():.2g}, std {finite.std():.2g}" if len(finite) else "none"
+            if not known:
+                spread = "no true signal"
             right.set_title(f"measured − true: {spread}", fontweight="normal")
         axes[0, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.1)
         axes[0, 0].set_xlim(time[0], time[-1])

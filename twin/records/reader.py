@@ -35,6 +35,8 @@ from twin.records.attributes import (
 from twin.records.limits import recorded_limits
 from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.store import check_arrays, gone_arrays, open_store, read_array
+from twin.records.trajectory import sample_times
+from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 if TYPE_CHECKING:
@@ -46,7 +48,7 @@ LEAST_SAMPLES = 2
 """Of a mission: a rate takes two."""
 SPACING = 1e-3
 """Part of the period by which steps of time may differ: rounding of float32 after a day."""
-LOGGED_VEHICLE = "slocum"
+LOGGED_VEHICLE = "graver-2005"
 """Shipped vehicle that stands for the vehicles of logs, whose own file nobody has."""
 SIMULATED_VEHICLE = "glider"
 """Shipped vehicle of simulated stores that do not say theirs."""
@@ -86,7 +88,7 @@ class MissionStore:
     def __len__(self) -> int:
         return int(self.dataset.sizes.get(MISSION, 0))
 
-    def __contains__(self, name: str) -> bool:
+    def __contains__(self, name: object) -> bool:
         """Whether the store has an array of that name."""
         return name in self.dataset
 
@@ -250,6 +252,28 @@ class MissionStore:
         if name not in self.dataset.variables:
             raise StoreError(f"store {self.path} lacks the array {name!r}")
         return read_array(self.dataset, name, self.path)
+
+    def energy(
+        self, mission: int, consumption: Consumption | None = None
+    ) -> dict[str, NDArray[np.float64]]:
+        """Energy [J] taken since the start by the electronics and by each part, each (samples,).
+
+        Named `true_energy_hotel` and `true_energy_PART`; made of the mission's true signals.
+
+        Args:
+          consumption: losses and hotel load; None: those of the store's vehicle.
+
+        Raises:
+          StoreError: no such mission, or it was logged: nobody knows what its parts took.
+        """
+        if self.logged:
+            raise StoreError(f"store {self.path} holds logs, which say nothing of energy")
+        self.check_mission(mission)
+        vehicle, samples = self.vehicle, int(self.samples[mission])
+        names = ("true_depth", "true_pitch", *(f"true_{name}" for name in vehicle.part_names))
+        signals = {name: self.row(name, mission)[:samples].astype(float) for name in names}
+        losses = Consumption.of(vehicle) if consumption is None else consumption
+        return losses.signals(vehicle, signals, sample_times(samples, self.period))
 
     def signals(self) -> list[str]:
         """Names of the signals (mission, time), in the schema's order."""

@@ -28,6 +28,8 @@ class Variable:
     standard_name: str | None = None
     limits: tuple[float, float] | None = None
     """Lowest and highest possible value; None: those of the table of limits, by unit and name."""
+    gaps: bool = False
+    """Whether it may be NaN inside a mission: no fix, no lock, no setpoint."""
 
     @property
     def decimals(self) -> int | None:
@@ -52,6 +54,8 @@ class Variable:
             attributes["positive"] = "down"
         if self.limits:
             attributes["valid_min"], attributes["valid_max"] = self.limits
+        if self.gaps:
+            attributes["gaps"] = 1
         return attributes
 
     def stored_attributes(self) -> dict[str, str | int]:
@@ -121,6 +125,20 @@ _TABLE: tuple[Variable, ...] = (
     Variable("true_density", "kg m-3", "in-situ density at the glider", "sea_water_density"),
     Variable("true_immersion", "1", "immersed fraction of the hull"),
     Variable(
+        "true_temperature",
+        "degree_Celsius",
+        "in-situ temperature at the glider; NaN where the water column has only density",
+        "sea_water_temperature",
+        gaps=True,
+    ),
+    Variable(
+        "true_salinity",
+        "1",
+        "practical salinity at the glider, PSS-78; NaN where the water column has only density",
+        "sea_water_practical_salinity",
+        gaps=True,
+    ),
+    Variable(
         "true_altitude",
         "m",
         "height of the centre of buoyancy above the sea floor",
@@ -166,11 +184,13 @@ _TABLE: tuple[Variable, ...] = (
     Variable("measured_shift", "m", "battery position by its encoder"),
     Variable("measured_rotation", "degree", "battery rotation by its encoder"),
     Variable("measured_pump", "cm3", "pumped volume by its encoder"),
-    Variable("measured_gps_north", "m", "GPS fix, north of the start; NaN without a fix"),
-    Variable("measured_gps_east", "m", "GPS fix, east of the start; NaN without a fix"),
-    Variable("measured_dvl_surge", "m s-1", "DVL velocity, forward; NaN without lock"),
-    Variable("measured_dvl_sway", "m s-1", "DVL velocity, starboard; NaN without lock"),
-    Variable("measured_dvl_heave", "m s-1", "DVL velocity, down; NaN without lock"),
+    Variable(
+        "measured_gps_north", "m", "GPS fix, north of the start; NaN without a fix", gaps=True
+    ),
+    Variable("measured_gps_east", "m", "GPS fix, east of the start; NaN without a fix", gaps=True),
+    Variable("measured_dvl_surge", "m s-1", "DVL velocity, forward; NaN without lock", gaps=True),
+    Variable("measured_dvl_sway", "m s-1", "DVL velocity, starboard; NaN without lock", gaps=True),
+    Variable("measured_dvl_heave", "m s-1", "DVL velocity, down; NaN without lock", gaps=True),
     Variable("measured_dvl_mode", "1", "DVL lock: 0 none, 1 bottom, 2 water"),
     Variable("measured_onboard_north", "m", "on-board dead-reckoned track, north of the start"),
     Variable("measured_onboard_east", "m", "on-board dead-reckoned track, east of the start"),
@@ -179,15 +199,21 @@ _TABLE: tuple[Variable, ...] = (
         "kg m-3",
         "in-situ density from conductivity, temperature and pressure",
         "sea_water_density",
+        gaps=True,
     ),
     Variable(
-        "measured_temperature", "degree_Celsius", "in-situ temperature", "sea_water_temperature"
+        "measured_temperature",
+        "degree_Celsius",
+        "in-situ temperature",
+        "sea_water_temperature",
+        gaps=True,
     ),
     Variable(
         "measured_salinity",
         "1",
         "practical salinity, PSS-78",
         "sea_water_practical_salinity",
+        gaps=True,
     ),
     Variable("measured_fin", "degree", "rudder angle, positive turns to starboard"),
     Variable("measured_phase", "1", "0 surface, 1 descent, 2 climb, 3 inflection or level"),
@@ -199,32 +225,37 @@ _TABLE: tuple[Variable, ...] = (
     Variable("commanded_shift", "m", "commanded battery position"),
     Variable("commanded_rotation", "degree", "commanded battery rotation"),
     Variable("commanded_pump", "cm3", "commanded pumped volume"),
-    Variable("commanded_pitch", "degree", "pitch setpoint; NaN where the segment has none"),
-    Variable("commanded_heading", "degree", "heading setpoint; NaN where the segment has none"),
+    Variable(
+        "commanded_pitch", "degree", "pitch setpoint; NaN where the segment has none", gaps=True
+    ),
+    Variable(
+        "commanded_heading", "degree", "heading setpoint; NaN where the segment has none", gaps=True
+    ),
     Variable("commanded_segment", "1", "index of the mission segment being flown"),
 )
 
 VARIABLES: dict[str, Variable] = {variable.name: variable for variable in _TABLE}
 """Every variable by name, in storage order."""
 
-LOGGED_ONLY = frozenset(
+LOGGED_ONLY = frozenset({"true_speed", "measured_fin", "measured_phase", "measured_gap"})
+"""Variables that only stores of real logs hold; the twin does not simulate them."""
+
+HYDROGRAPHY = frozenset(
     {
-        "true_speed",
+        "true_temperature",
+        "true_salinity",
         "measured_density",
         "measured_temperature",
         "measured_salinity",
-        "measured_fin",
-        "measured_phase",
-        "measured_gap",
     }
 )
-"""Variables that only stores of real logs hold; the twin does not simulate them."""
+"""Variables of simulated missions in water whose temperature and salinity are known."""
 
 WITH_FLOOR = ("true_altitude", "true_contact", "measured_altitude")
 """Variables of simulated missions that have a sea floor; contact also of those with obstacles."""
 
 SIMULATED: tuple[str, ...] = tuple(
-    name for name in VARIABLES if name not in LOGGED_ONLY and name not in WITH_FLOOR
+    name for name in VARIABLES if name not in LOGGED_ONLY | HYDROGRAPHY and name not in WITH_FLOOR
 )
 """Variables of every simulated mission, in storage order."""
 
@@ -271,5 +302,6 @@ def declare_stored(name: str, attributes: Mapping[str, Any]) -> None:
             str(attributes.get("long_name", name)),
             attributes.get("standard_name"),
             limits,
+            bool(attributes.get("gaps", 0)),
         )
     )

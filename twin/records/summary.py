@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from twin.records.schema import variable
 from twin.records.trajectory import Trajectory
+from twin.vehicle.consumption import ENERGY
+
+KILO = 1e3
 
 
 def summarise(trajectory: Trajectory) -> dict[str, Any]:
@@ -45,6 +49,22 @@ def summarise(trajectory: Trajectory) -> dict[str, Any]:
             }
             for part in t.actuators
         },
+        **_energy(t, float(horizontal)),
+    }
+
+
+def _energy(trajectory: Trajectory, horizontal: float) -> dict[str, Any]:
+    """Energy of the electronics and of each part, in all, and per way over ground; NaN without."""
+    taken = {
+        name.removeprefix(ENERGY): float(values[-1]) / KILO
+        for name, values in trajectory.items()
+        if name.startswith(ENERGY)
+    }
+    total = sum(taken.values())
+    return {
+        "energy_kJ": taken,
+        "total_energy_kJ": total,
+        "energy_per_km_kJ": total / (horizontal / KILO) if taken and horizontal > 0.0 else math.nan,
     }
 
 

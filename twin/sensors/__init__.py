@@ -7,6 +7,7 @@ from twin.sensors.altimeter import Altimeter
 from twin.sensors.attitude import Attitude
 from twin.sensors.base import Sensor, Surroundings
 from twin.sensors.compass import COMPASS_PRESETS, Compass
+from twin.sensors.ctd import Ctd
 from twin.sensors.dvl import Dvl
 from twin.sensors.encoders import Encoders
 from twin.sensors.gps import Gps
@@ -24,6 +25,7 @@ __all__ = [
     "Altimeter",
     "Attitude",
     "Compass",
+    "Ctd",
     "Dvl",
     "Encoders",
     "Gps",

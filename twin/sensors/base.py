@@ -57,6 +57,9 @@ class Sensor:
     ideal_is_truth: ClassVar[bool] = False
     """True: with the settings of `ideal` it passes the arrays of the truth on as they are"""
 
+    unset: ClassVar[Mapping[str, Any]] = {}
+    """What a setting is in stores that were made before it existed, by name"""
+
     @classmethod
     def ideal(cls) -> Self:
         """The sensor without errors."""

@@ -1,11 +1,14 @@
 """Compass: heading with the deviation that the vehicle's own iron makes.
 
 The magnetometer reads A R^T m_n + b: A the soft iron, b the hard iron in body axes, both in
-units of the horizontal field. Tilt-compensated with the true tilt (what tilt errors add is
-inside the AHRS's heading figure), a level vehicle then shows the classical deviation
+units of the horizontal field. Tilt-compensated, a level vehicle then shows the classical deviation
 A0 + B sin psi + C cos psi + D sin 2psi + E cos 2psi with b = (-B, -C) and
 A = I + [[-D, -E], [-E, D]]; under tilt the dip adds a dependence on pitch and roll.
 Declination is taken as removed.
+
+The compass is levelled by the roll and pitch that the AHRS measures, so that an accelerometer bias
+reaches the heading by the tangent of the dip. A complementary filter, as that of roll and pitch,
+follows the gyros and is drawn to that heading: a constant yaw gyro bias b_g adds time_constant b_g.
 
 The battery's share of b is calibrated away at its neutral position only: it turns with the
 rotation and falls with the cube of the distance as the battery shifts away from the compass.
@@ -15,8 +18,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,10 +54,14 @@ class Compass(Sensor):
     """
 
     name = "compass"
-    reads = ("true_roll", "true_pitch", "true_heading")
+    reads = (
+        "true_roll", "true_pitch", "true_heading", "measured_roll", "measured_pitch",
+        *(f"{kind}_{name}" for name in ("pitch_rate", "yaw_rate") for kind in ("true", "measured")),
+    )  # fmt: skip
     writes = variables("measured_heading")
     draws = dict.fromkeys((f"compass_{key}_deg" for key in IRON), "degree")
     ideal_is_truth = True
+    unset: ClassVar[Mapping[str, Any]] = {"time_constant": 0.0}
 
     offset_deg: float = 0.3
     """[deg] A0: mounting and residual declination"""
@@ -76,13 +83,17 @@ class Compass(Sensor):
     """[deg] RMS of the correlated noise of the filter; ours"""
     noise_correlation_time: float = 10.0
     """[s]"""
+    time_constant: float = 5.0
+    """[s] over which the compass holds the gyros, as `Attitude.time_constant`; 0: no filter, and
+    the compass is levelled by the true tilt"""
 
     def __post_init__(self) -> None:
         require_non_negative(
-            self, "offset_deg", "hard_iron_deg", "soft_iron_deg", "battery_deg", "noise_deg"
-        )
+            self, "offset_deg", "hard_iron_deg", "soft_iron_deg", "battery_deg", "noise_deg",
+            "time_constant",
+        )  # fmt: skip
         require_positive(self, "noise_correlation_time")
-        require_finite(self, "dip_deg", "battery_distance")
+        require_finite(self, "dip_deg", "battery_distance", "time_constant")
         if abs(self.dip_deg) > 85.0:
             raise InputError(
                 f"Compass.dip_deg is {self.dip_deg:g}: beyond 85 deg no compass gives a heading"
@@ -97,8 +108,9 @@ class Compass(Sensor):
     def ideal(cls) -> Compass:
         """No deviation and no noise."""
         return cls(
-            offset_deg=0.0, hard_iron_deg=0.0, soft_iron_deg=0.0, battery_deg=0.0, noise_deg=0.0
-        )
+            offset_deg=0.0, hard_iron_deg=0.0, soft_iron_deg=0.0, battery_deg=0.0, noise_deg=0.0,
+            time_constant=0.0,
+        )  # fmt: skip
 
     @classmethod
     def preset(cls, name: str) -> Compass:
@@ -133,7 +145,7 @@ class Compass(Sensor):
         surroundings: Surroundings = NOWHERE,
     ) -> dict[str, NDArray[Any]]:
         """measured_heading [degree] in [0, 360)."""
-        from twin.sensors.kernels import compass_kernel
+        from twin.sensors.kernels import compass_kernel, complementary_kernel, turn_kernel
 
         heading = signal(signals, "true_heading")
         shift, rotation = (
@@ -147,13 +159,27 @@ class Compass(Sensor):
             rng, heading.shape[0], std=self.noise_deg, dt=dt,
             correlation_time=self.noise_correlation_time,
         )  # fmt: skip
-        out = np.empty_like(heading)
+        roll, pitch = signal(signals, "true_roll"), signal(signals, "true_pitch")
+        level = (roll, pitch)
+        if self.time_constant > 0.0:
+            level = (signal(signals, "measured_roll"), signal(signals, "measured_pitch"))
+        deviation = np.empty_like(heading)
         compass_kernel(
-            signal(signals, "true_roll"), signal(signals, "true_pitch"), heading, shift, rotation,
+            roll, pitch, heading, *level, shift, rotation,
             np.array([-iron["b"], -iron["c"], iron["vertical"]]), soft,
             np.array([iron["battery_x"], iron["battery_y"], iron["battery_z"]]),
-            self.battery_distance, math.tan(self.dip_deg * DEG), iron["a0"], error, out,
+            self.battery_distance, math.tan(self.dip_deg * DEG), iron["a0"], deviation,
         )  # fmt: skip
+        if self.time_constant > 0.0:
+            gyro = (
+                signal(signals, f"measured_{name}") - signal(signals, f"true_{name}")
+                for name in ("pitch_rate", "yaw_rate")
+            )
+            rate = np.empty_like(heading)
+            turn_kernel(roll, pitch, *gyro, rate)
+            complementary_kernel(rate, deviation.copy(), dt, self.time_constant, deviation)
+        out = np.mod(heading + deviation + error, 360.0)
+        out[out == 360.0] = 0.0  # the remainder of a tiny negative number
         return {"measured_heading": out}
 
 

@@ -8,6 +8,10 @@ not too far from the vertical. Three beams are enough: least squares over the on
 gives the velocity. Pings are averaged to the mission's grid, over the interval centred on the
 sample at which the lock is decided, and the vehicle removes the lever arm with its own gyro.
 
+The instrument sits turned by a small fixed rotation in its mount, which the vehicle does not know:
+the beams point that way, and the velocity is given in the instrument's axes as if they were the
+vehicle's.
+
 Defaults: LinkQuest 600 kHz micro (the paper's table: 0.3-110 m, 1 % +- 1 mm/s, 5 Hz); beams and
 water mode as in the osrf/lrauv simulation. Frame: body FRD, positive as the vehicle moves.
 """
@@ -66,6 +70,16 @@ def beam_directions(tilt: float) -> Array:
     )
 
 
+def rotation(turn: Array) -> Array:
+    """Matrix of the rotation by a vector [rad], shape (3, 3) (Rodrigues): instrument to body."""
+    angle = float(np.linalg.norm(turn))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = turn / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
+
+
 @functools.lru_cache(maxsize=8)
 def beam_solutions(tilt: float) -> Array:
     """Least-squares inverses, shape (16, 3, 4): entry `set` uses beam i where bit i is set."""
@@ -90,7 +104,11 @@ class Dvl(Sensor):
         *(f"true_{name}" for name in BODY_RATES), *(f"measured_{name}" for name in BODY_RATES),
     )  # fmt: skip
     writes = variables(*OUTPUTS, "measured_dvl_mode")
-    draws: ClassVar[Mapping[str, str]] = {"dvl_scale": "1", "dvl_sound_speed": "1"}
+    draws: ClassVar[Mapping[str, str]] = {
+        "dvl_scale": "1", "dvl_sound_speed": "1",
+        **{f"dvl_misalignment_{axis}": "rad" for axis in "xyz"},
+    }  # fmt: skip
+    unset: ClassVar[Mapping[str, Any]] = {"misalignment_deg": 0.0}
 
     fitted: bool = True
     """False: the vehicle carries none, velocities are NaN and the mode is 0"""
@@ -116,6 +134,10 @@ class Dvl(Sensor):
     """[1] standard deviation of the scale error: the sheet's 1 % read as two sigma"""
     sound_speed: float = 0.0
     """[1] standard deviation of dc/c, which adds to the scale; 0: the sheet's 1 % contains it"""
+    misalignment_deg: float = 0.5
+    """[deg] standard deviation about each body axis by which it is turned in its mount; ours, a
+    mechanical mount without calibration. With attitude the largest error of Doppler navigation
+    (Kinsey and Whitcomb, 2007)"""
     bottom_noise: float = 0.001
     """[m/s] per beam and ping: the sheet's 1 mm/s read as one sigma"""
     water_noise: float = 0.0035
@@ -134,8 +156,9 @@ class Dvl(Sensor):
     def __post_init__(self) -> None:
         require_positive(self, "ping_rate", "max_range", "mean_lock_time", "cell_max")
         require_non_negative(
-            self, "min_range", "cell_min", "scale", "sound_speed", "bottom_noise", "water_noise",
-            "mean_loss_time", "outlier_probability", "outlier_size", "wrong_beam_share",
+            self, "min_range", "cell_min", "scale", "sound_speed", "misalignment_deg",
+            "bottom_noise", "water_noise", "mean_loss_time", "outlier_probability",
+            "outlier_size", "wrong_beam_share",
         )  # fmt: skip
         require_finite(self, "lever_arm", "ping_rate")
         for name in ("outlier_probability", "wrong_beam_share"):
@@ -155,22 +178,24 @@ class Dvl(Sensor):
     @classmethod
     def ideal(cls) -> Dvl:
         """The true velocity over ground, always."""
-        return cls(exact=True, scale=0.0, lever_arm=(0.0, 0.0, 0.0))
+        return cls(exact=True, scale=0.0, misalignment_deg=0.0, lever_arm=(0.0, 0.0, 0.0))
 
     @classmethod
     def noise_free(cls) -> Dvl:
         """The geometry, range and modes of the default instrument without random errors."""
         return cls(
-            scale=0.0, bottom_noise=0.0, water_noise=0.0, mean_loss_time=0.0,
-            outlier_probability=0.0,
+            scale=0.0, misalignment_deg=0.0, bottom_noise=0.0, water_noise=0.0,
+            mean_loss_time=0.0, outlier_probability=0.0,
         )  # fmt: skip
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
-        """The mission's relative scale and sound-speed errors [1]."""
-        unit = rng.standard_normal(2)
+        """The mission's relative scale and sound-speed errors [1] and misalignment [rad]."""
+        turn = self.misalignment_deg * DEG
+        spread = (self.scale, self.sound_speed, turn, turn, turn)
+        unit = rng.standard_normal(len(spread))
         return {
-            "dvl_scale": float(self.scale * unit[0]),
-            "dvl_sound_speed": float(self.sound_speed * unit[1]),
+            name: float(std * unit[i])
+            for i, (name, std) in enumerate(zip(self.draws, spread, strict=True))
         }
 
     def measure(
@@ -229,10 +254,11 @@ class Dvl(Sensor):
         pings = max(1, math.ceil((n - 0.5) * dt * self.ping_rate))
         tilt = self.tilt_deg * DEG
         outlier, outlier_beam = self._outliers(rng, pings)
+        mount = rotation(np.array([drawn_value(drawn, f"dvl_misalignment_{a}") for a in "xyz"]))
         factor = 1.0 + drawn_value(drawn, "dvl_scale") + drawn_value(drawn, "dvl_sound_speed")
         dvl_kernel(
             ground, water, rates, plumb, depth, bottom, np.array(self.lever_arm, float),
-            beam_directions(tilt), beam_solutions(tilt), ping_dt / dt,
+            beam_directions(tilt) @ mount.T, beam_solutions(tilt), ping_dt / dt,
             self._locked(rng, pings, ping_dt), factor, self.bottom_noise, self.water_noise,
             normals(rng, n, 4), outlier, outlier_beam, self.min_range, self.max_range,
             math.cos(self.max_beam_angle_deg * DEG), self.cell_max / math.cos(tilt), velocity, mode,

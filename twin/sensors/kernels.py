@@ -17,6 +17,8 @@ BEAMS = 4
 NO_LOCK, BOTTOM_LOCK, WATER_LOCK = 0, 1, 2
 MIN_BEAMS = 3
 """a three-dimensional velocity needs three beams"""
+LEAST_COSINE = 0.05
+"""of pitch: closer to the vertical than 87 deg, roll and heading have no useful meaning"""
 
 
 @jit
@@ -68,16 +70,83 @@ def triad_kernel(  # type: ignore[no-untyped-def]
 
 
 @jit
+def complementary_kernel(rate, reference, dt, time_constant, out):  # type: ignore[no-untyped-def]
+    """out = error of a complementary filter: out' = rate - (out - reference) / time_constant.
+
+    rate: error of the angle's rate that the gyros give; reference: error of the angle that
+    gravity or the compass gives, shape (n,). Backward Euler, stable for every step; it has settled
+    on the gyros' mean error at the first sample.
+    """
+    n = out.shape[0]
+    settled = min(n, max(1, int(time_constant / dt)))
+    error = reference[0] + time_constant * rate[:settled].mean()
+    share = dt / time_constant
+    for k in range(n):
+        error = (error + dt * rate[k] + share * reference[k]) / (1.0 + share)
+        out[k] = error
+
+
+@jit
+def tilt_kernel(roll, pitch, force, gyro, rate, reference):  # type: ignore[no-untyped-def]
+    """Errors of roll and pitch and of their rates, as an accelerometer and gyros give them.
+
+    roll, pitch: true [deg], (n,). force: measured specific force [m/s2], (3, n), taken for
+    -gravity: roll = atan2(-f_y, -f_z), pitch = atan2(f_x, |f_y, f_z|). gyro: error of the measured
+    rates [rad/s], (3, n). rate [deg/s] and reference [deg]: (2, n), roll and pitch. Near the
+    vertical, where roll has no meaning, its errors are kept finite.
+    """
+    for k in range(roll.shape[0]):
+        sin_r, cos_r = math.sin(roll[k] * DEG), math.cos(roll[k] * DEG)
+        sin_p = math.sin(pitch[k] * DEG)
+        cos_p = max(math.cos(pitch[k] * DEG), LEAST_COSINE)
+        across = math.hypot(force[1, k], force[2, k])
+        by_roll = math.atan2(-force[1, k], -force[2, k]) / DEG - roll[k]
+        reference[0, k] = (by_roll + 180.0) % 360.0 - 180.0 if cos_p > LEAST_COSINE else 0.0
+        reference[1, k] = math.atan2(force[0, k], across) / DEG - pitch[k]
+        turning = sin_r * gyro[1, k] + cos_r * gyro[2, k]
+        rate[0, k] = (gyro[0, k] + turning * sin_p / cos_p) / DEG
+        rate[1, k] = (cos_r * gyro[1, k] - sin_r * gyro[2, k]) / DEG
+
+
+@jit
+def turn_kernel(roll, pitch, gyro_y, gyro_z, rate):  # type: ignore[no-untyped-def]
+    """rate = error of the heading's rate [deg/s] by the gyros' errors [rad/s]; angles [deg]."""
+    for k in range(rate.shape[0]):
+        turning = math.sin(roll[k] * DEG) * gyro_y[k] + math.cos(roll[k] * DEG) * gyro_z[k]
+        rate[k] = turning / max(math.cos(pitch[k] * DEG), LEAST_COSINE) / DEG
+
+
+@jit
+def thermal_kernel(temperature, dt, lag, amplitude, time_constant, thermistor, cell):  # type: ignore[no-untyped-def]
+    """What a CTD's thermistor shows and how warm the water in its conductivity cell is.
+
+    thermistor: first-order lag [s] of the water's temperature. cell: temperature less the anomaly
+    that the cell's wall makes, by the recursion of Lueck and Picklo (1990). All (n,) [deg C].
+    """
+    kept = math.exp(-dt / lag) if lag > 0.0 else 0.0
+    a = 2.0 * amplitude * time_constant / dt / (1.0 + 2.0 * time_constant / dt)
+    b = 1.0 - 2.0 * a / amplitude if amplitude > 0.0 else 0.0
+    shown = temperature[0]
+    anomaly = 0.0
+    for k in range(temperature.shape[0]):
+        if k > 0:
+            shown = kept * shown + (1.0 - kept) * temperature[k]
+            anomaly = a * (temperature[k] - temperature[k - 1]) - b * anomaly
+        thermistor[k] = shown
+        cell[k] = temperature[k] - anomaly
+
+
+@jit
 def compass_kernel(  # type: ignore[no-untyped-def]
-    roll, pitch, heading, shift, rotation, hard_iron, soft_iron, battery, distance, dip_tangent,
-    offset, error, out,
+    roll, pitch, heading, level_roll, level_pitch, shift, rotation, hard_iron, soft_iron, battery,
+    distance, dip_tangent, offset, out,
 ):  # fmt: skip
-    """out = heading [deg] in [0, 360) from the magnetic vector: soft_iron R^T m_n + hard iron.
+    """out = error of the heading [deg] by the magnetic vector: soft_iron R^T m_n + hard iron.
 
     m_n = (1, 0, dip_tangent), in units of the horizontal field. Angles [deg] in, shift [m].
-    hard_iron: (3,) at the neutral battery position. battery: (3,) the part of the field that
-    the battery carries there; it turns with the rotation and falls with the cube of the
-    distance [m]. offset [rad]; error [deg], shape (n,), is added.
+    level_roll, level_pitch: the tilt that the vector is levelled by. hard_iron: (3,) at the
+    neutral battery position. battery: (3,) the part of the field that the battery carries there;
+    it turns with the rotation and falls with the cube of the distance [m]. offset [rad] is added.
     """
     for k in range(out.shape[0]):
         sin_r, cos_r = math.sin(roll[k] * DEG), math.cos(roll[k] * DEG)
@@ -98,13 +167,13 @@ def compass_kernel(  # type: ignore[no-untyped-def]
         my = y + soft_iron[1, 0] * x + soft_iron[1, 1] * y + soft_iron[1, 2] * z + by
         mz = z + soft_iron[2, 0] * x + soft_iron[2, 1] * y + soft_iron[2, 2] * z + bz
         # Tilt compensation, then the angle between the level vector and the true heading's.
+        sin_r, cos_r = math.sin(level_roll[k] * DEG), math.cos(level_roll[k] * DEG)
+        sin_p, cos_p = math.sin(level_pitch[k] * DEG), math.cos(level_pitch[k] * DEG)
         level_y = cos_r * my - sin_r * mz
         level_x = cos_p * mx + sin_p * (sin_r * my + cos_r * mz)
         cross = -cos_h * level_y - sin_h * level_x
         dot = cos_h * level_x - sin_h * level_y
-        reading = heading[k] + (math.atan2(cross, dot) + offset) / DEG + error[k]
-        reading -= 360.0 * math.floor(reading / 360.0)
-        out[k] = reading if reading < 360.0 else 0.0
+        out[k] = (math.atan2(cross, dot) + offset) / DEG
 
 
 @jit

@@ -1,4 +1,13 @@
-"""Pressure: the gauge, and the depth that the vehicle makes of it."""
+"""Pressure: the gauge, and the depth that is made of it.
+
+`measured_pressure` is sea pressure: the integral of the true density profile under the gravity of
+the mission's latitude, which grows with depth (TEOS-10), and the gauge's errors. `measured_depth`
+is the depth that the field makes of it with what is known on board, latitude and no density:
+TEOS-10's `z_from_p`, whose water is standard ocean of 0 degC and 35 g/kg (McDougall and Barker,
+2011). It differs from the true geometric depth by the water column's dynamic height: warm or fresh
+water is lighter, presses less, and looks shallower than it is. The vehicle itself flies under the
+one gravity of its file.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +24,15 @@ from twin.sensors.base import NOWHERE, Sensor, Surroundings
 from twin.sensors.checks import Drawn, Signals, drawn_value, require_non_negative, signal
 from twin.sensors.noise import normals
 
+STANDARD_OCEAN = "standard ocean"
+"""Of 0 degC and 35 g/kg"""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Pressure(Sensor):
     """Errors of an OEM transducer (Druck and Keller sheets: 0.1 % of full scale, unverified).
 
-    The true pressure is the integral of the true density profile. The vehicle divides by one
-    density and the gravity of the mission's latitude, as gliders do.
+    Both signals have them: depth follows from the measured pressure.
     """
 
     name = "pressure"
@@ -37,15 +48,22 @@ class Pressure(Sensor):
     """[1] relative, standard deviation per mission"""
     noise: float = 0.01
     """[dbar] white, per sample: 0.01 m"""
-    vehicle_density: float | None = 1025.0
-    """[kg/m3] that the vehicle assumes; none: it knows the profile and adds no density error"""
+    vehicle_density: float | str | None = STANDARD_OCEAN
+    """What depth is made with: "standard ocean" by TEOS-10's at the mission's latitude, as OG1.0,
+    basestation and the glider toolboxes do it; a density [kg/m3] by pressure over density and
+    surface gravity; none by the true profile, without an error of density"""
 
     def __post_init__(self) -> None:
         require_non_negative(self, "full_scale", "offset", "gain", "noise")
-        if self.vehicle_density is not None and not 900.0 <= self.vehicle_density <= 1100.0:
-            raise InputError(
-                f"Pressure.vehicle_density is {self.vehicle_density:g} kg/m3: give 900 to 1100"
-            )
+        density = self.vehicle_density
+        if isinstance(density, str):
+            if density != STANDARD_OCEAN:
+                raise InputError(
+                    f"Pressure.vehicle_density is {density!r}: give {STANDARD_OCEAN!r}, a density "
+                    "in kg/m3, or None"
+                )
+        elif density is not None and not 900.0 <= density <= 1100.0:
+            raise InputError(f"Pressure.vehicle_density is {density:g} kg/m3: give 900 to 1100")
 
     @classmethod
     def ideal(cls) -> Pressure:
@@ -86,7 +104,11 @@ class Pressure(Sensor):
         else:
             measured = pressure * (1.0 + gain) + offset
             measured += self.noise * normals(rng, depth.shape[0])
-        if self.vehicle_density is not None:
+        if isinstance(self.vehicle_density, str):
+            import gsw
+
+            metres = -gsw.z_from_p(measured, latitude)
+        elif self.vehicle_density is not None:
             metres = measured * (
                 PASCAL_PER_DBAR / (self.vehicle_density * float(gravity(latitude)))
             )

@@ -115,6 +115,7 @@ SENSORS: Registry[type[Sensor]] = Registry(
         "dvl": "twin.sensors.dvl:Dvl",
         "encoders": "twin.sensors.encoders:Encoders",
         "onboard": "twin.sensors.onboard:Onboard",
+        "ctd": "twin.sensors.ctd:Ctd",
     },
     check=check_sensor,
 )

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError, UnknownName, unknown_name
-from twin.records.schema import Variable
+from twin.records.schema import Variable, variable
 from twin.sensors.base import Sensor, Surroundings
 from twin.sensors.checks import Signals
 from twin.sensors.compass import Compass
@@ -93,7 +93,7 @@ class SensorSuite(Mapping[str, Sensor]):
                 if key not in known:
                     raise UnknownName(f"setting of sensor {name!r}", key, known)
             plain = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
-            sensors[name] = SENSORS[name](**plain)
+            sensors[name] = SENSORS[name](**{**SENSORS[name].unset, **plain})
         return cls(**sensors)
 
     def replace(self, **sensors: Sensor) -> SensorSuite:
@@ -274,6 +274,11 @@ def _check_made(name: str, made: Any, channels: list[str], n: int) -> None:
             raise InputError(
                 f"sensor {name!r} gave {channel} of shape {np.shape(values)}: one value for each "
                 f"of the {n} samples"
+            )
+        if not variable(channel).gaps and np.isnan(values).any():
+            raise InputError(
+                f"sensor {name!r} gave NaN in {channel} at sample {int(np.isnan(values).argmax())}"
+                f": where it may say nothing, declare it Variable({channel!r}, ..., gaps=True)"
             )
 
 

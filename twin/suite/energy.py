@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from dm_control.utils import rewards
 
-from twin.suite.consumption import Consumption, cost_of_transport
 from twin.suite.environment import Environment, build
 from twin.suite.physics import Physics
 from twin.suite.task import (
@@ -21,6 +20,7 @@ from twin.suite.task import (
     wrap_angle,
 )
 from twin.suite.waypoints import yo_sense
+from twin.vehicle.consumption import Consumption, cost_of_transport
 from twin.vehicle.vehicle import load_vehicle
 
 TIME_LIMIT = 3600.0
@@ -55,7 +55,7 @@ def energy(
     physics = Physics.from_vehicle(glider, hydrodynamics=hydrodynamics)
     task = Energy(
         glider,
-        consumption=consumption or Consumption(),
+        consumption=consumption or Consumption.of(glider),
         max_depth=MAX_DEPTH,
         normalised=normalised,
         random=random,

@@ -121,6 +121,10 @@ class DensityProfile:
     """[m], shape (n,), positive down, increasing"""
     values: Array
     """[kg/m3], shape (n,), in-situ density"""
+    temperature: Array | None = None
+    """[degree_Celsius], shape (n,), in situ; None: not known"""
+    salinity: Array | None = None
+    """[1], shape (n,), practical (PSS-78); None: not known"""
 
     def __post_init__(self) -> None:
         depth = np.array(self.depth, float, copy=True)
@@ -133,9 +137,17 @@ class DensityProfile:
                 f"density profile: {worst:g} kg/m3 is not in-situ density of sea water "
                 f"({low:g} to {high:g}); sigma values need 1000 added"
             )
-        depth.flags.writeable = values.flags.writeable = False
-        object.__setattr__(self, "depth", depth)
-        object.__setattr__(self, "values", values)
+        if (self.temperature is None) != (self.salinity is None):
+            raise InputError("density profile: give both temperature and salinity, or neither")
+        columns = {"depth": depth, "values": values}
+        for name in ("temperature", "salinity"):
+            given = getattr(self, name)
+            if given is not None:
+                columns[name] = np.array(given, float, copy=True)
+                _check_table(depth, columns[name], name)
+        for name, column in columns.items():
+            column.flags.writeable = False
+            object.__setattr__(self, name, column)
 
     @classmethod
     def constant(cls, density: float = REFERENCE_DENSITY) -> DensityProfile:
@@ -169,7 +181,8 @@ class DensityProfile:
         pressure = gsw.p_from_z(-z, latitude)
         absolute = gsw.SA_from_SP(sp, pressure, longitude, latitude)
         conservative = gsw.CT_from_t(absolute, t, pressure)
-        return cls(depth=z, values=gsw.rho(absolute, conservative, pressure))
+        density = gsw.rho(absolute, conservative, pressure)
+        return cls(depth=z, values=density, temperature=t, salinity=sp)
 
     @classmethod
     def thermocline(
@@ -210,6 +223,20 @@ class DensityProfile:
         """[kg/m3] at `depth` [m], any shape; constant above the first and below the last row."""
         return np.asarray(np.interp(np.asarray(depth, float), self.depth, self.values))
 
+    def temperature_salinity(self, depth: ArrayLike) -> tuple[Array, Array] | None:
+        """In-situ temperature [degree_Celsius] and practical salinity at `depth` [m], any shape.
+
+        None: the profile was given as density alone.
+        """
+        if self.temperature is None or self.salinity is None:
+            return None
+        z = np.asarray(depth, float)
+        temperature, salinity = (
+            np.asarray(np.interp(z, self.depth, column))
+            for column in (self.temperature, self.salinity)
+        )
+        return temperature, salinity
+
     def pressure(self, depth: ArrayLike, *, latitude: float) -> Array:
         """Gauge pressure [dbar] at `depth` [m], any shape: the integral of rho g dz; 0 in air.
 
@@ -229,7 +256,9 @@ class DensityProfile:
 
     def describe(self) -> dict[str, list[float]]:
         """JSON-able form; `DensityProfile(**form)` is equal."""
-        return {"depth": self.depth.tolist(), "values": self.values.tolist()}
+        columns = (field.name for field in dataclasses.fields(self))
+        given = ((name, getattr(self, name)) for name in columns)
+        return {name: column.tolist() for name, column in given if column is not None}
 
     def compile(self, *, spacing: float | None = None) -> Array:
         """The profile as a flat float64 array for `density_at`: n, dz [m], n densities from 0 m.
@@ -237,8 +266,17 @@ class DensityProfile:
         Without `spacing` [m] the table's own spacing is kept when it is uniform from the surface
         on; otherwise the table is interpolated every DEFAULT_SPACING.
         """
+        return self._compiled(self.values, spacing)
+
+    def compile_temperature(self, *, spacing: float | None = None) -> Array:
+        """In-situ temperature [degree_Celsius] likewise; empty where it is not known."""
+        if self.temperature is None:
+            return np.zeros(0)
+        return self._compiled(self.temperature, spacing)
+
+    def _compiled(self, values: Array, spacing: float | None) -> Array:
         if self.depth.size == 1:
-            return np.array([1.0, DEFAULT_SPACING, self.values[0]])
+            return np.array([1.0, DEFAULT_SPACING, values[0]])
         steps = np.diff(self.depth)
         uniform = self.depth[0] == 0.0 and np.allclose(steps, steps[0], rtol=1e-9, atol=0.0)
         if spacing is None:
@@ -251,4 +289,4 @@ class DensityProfile:
                 f"density profile: {n} points of {spacing:g} m exceed {MAX_PROGRAM_POINTS}; "
                 "compile with a larger spacing"
             )
-        return np.concatenate([[n, spacing], self.density(np.arange(n) * spacing)])
+        return np.concatenate([[n, spacing], np.interp(np.arange(n) * spacing, self.depth, values)])

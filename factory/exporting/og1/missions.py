@@ -168,10 +168,14 @@ def _series(
             kind="i1",
         ),
     )
+    terms = simulated_terms(run.signals())
+    fitted = {sensor for _, _, sensor in terms}
     for name in SENSORS:
+        if name not in fitted:
+            continue  # no CTD in water of density alone
         empty = np.array(0, np.int8)
         yield name, Og1Variable(empty, sensor_attributes(run, name), dimensions=(), kind="i1")
-    for name, stored, sensor in simulated_terms(run.signals()):
+    for name, stored, sensor in terms:
         yield name, _signal(row(stored), stored, {"sensor": sensor} if sensor else {})
     yield (
         "DVL_MODE",

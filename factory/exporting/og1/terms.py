@@ -70,6 +70,12 @@ SIMULATED_MEASURED = (
     ("DVL_HEAVE", "measured_dvl_heave", "SENSOR_DVL"),
 )
 """(name in the file, name in the store, sensor variable) of simulated missions of gliders"""
+CTD_MEASURED = (
+    ("DENSITY", "measured_density", "SENSOR_CTD"),
+    ("TEMP", "measured_temperature", "SENSOR_CTD"),
+    ("PSAL", "measured_salinity", "SENSOR_CTD"),
+)
+"""The same of the CTD, where the water has temperature and salinity; logs have them too"""
 
 
 def simulated_terms(signals: Sequence[str]) -> list[tuple[str, str, str]]:
@@ -82,18 +88,14 @@ def simulated_terms(signals: Sequence[str]) -> list[tuple[str, str, str]]:
     gliders = {f"measured_{name}" for name in actuator_names(SIMULATED)}
     own = {f"measured_{name}" for name in parts}
     terms = [term for term in SIMULATED_MEASURED if term[1] not in gliders - own]
+    terms += [term for term in CTD_MEASURED if term[1] in signals]
     named = {stored for _, stored, _ in terms}
     return terms + [(name.upper(), name, "") for name in sorted(own - named)]
 
 
-LOGGED_MEASURED = (
-    ("DENSITY", "measured_density", "SENSOR_CTD"),
-    ("TEMP", "measured_temperature", "SENSOR_CTD"),
-    ("PSAL", "measured_salinity", "SENSOR_CTD"),
-    ("RUDDER", "measured_fin", ""),
-)
+LOGGED_MEASURED = (("RUDDER", "measured_fin", ""),)
 """The same of what only real vehicles log"""
-MEASURED = SIMULATED_MEASURED + LOGGED_MEASURED
+MEASURED = SIMULATED_MEASURED + CTD_MEASURED + LOGGED_MEASURED
 LONG_NAMES = {
     "measured_pressure": "sea water pressure, equals 0 at sea level, by the transducer",
     "measured_dvl_surge": "DVL velocity relative to DVL_MODE, forward",
@@ -110,6 +112,11 @@ SENSORS = {
         "Microstrain 3DM-GX5-25 attitude and heading reference",
     ),
     "SENSOR_DVL": ("dvl", "Doppler velocity log", "LinkQuest 600 kHz micro DVL"),
+    "SENSOR_CTD": (
+        "ctd",
+        "conductivity, temperature and depth sensor",
+        "Sea-Bird Glider Payload CTD",
+    ),
 }
 """Sensor variable: device of the sensor suite, what it is, and the model whose errors it has"""
 

@@ -115,6 +115,23 @@ def test_og1_says_what_the_codes_mean_and_the_dvl_refers_to(og1: Path, field_sto
                 assert sensor in file.variables
 
 
+def test_og1_names_what_the_ctd_measured(og1: Path, field_store: Path, paper_store: Path) -> None:
+    """As OceanGliders names it; water of density alone has none of it, nor the instrument."""
+    run = GeneratedStore(field_store)
+    with netCDF4.Dataset(og1) as file:
+        for term, stored, standard in (
+            ("TEMP", "measured_temperature", "sea_water_temperature"),
+            ("PSAL", "measured_salinity", "sea_water_practical_salinity"),
+        ):
+            assert (file[term].standard_name, file[term].sensor) == (standard, "SENSOR_CTD")
+            samples = len(file[term])
+            np.testing.assert_array_equal(file[term][:], run.row(stored, 1)[:samples])
+        assert "Sea-Bird Glider Payload CTD" in file["SENSOR_CTD"].sensor_model
+    bare = export_og1(GeneratedStore(paper_store), 0, og1.parent / "paper")
+    with netCDF4.Dataset(bare) as file:
+        assert not {"TEMP", "PSAL", "SENSOR_CTD"} & set(file.variables)
+
+
 @pytest.mark.parametrize(
     ("sensors", "ahrs", "dvl"),
     [

@@ -69,6 +69,8 @@ def test_the_stored_numbers_are_the_flown_ones(
     flight = fly(made.parameters(1, 0), made.vehicle, made.suite, sensor_seed(0, 1, 0))
     group = zarr.open_group(paper_store, mode="r")
     for name, values in flight.signals.items():
+        if name.startswith("true_energy_"):
+            continue  # made of the others on demand
         array = group[name]
         assert isinstance(array, zarr.Array)
         stored = np.asarray(array[1])[: len(values)]

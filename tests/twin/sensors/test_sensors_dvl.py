@@ -13,7 +13,7 @@ from twin.water.current.profile import Profile
 
 DT = 0.5
 DEG = np.pi / 180
-NO_DRAW = {"dvl_scale": 0.0, "dvl_sound_speed": 0.0}
+NO_DRAW = dict.fromkeys(Dvl.draws, 0.0)
 BOTTOM, WATER, NONE = MODES["bottom"], MODES["water"], MODES["none"]
 
 
@@ -56,6 +56,26 @@ def test_noise_free_geometry_is_exact_with_its_lever_arm():
     velocity, mode = measure(Dvl.noise_free(), truth)
     assert (mode == BOTTOM).all()
     assert velocity == pytest.approx(np.tile(over_ground, (mode.size, 1)), abs=1e-12)
+
+
+def test_a_turned_mount_gives_the_velocity_in_its_own_axes():
+    """What the vehicle takes for body axes are the instrument's: R^T v, the beams turned too."""
+    truth, over_ground = glide(roll=5.0)
+    turn = np.array([0.004, -0.012, 0.009])
+    drawn = NO_DRAW | {f"dvl_misalignment_{a}": t for a, t in zip("xyz", turn, strict=True)}
+    at_cb = dataclasses.replace(Dvl.noise_free(), lever_arm=(0.0, 0.0, 0.0))
+    velocity, mode = measure(at_cb, truth, drawn=drawn)
+    assert (mode == BOTTOM).all()
+    seen = Rotation.from_rotvec(turn).inv().apply(over_ground)
+    assert velocity == pytest.approx(np.tile(seen, (mode.size, 1)), abs=1e-12)
+    # half a degree about the vertical carries 9 m to the side in 1 km
+    aside, _ = measure(
+        at_cb, glide(pitch=0.0, current=(0.0, 0.0, 0.0))[0],
+        drawn=NO_DRAW | {"dvl_misalignment_z": 0.5 * DEG},
+    )  # fmt: skip
+    straight, _ = measure(at_cb, glide(pitch=0.0, current=(0.0, 0.0, 0.0))[0])
+    across = (aside - straight)[0, 1] / straight[0, 0]
+    assert across == pytest.approx(-np.sin(0.5 * DEG), rel=1e-2)
 
 
 def test_without_a_gyro_the_lever_arm_stays_in_the_velocity():
@@ -126,7 +146,7 @@ def test_statistics_are_one_percent_and_one_millimetre_per_second():
     )
     scales = [dvl.draw(np.random.default_rng(seed))["dvl_scale"] for seed in range(2000)]
     assert 2 * np.std(scales) == pytest.approx(0.01, rel=0.06)
-    velocity, _ = measure(dvl, truth, drawn={"dvl_scale": 0.01, "dvl_sound_speed": 0.0})
+    velocity, _ = measure(dvl, truth, drawn=NO_DRAW | {"dvl_scale": 0.01})
     assert velocity.mean(axis=0) == pytest.approx(1.01 * over_ground, abs=5e-5)
     # Least squares over four beams at 30 deg: 1/sqrt(4 sin^2/2) horizontally, 1/sqrt(4 cos^2)
     # vertically, and 2.5 pings per sample: mean of 1/count over 2 and 3 pings.

@@ -41,7 +41,7 @@ def measure(dvl, *, altitude=None, depth=DEPTH, angles=LEVEL, rates=RATES, gyro=
     gyros = {f"measured_{n}": np.full(N, r) for n, r in zip(names, felt, strict=True)}
     bottom_depth = None if altitude is None else depth + altitude
     out = dvl.measure(
-        truth | gyros, dt=DT, drawn={"dvl_scale": 0.0, "dvl_sound_speed": 0.0},
+        truth | gyros, dt=DT, drawn=dict.fromkeys(Dvl.draws, 0.0),
         rng=np.random.default_rng(0),
         surroundings=Surroundings(bottom_depth=bottom_depth, current=current),
     )  # fmt: skip

@@ -36,7 +36,6 @@ def test_the_default_imu_is_the_3dm_gx5_25_of_its_data_sheet():
     assert imu.accel_scale == 0.0003  # 0.03 %
     assert imu.misalignment_deg == 0.05
     assert imu.correlation_time == 100.0
-    assert Attitude().rms_deg == 0.25
     assert Attitude().correlation_time == 120.0
     assert IMU_PRESETS["3DM-GX5-25"] == imu
 
@@ -63,7 +62,7 @@ def test_the_default_dvl_and_pressure_gauge_are_those_of_their_sheets():
     gauge = Pressure()
     # 0.1 % of 1000 dbar, half of it each in zero and slope.
     assert (gauge.full_scale, gauge.offset, gauge.gain) == (1000.0, 0.0005, 0.0005)
-    assert (gauge.noise, gauge.vehicle_density) == (0.01, 1025.0)
+    assert (gauge.noise, gauge.vehicle_density) == (0.01, "standard ocean")
     compass = Compass()
     assert (compass.offset_deg, compass.hard_iron_deg, compass.soft_iron_deg) == (0.3, 0.7, 0.3)
     assert (compass.battery_deg, compass.noise_deg) == (0.5, 0.2)
@@ -76,7 +75,8 @@ def test_a_mission_draws_these_spreads():
         "gyro_bias_x": 0.04 * DEG, "accel_bias_z": 0.002 * G, "gyro_scale_y": 0.0005,
         "accel_misalignment_x": 0.05 * DEG, "compass_a0_deg": 0.3, "compass_b_deg": 0.7,
         "compass_e_deg": 0.3, "compass_battery_y_deg": 0.5, "pressure_offset_dbar": 0.5,
-        "pressure_gain": 0.0005, "dvl_scale": 0.005,
+        "pressure_gain": 0.0005, "dvl_scale": 0.005, "dvl_misalignment_z": 0.5 * DEG,
+        "ctd_temperature_offset": 0.001, "ctd_conductivity_offset": 0.00015,
     }  # fmt: skip
     for name, deviation in expected.items():
         values = [one[name] for one in drawn]

@@ -108,10 +108,11 @@ def test_draws_have_the_declared_spread():
         assert abs(np.mean(values)) < 4 * std / math.sqrt(2000)
 
 
-def test_attitude_error_is_a_correlated_quarter_degree():
+def test_the_filters_own_error_is_correlated():
     n = 400_000
     truth = {"true_roll": np.zeros(n), "true_pitch": np.full(n, -30.0)}
-    out = Attitude().measure(truth, dt=DT, drawn={}, rng=np.random.default_rng(5))
+    attitude = Attitude(rms_deg=0.25, time_constant=0.0)
+    out = attitude.measure(truth, dt=DT, drawn={}, rng=np.random.default_rng(5))
     error = out["measured_pitch"] + 30.0
     assert error.std() == pytest.approx(0.25, rel=0.05)
     assert out["measured_roll"].std() == pytest.approx(0.25, rel=0.05)

@@ -122,9 +122,41 @@ def test_constant_density_makes_a_depth_error_that_grows():
     assert error[2] > error[0]
 
 
+@pytest.mark.parametrize("latitude", [0.0, 36.8, 70.0])
+def test_depth_is_that_of_standard_ocean_at_the_latitude(latitude):
+    """McDougall and Barker (2011): a column of 0 degC and 35 g/kg gives its own depth back."""
+    import gsw
+
+    depth = np.linspace(0.0, 1000.0, 1001)
+    pressure = gsw.p_from_z(-depth, latitude)
+    standard = DensityProfile(depth=depth, values=gsw.rho(35.16504, 0.0, pressure))
+    still = {"pressure_offset_dbar": 0.0, "pressure_gain": 0.0}
+    device = Pressure(offset=0.0, gain=0.0, noise=0.0)
+
+    def read(profile):
+        return device.measure(
+            {"true_depth": depth}, dt=DT, drawn=still, rng=np.random.default_rng(0),
+            surroundings=Surroundings(density=profile, latitude=latitude),
+        )  # fmt: skip
+
+    out = read(standard)
+    assert out["measured_depth"] == pytest.approx(depth, abs=0.01)
+    assert out["measured_pressure"] == pytest.approx(pressure, abs=0.01)
+    # light water presses less and looks shallower, by its dynamic height
+    warm = DensityProfile.from_temperature_salinity(depth, 20.0, 35.0, latitude=latitude)
+    short = depth - read(warm)["measured_depth"]
+    anomaly = 1.0 - warm.values / standard.values
+    layers = np.diff(depth) * 0.5 * (anomaly[1:] + anomaly[:-1])
+    height = np.concatenate([[0.0], np.cumsum(layers)])
+    assert short == pytest.approx(height, rel=0.02, abs=0.01)
+    assert short[-1] > 3.0
+
+
 def test_wrong_settings_are_explained():
     with pytest.raises(InputError, match="give 900 to 1100"):
         Pressure(vehicle_density=1.025)
+    with pytest.raises(InputError, match="give 'standard ocean', a density in kg/m3, or None"):
+        Pressure(vehicle_density="ocean")
     with pytest.raises(InputError, match=r"Onboard\.window is 0: it must be above 0"):
         Onboard(window=0.0)
     with pytest.raises(InputError, match="truth lacks 'measured_pitch'"):

@@ -106,7 +106,7 @@ def test_recorded_constants_replay_exactly(truth):
 @pytest.mark.parametrize(
     ("device", "config", "own"),
     [
-        ("imu", Imu.ideal(), ("rate", "specific_force", "dvl_")),
+        ("imu", Imu.ideal(), ("rate", "force", "dvl_", "roll", "pitch", "heading", "onboard")),
         ("compass", Compass.ideal(), ("heading", "onboard")),
         ("pressure", Pressure.ideal(), ("depth", "pressure", "onboard")),
         ("gps", Gps.ideal(), ("gps", "onboard")),
@@ -115,7 +115,7 @@ def test_recorded_constants_replay_exactly(truth):
     ],
 )
 def test_switching_one_device_leaves_the_others_bits(truth, device, config, own):
-    """The DVL reads the gyro and the track reads depth, heading and GPS; nothing else mixes."""
+    """The DVL reads the gyro, the AHRS the whole IMU, the track depth, heading and GPS."""
     field = SensorSuite.preset("field")
     other = field.replace(**{device: config})
     before, after = measure(field, truth), measure(other, truth)
@@ -172,7 +172,7 @@ def test_the_shipped_suite_measures_what_it_always_has():
     assert MEASURED_SIGNALS[6:9] == ("measured_roll", "measured_pitch", "measured_heading")
     assert MEASURED_SIGNALS[-5:-2] == ("measured_shift", "measured_rotation", "measured_pump")
     assert len(MEASURED_SIGNALS) == 22
-    assert len(SensorSuite().drawn_units()) == 33
+    assert len(SensorSuite().drawn_units()) == 38
 
 
 def test_encoders_follow_the_parts_of_the_vehicle(truth):

@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 from twin import suite
 from twin.errors import InputError, VehicleError
 from twin.physics.start import Start
-from twin.suite.consumption import Consumption, cost_of_transport
 from twin.suite.task import with_marker
 from twin.suite.waypoints import RADIUS
+from twin.vehicle.consumption import Consumption, cost_of_transport
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current import Uniform
 

@@ -100,6 +100,7 @@ def header_address(table, model):
         and head.parts["size"] == PART_WORDS * head.nu
         and _inside(head.current, body)
         and _inside(head.density, body)
+        and _inside(head.temperature, body)
         and _inside(head.floor, body)
         and (head.floor["size"] == 0.0 or 0.0 <= head.floor_body < field(table, model, at.M_NMOCAP))
         and _inside(head.plan, body)

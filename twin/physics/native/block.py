@@ -62,6 +62,9 @@ HEADER = np.dtype(
         ("gravity", "f8"),  # [m/s2]
         ("reference_density", "f8"),  # [kg/m3]
         ("compressibility", "f8"),  # [1/Pa]
+        ("thermal_expansion", "f8"),  # [1/K]
+        ("thermal_lag", "f8"),  # [s]
+        ("reference_temperature", "f8"),  # [degC]
         ("length", "f8"),  # [m]
         ("diameter", "f8"),  # [m]
         ("added_mass", "f8", (6, 6)),  # FRD about the CB
@@ -75,6 +78,7 @@ HEADER = np.dtype(
         # water
         ("current", TABLE),
         ("density", TABLE),
+        ("temperature", TABLE),  # in situ, likewise; empty: not known
         ("floor", TABLE),
         ("floor_body", "f8"),  # place of the floor's plane among the mocap bodies
         # control
@@ -105,6 +109,9 @@ STATE = np.dtype(
         ("density", "f8"),  # [kg/m3] at the CB
         ("immersion", "f8"),  # mean immersed fraction
         ("net_mass", "f8"),  # [kg] fully immersed
+        ("hull_temperature", "f8"),  # [degC]
+        ("hull_time", "f8"),  # [s] that it is for
+        ("hull_known", "f8"),  # 1 once the two above hold something
         ("altitude", "f8"),  # [m] of the CB above the sea floor; inf without one
         ("contact", "f8"),  # 1: touched something since the last log row
         ("time", "f8"),  # [s] of the last time-centred evaluation

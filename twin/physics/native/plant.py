@@ -44,6 +44,7 @@ from twin.physics.native.sample_log import run_log
 from twin.physics.native.water import (
     added_mass_wrench,
     displaced_volume,
+    hull_warming,
     immersion,
     part_rate,
     point_mass_wrench,
@@ -150,8 +151,6 @@ def water(model, data):
     law_scale = water_scale if head.law_scaled != 0.0 else fraction
     add_added_mass(head.added_mass, water_scale, mass, rotation)
     carried, volume = 0.0, 0.0
-    control = array(field(table, data, at.D_CTRL), count)
-    passive = array(field(table, data, at.D_QFRC_PASSIVE), int(head.nv))
     for k in range(count):
         part = part_at(start, head, k)
         if part.gives_volume != 0.0:
@@ -160,10 +159,6 @@ def water(model, data):
             extra = part_mass(int(part.kind), part.values, act[k] + part.zero)
             carried += extra
             add_point_mass(extra, part.place, mass, rotation)
-        dof = int(part.dof)
-        if 6 <= dof < int(head.nv):
-            # the servo's damping resists the commanded motion: give it that force
-            passive[dof] += part.servo_damping * part_rate(part, act[k], control[k])
     mj_factor_mass(model, data)
 
     v0, v1, v2 = velocity[0], velocity[1], velocity[2]
@@ -244,14 +239,11 @@ def water(model, data):
     )
 
     # buoyancy, and the parts: their wrenches in FRD become hull axes here
-    total_volume = displaced_volume(
-        head.neutral_volume,
-        volume,
-        head.reference_density,
-        head.gravity,
-        head.compressibility,
-        depth,
-    )
+    warming = 0.0
+    if head.temperature["size"] > 0.0:
+        seawater = density_at(table_of(start, head, head.temperature), depth)
+        warming = hull_warming(head, state, time, seawater)
+    total_volume = displaced_volume(head, volume, depth, warming)
     lift = density * total_volume * head.gravity
     for k in range(count if head.acting != 0.0 else 0):
         part = part_at(start, head, k)
@@ -326,7 +318,15 @@ def actuate(model, data, index):
         return 0.0
     position = load_f8(field(table, data, at.D_ACT) + 8 * index)
     command = load_f8(field(table, data, at.D_CTRL) + 8 * index)
-    return part_rate(part_here(address), position, command)
+    part = part_here(address)
+    rate = part_rate(part, position, command)
+    if part.dof >= 6.0:
+        # the servo's damping resists the commanded motion: give it that force. Set, not added: no
+        # other passive force acts on a driven joint, and this may be called again
+        width = field(table, model, at.M_NV)
+        passive = array(field(table, data, at.D_QFRC_PASSIVE), width)
+        passive[min(int(part.dof), width - 1)] = part.servo_damping * rate
+    return rate
 
 
 @jit

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from twin.vehicle.uncertainty import LAG_SPREAD, Uncertainty
 
@@ -60,7 +60,7 @@ class Carrier(Protocol):
 
 
 class Losses(Protocol):
-    """What the drives of a vehicle lose; see `twin.suite.consumption.Consumption`."""
+    """What the drives of a vehicle lose; see `twin.vehicle.consumption.Consumption`."""
 
     @property
     def pump_efficiency(self) -> float:
@@ -255,19 +255,20 @@ class Part:
     def energy(
         self,
         vehicle: Carrier,
-        before: float,
-        after: float,
+        before: ArrayLike,
+        after: ArrayLike,
         losses: Losses,
         *,
-        depth: float,
-        pitch: float,
-        duration: float,
-    ) -> float:
-        """Electrical energy [J] of a short move between two positions; 0 unless a kind says.
+        depth: ArrayLike,
+        pitch: ArrayLike,
+        duration: ArrayLike,
+    ) -> Array:
+        """Electrical energy [J] of short moves between two positions; 0 unless a kind says.
 
-        depth: [m]. pitch: [rad]. duration: [s].
+        Everything is a number or one per move, shape (n,). depth: [m]. pitch: [rad].
+        duration: [s].
         """
-        return 0.0
+        return np.zeros(np.shape(after))
 
     # --- what is drawn and shown ----------------------------------------------------------------
 

@@ -7,8 +7,9 @@ import math
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from twin.vehicle.parts.base import Carrier, Losses, Part, Quantity
+from twin.vehicle.parts.base import Array, Carrier, Losses, Part, Quantity
 from twin.vehicle.uncertainty import Uncertainty
 
 ROTATION = 60.0
@@ -53,20 +54,20 @@ class BatteryHinge(Part):
     def energy(
         self,
         vehicle: Carrier,
-        before: float,
-        after: float,
+        before: ArrayLike,
+        after: ArrayLike,
         losses: Losses,
         *,
-        depth: float,
-        pitch: float,
-        duration: float,
-    ) -> float:
+        depth: ArrayLike,
+        pitch: ArrayLike,
+        duration: ArrayLike,
+    ) -> Array:
         """Raising its eccentric mass, which hangs lowest at 0, and friction [J]."""
         mass = vehicle.moved_by(self.name)
-        raised = mass.eccentricity * (math.cos(before) - math.cos(after))
-        turning = mass.mass * vehicle.gravity * math.cos(pitch) * raised
-        turning += losses.bearing_torque * abs(after - before)
-        return max(turning, 0.0) / losses.screw_efficiency
+        raised = mass.eccentricity * (np.cos(before) - np.cos(after))
+        turning = mass.mass * vehicle.gravity * np.cos(pitch) * raised
+        turning += losses.bearing_torque * np.abs(np.subtract(after, before))
+        return np.maximum(turning, 0.0) / losses.screw_efficiency
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """Every other command is level."""

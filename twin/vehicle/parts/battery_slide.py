@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from twin.vehicle.parts.base import Carrier, Losses, Part, Quantity
+from twin.vehicle.parts.base import Array, Carrier, Losses, Part, Quantity
 from twin.vehicle.uncertainty import Uncertainty
 
 SHIFT = (0.008, 0.03)
@@ -59,19 +59,19 @@ class BatterySlide(Part):
     def energy(
         self,
         vehicle: Carrier,
-        before: float,
-        after: float,
+        before: ArrayLike,
+        after: ArrayLike,
         losses: Losses,
         *,
-        depth: float,
-        pitch: float,
-        duration: float,
-    ) -> float:
+        depth: ArrayLike,
+        pitch: ArrayLike,
+        duration: ArrayLike,
+    ) -> Array:
         """Lifting its mass along the pitched hull and against friction [J]."""
         weight = vehicle.moved_by(self.name).mass * vehicle.gravity
-        moved = after - before
-        sliding = weight * (moved * math.sin(pitch) + losses.rail_friction * abs(moved))
-        return max(sliding, 0.0) / losses.screw_efficiency
+        moved = np.subtract(after, before)
+        sliding = weight * (moved * np.sin(pitch) + losses.rail_friction * np.abs(moved))
+        return np.maximum(sliding, 0.0) / losses.screw_efficiency
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """Forward in a dive, aft in a climb."""

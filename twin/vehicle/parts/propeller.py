@@ -14,9 +14,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from twin.compiled import jit
-from twin.vehicle.parts.base import Carrier, Losses, Part, Quantity
+from twin.vehicle.parts.base import Array, Carrier, Losses, Part, Quantity
 from twin.vehicle.uncertainty import Uncertainty, coefficient
 
 if TYPE_CHECKING:
@@ -146,18 +147,20 @@ class Propeller(Part):
     def energy(
         self,
         vehicle: Carrier,
-        before: float,
-        after: float,
+        before: ArrayLike,
+        after: ArrayLike,
         losses: Losses,
         *,
-        depth: float,
-        pitch: float,
-        duration: float,
-    ) -> float:
+        depth: ArrayLike,
+        pitch: ArrayLike,
+        duration: ArrayLike,
+    ) -> Array:
         """Shaft power of its torque, over the efficiency of its motor [J]."""
-        rate = 0.5 * (before + after)
+        rate = 0.5 * np.add(before, after, dtype=float)
         torque = vehicle.reference_density * self.diameter**5 * self.torque_coefficient * rate**2
-        return torque * abs(rate) * duration / losses.propeller_efficiency
+        return np.asarray(
+            torque * np.abs(rate) * np.asarray(duration) / losses.propeller_efficiency
+        )
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """Ahead, from a quarter of its largest rate to three quarters."""

@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from twin.compiled import inline, jit
-from twin.vehicle.parts.base import Carrier, Losses, Part, Quantity
+from twin.vehicle.parts.base import Array, Carrier, Losses, Part, Quantity
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
@@ -76,18 +77,18 @@ class Pump(Part):
     def energy(
         self,
         vehicle: Carrier,
-        before: float,
-        after: float,
+        before: ArrayLike,
+        after: ArrayLike,
         losses: Losses,
         *,
-        depth: float,
-        pitch: float,
-        duration: float,
-    ) -> float:
+        depth: ArrayLike,
+        pitch: ArrayLike,
+        duration: ArrayLike,
+    ) -> Array:
         """Pumping out against the sea [J]; letting in takes a valve and costs nothing."""
-        pressure = vehicle.reference_density * vehicle.gravity * max(depth, 0.0)
-        pumping = max(after - before, 0.0) * CUBIC_CM * (pressure + losses.hull_vacuum)
-        return pumping / losses.pump_efficiency
+        pressure = vehicle.reference_density * vehicle.gravity * np.maximum(depth, 0.0)
+        pumped = np.maximum(np.subtract(after, before), 0.0) * CUBIC_CM
+        return np.asarray(pumped * (pressure + losses.hull_vacuum) / losses.pump_efficiency)
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """Heavy or light, as far as it reaches."""

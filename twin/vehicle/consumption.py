@@ -1,0 +1,164 @@
+"""Consumption: electrical energy that a vehicle's parts and electronics take.
+
+Each part says what a move of it takes. Pumping out against the sea costs its work p dV, letting it
+in takes a valve; a battery is moved by a screw against friction and its own weight, and nothing is
+won back. The pressure is that of water of the vehicle's reference density under its own gravity,
+as everywhere in the physics.
+
+Hotel load and pump efficiency are those of a Seaglider's own account of a dive to 704 m (SG249,
+dive 10, 12 April 2024, NANOOS, basestation3 file p2490010.nc). `DEVICE_SECS` times `DEVICE_MAMPS`
+of Core, LPSleep, Compass and GPS and of the sensor controller with its CTD at 14.8 V is 3.96 kJ in
+13 560 s; the pump took 4.69 kJ at 12.6 V for 236 cm3 at 700 m. The other figures are ours, of the
+size that small gliders have.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from twin.errors import InputError, UnknownName, VehicleError
+from twin.vehicle.mjcf import MjcfReader
+from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+HOTEL = "hotel"
+"""What the share of the electronics is called beside the names of the parts"""
+ENERGY = "true_energy_"
+"""Begins the names of signals of energy; `true_energy_pump` is that of the part `pump`"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Consumption:
+    """Losses of the parts and power of the electronics."""
+
+    hotel_power: float = 0.3
+    """[W] electronics and sensors, all the time: 0.29 in that dive"""
+    pump_efficiency: float = 0.36
+    """hydraulic over electrical power of the pump: 0.36 in that dive"""
+    hull_vacuum: float = 3e4
+    """[Pa] below the sea-level pressure inside the hull; the pump works against it too"""
+    screw_efficiency: float = 0.4
+    """mechanical over electrical power of the battery's drives"""
+    rail_friction: float = 0.1
+    """friction over weight of the sliding battery"""
+    bearing_torque: float = 0.2
+    """[N m] friction of the turning battery"""
+    propeller_efficiency: float = 0.7
+    """mechanical over electrical power of a propeller's motor and gear"""
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InputError(f"consumption: {field.name} = {value} must be 0 or more")
+        for name in ("pump_efficiency", "screw_efficiency", "propeller_efficiency"):
+            if not 0.0 < getattr(self, name) <= 1.0:
+                raise InputError(f"consumption: {name} must be above 0 and at most 1")
+
+    @classmethod
+    def of(cls, vehicle: Vehicle) -> Consumption:
+        """That of a vehicle: its file's `<numeric>` of a field's name, else the default.
+
+        Raises:
+          VehicleError: such a number cannot be used.
+        """
+        return _of_file(vehicle.xml, vehicle.path)
+
+    def shares(
+        self,
+        vehicle: Vehicle,
+        before: Array,
+        after: Array,
+        *,
+        depth: ArrayLike,
+        pitch: ArrayLike,
+        duration: ArrayLike,
+    ) -> dict[str, Array]:
+        """Energy [J] of short moves: that of the electronics as `hotel`, and that of each part.
+
+        Args:
+          before, after: positions of the parts, in their order and units, shape (..., parts).
+          depth: [m]. pitch: [rad]. duration: [s]. Numbers, or as many as there are moves.
+        """
+        shares = {HOTEL: np.broadcast_to(self.hotel_power * np.asarray(duration), after.shape[:-1])}
+        for i, part in enumerate(vehicle.parts):
+            shares[part.name] = np.asarray(
+                part.energy(
+                    vehicle, before[..., i], after[..., i], self,
+                    depth=depth, pitch=pitch, duration=duration,
+                )
+            )  # fmt: skip
+        return shares
+
+    def energy(
+        self,
+        vehicle: Vehicle,
+        before: Array,
+        after: Array,
+        *,
+        depth: float,
+        pitch: float,
+        duration: float,
+    ) -> float:
+        """Energy [J] of one short move, electronics and parts together; as `shares`."""
+        shares = self.shares(vehicle, before, after, depth=depth, pitch=pitch, duration=duration)
+        return float(sum(shares.values()))
+
+    def signals(
+        self, vehicle: Vehicle, signals: Mapping[str, Array], time: Array
+    ) -> dict[str, Array]:
+        """Energy [J] taken since the start by the electronics and by each part, shape (time,).
+
+        Each is named `true_energy_` and `hotel` or the part. Between two samples a part counts as
+        moved straight from one position to the other.
+
+        Args:
+          signals: true_depth [m], true_pitch [degree] and true_PART of each part in its stored
+            unit, shape (time,), of a trajectory or of a mission of any store.
+          time: [s], shape (time,).
+
+        Raises:
+          UnknownName: a signal is missing.
+        """
+        names = ["true_depth", "true_pitch", *(f"true_{name}" for name in vehicle.part_names)]
+        for name in names:
+            if name not in signals:
+                raise UnknownName("signal of this mission", name, signals)
+        depth, pitch, *parts = (np.asarray(signals[name], float) for name in names)
+        scale = [part.quantity.scale for part in vehicle.parts]
+        positions = np.stack(parts, axis=-1) / scale if parts else np.zeros((len(depth), 0))
+        middle = [0.5 * (values[1:] + values[:-1]) for values in (depth, np.deg2rad(pitch))]
+        shares = self.shares(
+            vehicle, positions[:-1], positions[1:],
+            depth=middle[0], pitch=middle[1], duration=np.diff(time),
+        )  # fmt: skip
+        return {
+            ENERGY + name: np.concatenate([np.zeros(min(len(time), 1)), np.cumsum(share)])
+            for name, share in shares.items()
+        }
+
+
+@functools.lru_cache(maxsize=16)
+def _of_file(xml: str, path: Path) -> Consumption:
+    reader = MjcfReader(xml, path)
+    fields = [field.name for field in dataclasses.fields(Consumption)]
+    said = {name: reader.number(name) for name in fields if name in reader.numerics}
+    try:
+        return Consumption(**said)
+    except InputError as error:
+        raise VehicleError(f"vehicle file {path}: {error}") from error
+
+
+def cost_of_transport(vehicle: Vehicle, energy: float, distance: float) -> float:
+    """Energy [J] over weight times distance [m], dimensionless; infinite without progress."""
+    if distance <= 0.0:
+        return math.inf
+    return energy / (vehicle.mass * vehicle.gravity * distance)
