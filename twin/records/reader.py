@@ -88,7 +88,7 @@ class MissionStore:
     def __len__(self) -> int:
         return int(self.dataset.sizes.get(MISSION, 0))
 
-    def __contains__(self, name: str) -> bool:
+    def __contains__(self, name: object) -> bool:
         """Whether the store has an array of that name."""
         return name in self.dataset
 

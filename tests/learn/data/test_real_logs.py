@@ -240,7 +240,7 @@ def test_rows_far_apart_or_of_another_vehicle_lend_no_current() -> None:
 def test_the_card_of_a_run_on_logs_speaks_of_logs(
     store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("learn.report.page.Page._figure", lambda *_: "")
+    monkeypatch.setattr("twin.plot.page.Page._figure", lambda *_: "")
     settings = {"inputs": "glider", "network": "mlp", "hidden": 4, "epochs": 1, "members": 1}
     run = learn.fit(store, folder=tmp_path / "first", **settings)
     card = (run.folder / "README.md").read_text()
