@@ -70,7 +70,8 @@ class PhaseComparison:
             "speed_from": self.speed_from,
             "ratio": ratio,
             "deviation": {
-                name: _difference(twin[name], log[name]) for name in ("pitch_deg", "heading_sd_deg")
+                name: _difference(twin[name], log[name])
+                for name in ("pitch_deg", "heading_sd_deg", "heading_bias_deg")
             },
             "limit_cycle": {
                 name: None if one is None else dataclasses.asdict(one)
