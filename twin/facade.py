@@ -15,10 +15,11 @@ from twin.errors import InputError
 from twin.mission import Mission
 from twin.mission.controller import Controller
 from twin.mission.schedule import Schedule
-from twin.mission.shipped import load_mission_for
+from twin.mission.shipped import load_mission_for, usual_mission
 from twin.physics.ballast import weighed
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
 from twin.physics.simulation import simulate as fly
+from twin.physics.tables import floor_table
 from twin.records.attributes import SENSOR_SUITE
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle, load_vehicle
@@ -27,11 +28,12 @@ from twin.water.current.origin import Origin
 from twin.water.current.spec import parse_current
 from twin.water.density import DensityProfile
 from twin.water.density_spec import parse_density
+from twin.water.floor import Floor, parse_floor
+from twin.water.floor.lookup import floor_depths
 
 if TYPE_CHECKING:
     from twin.sensors import SensorSuite
 
-DEFAULT_MISSION = "default"
 _BESIDE_A_SCENARIO = ("scenario", "controller", "sensors", "seed", "bottom_depth")
 
 
@@ -45,6 +47,7 @@ def simulate(
     ballast_at: float | None = None,
     mass: float | None = None,
     compressibility: float | None = None,
+    floor: str | Floor | None = None,
     duration: float | None = None,
     start: Start | Mapping[str, Any] | None = None,
     origin: Origin | None = None,
@@ -62,8 +65,8 @@ def simulate(
     Args:
       scenario: everything at once; then only `controller` and the sensors may be given beside it.
       vehicle: shipped name, path of an MJCF file, or a Vehicle.
-      mission: shipped name, path of a TOML file, a Mission or a Schedule; "default" when there is
-        no controller either.
+      mission: shipped name, path of a TOML file, a Mission or a Schedule; the shipped one that
+        suits the vehicle when there is no controller either.
       current: as text, such as "uniform:0.1,-0.05" (north, east [m/s]), or an object; parts are
         added with +.
       density: "constant", "thermocline", a CSV file, or a DensityProfile.
@@ -71,6 +74,8 @@ def simulate(
         density at the surface.
       mass: [kg] of the whole vehicle, whose hull keeps its volume; None takes the file's.
       compressibility: [1/Pa] of the hull; None takes the file's.
+      floor: sea floor as text, "depth:200" [m] or a bathymetry file such as GEBCO's, or a Floor;
+        None is water without a bottom.
       duration: [s]; None takes the mission's own.
       start: where, when and how the run begins: a Start, or some of its fields by name, such as
         {"latitude": 49.0, "longitude": -16.0, "time": "2003-08-01"}; None takes the mission's.
@@ -82,7 +87,7 @@ def simulate(
       controller: Python code that gives the commands each control period instead of a mission.
       sensors: suite by name ("ideal", "field", ...) or a SensorSuite; adds measured_* signals.
       seed: of the sensors' random draws.
-      bottom_depth: [m] for the sensors; None is out of their reach.
+      bottom_depth: [m] for the sensors, where there is no floor; None is out of their reach.
 
     Returns:
       The trajectory: a mapping of signals in NED and FRD, angles in degrees.
@@ -94,9 +99,9 @@ def simulate(
     if scenario is None:
         if mission is not None and controller is not None:
             raise InputError("give a mission or a controller, not both: each gives the commands")
-        if mission is None and controller is None:
-            mission = DEFAULT_MISSION
         flown = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(str(vehicle))
+        if mission is None and controller is None:
+            mission = usual_mission(flown)
         flown, ballast = weighed(
             flown, ballast_at=ballast_at, mass=mass, compressibility=compressibility
         )
@@ -108,6 +113,7 @@ def simulate(
             start=start,
             current=parse_current(current) if isinstance(current, str) else current,
             density=None if isinstance(density, str | Path) else density,
+            floor=parse_floor(floor) if isinstance(floor, str) else floor,
             origin=origin,
             hydrodynamics=hydrodynamics,
             timestep=timestep,
@@ -128,6 +134,10 @@ def simulate(
     suite = _suite(sensors)
     if suite is None and (seed != 0 or bottom_depth is not None):
         raise InputError("seed and bottom_depth are for the sensors: give sensors too")
+    if bottom_depth is not None and scenario.floor is not None:
+        raise InputError(
+            "give a floor or a bottom_depth, not both: the sensors see the scenario's floor"
+        )
     trajectory = fly(scenario, controller)
     provenance: dict[str, Any] = {**trajectory.provenance, **provenance_of(scenario)}
     trajectory = dataclasses.replace(trajectory, provenance=provenance)
@@ -200,12 +210,20 @@ def _measure(
     current = scenario.current
     if current is not None:
         program = current.compile(float(trajectory.time[-1]), scenario.place)
+    floor = None
+    bottom: Any = bottom_depth
+    if scenario.floor is not None:
+        floor = floor_table(scenario, scenario.run_time())
+        # a Doppler log asks for water under it; on a beach there is none
+        depths = floor_depths(floor, trajectory["true_north"], trajectory["true_east"])
+        bottom = np.maximum(depths, 1e-3)
     measured = suite.measure(
         trajectory.signals,
         dt=scenario.sample_period,
         rng_seed=tree,
         drawn=drawn,
-        bottom_depth=bottom_depth,
+        bottom_depth=bottom,
+        floor=floor,
         latitude=scenario.place.latitude_deg,
         density=scenario.density,
         current=None if current is None else program,

@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 class Simulate(JsonOption):
     """Fly one mission: summary table, and on request a store and a plot."""
 
-    mission: Annotated[str, tyro.conf.Positional] = "default"
-    """shipped mission name, or the path of a mission TOML file"""
+    mission: Annotated[str | None, tyro.conf.Positional] = None
+    """shipped mission name, or the path of a mission TOML file; default: the shipped one that suits
+    the vehicle"""
     vehicle: str = "glider"
     """shipped vehicle name, or the path of an MJCF file"""
     current: str = "none"
@@ -41,6 +42,9 @@ class Simulate(JsonOption):
     there. Default: the vehicle file's"""
     compressibility: float | None = None
     """part of the hull's volume lost per pascal, such as 4e-10; default: the vehicle file's"""
+    floor: str = "none"
+    """sea floor: none, depth:200 [m], or a bathymetry file such as GEBCO.nc (latitude, longitude,
+    elevation in m) about --start; docs/physics.md has its settings"""
     start: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[,TIME]")] = None
     """where and when it begins: degrees north and east, and UTC, such as
     49,-16,2003-08-01T00:00. Gridded currents, density and the store use it;
@@ -127,6 +131,7 @@ class Simulate(JsonOption):
                 "(too light or too heavy for this water, or a depth it cannot reach?)",
             }[ended]
             console.warn(f"the mission was not flown to its end: {reason}")
+        self._warn_floor(console, simulation, trajectory)
         if not simulation.tables.current.size:
             return
         from twin.water.current.grid import beyond_grid
@@ -139,6 +144,28 @@ class Simulate(JsonOption):
                 "from there on the velocity at its edge was used"
             )
 
+    def _warn_floor(self, console: Console, simulation: Simulation, trajectory: Trajectory) -> None:
+        """Say when the vehicle touched something, or left the bathymetry."""
+        from twin.records.summary import summarise
+        from twin.water.floor.lookup import beyond_floor
+
+        figures = summarise(trajectory)
+        if figures.get("grounded"):
+            console.warn(
+                f"the vehicle touched the sea floor or an obstacle at "
+                f"{figures['first_contact_s']:.0f} s; min_altitude_m in the mission makes dives "
+                "turn above the sea floor"
+            )
+        table = simulation.tables.floor
+        if not table.size:
+            return
+        outside = beyond_floor(table, trajectory["true_north"], trajectory["true_east"])
+        if outside.any():
+            console.warn(
+                f"the vehicle left the bathymetry's area at {trajectory.time[outside][0]:.0f} s; "
+                "from there on the depth at its edge was used"
+            )
+
     def _scenario(self) -> Scenario:
         import dataclasses
 
@@ -149,6 +176,7 @@ class Simulate(JsonOption):
         from twin.vehicle.vehicle import load_vehicle
         from twin.water.current.spec import parse_current
         from twin.water.density_spec import parse_density
+        from twin.water.floor import parse_floor
 
         vehicle = load_vehicle(self.vehicle)
         vehicle, ballast = weighed(
@@ -165,6 +193,7 @@ class Simulate(JsonOption):
             duration=self.duration,
             start=None if self.start is None else parse_place(self.start),
             current=parse_current(self.current),
+            floor=parse_floor(self.floor),
             hydrodynamics=self.hydrodynamics,
             timestep=self.timestep,
             integrator=self.integrator,
@@ -220,6 +249,7 @@ class Simulate(JsonOption):
                     f"{figures['end_north_m']:z.1f} m, {figures['end_east_m']:z.1f} m"
                 ),
                 "deepest": f"{figures['max_depth_m']:z.1f} m",
+                **_bottom(figures),
                 "speed through the water (mean, max)": (
                     f"{figures['mean_speed_m_s']:.3f}, {figures['max_speed_m_s']:.3f} m/s"
                 ),
@@ -246,6 +276,17 @@ class Simulate(JsonOption):
         for label, path in (("store", self.out), ("plot", self.plot)):
             if path is not None:
                 console.say(f"{label}: {path}")
+
+
+def _bottom(figures: dict[str, Any]) -> dict[str, str]:
+    """How near it came to the sea floor, and whether it touched anything."""
+    rows: dict[str, str] = {}
+    if "min_altitude_m" in figures:
+        rows["nearest to the sea floor"] = f"{figures['min_altitude_m']:z.1f} m"
+    if "grounded" in figures:
+        first = figures["first_contact_s"]
+        rows["grounded"] = "no" if first is None else f"first at {first:.0f} s"
+    return rows
 
 
 def _place(scenario: Scenario) -> str | None:

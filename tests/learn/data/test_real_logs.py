@@ -206,7 +206,7 @@ def row_of(start: float, moved: tuple[float, float], current: tuple[float, float
     displacement = (moved[0] + current[0] * duration, moved[1] + current[1] * duration)
     row = LogRow(deployment="a", start=start, duration=duration, displacement=displacement)
     mission = Mission(index=0, split="test", period=period, signals=signals, row=row)
-    return LogReference.of(mission, load_vehicle("slocum"))
+    return LogReference.of(mission, load_vehicle("graver-2005"))
 
 
 def test_the_current_of_the_row_before_is_carried_over() -> None:
