@@ -314,7 +314,7 @@ def test_real_logs_turn_the_other_way_in_climbs(tmp_path: Path) -> None:
     folder = SHARED / "seaexplorer_pyglider"
     dataset, _ = import_logs("seaexplorer", [folder / "sea046_M45_gli.csv.gz"])
     store = write_store(dataset, tmp_path / "sea046.zarr")
-    said = check_logs(store, "slocum").describe()["phases"]
+    said = check_logs(store, "seaexplorer").describe()["phases"]
     dive, climb = (said[name]["log"]["turn_per_actuator"] for name in ("dive", "climb"))
     assert 0.01 < dive < 0.03
     assert -0.04 < climb < -0.01
