@@ -31,7 +31,8 @@ class Simulate(JsonOption):
     grid:FILE.nc,lat=49,lon=-16,time=2000-01-05; parts are added with +; docs/currents.md lists
     all kinds and settings"""
     density: str = "constant"
-    """constant, thermocline, or a CSV file with depth and density columns"""
+    """constant, thermocline, grid (the current's file, where it has temperature and salinity), or
+    a CSV file with columns depth and density, or depth, temperature and salinity"""
     start: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[,TIME]")] = None
     """where and when it begins: degrees north and east, and UTC, such as
     49,-16,2003-08-01T00:00. Gridded currents, density and the store use it;
@@ -131,14 +132,12 @@ class Simulate(JsonOption):
             )
 
     def _scenario(self) -> Scenario:
-        import dataclasses
-
+        from twin.facade import in_water
         from twin.mission.shipped import load_mission_for
         from twin.physics.scenario import Scenario
         from twin.physics.start import parse_place
         from twin.vehicle.vehicle import load_vehicle
         from twin.water.current.spec import parse_current
-        from twin.water.density_spec import parse_density
 
         vehicle = load_vehicle(self.vehicle)
         mission = load_mission_for(vehicle, self.mission)
@@ -153,11 +152,7 @@ class Simulate(JsonOption):
             integrator=self.integrator,
             sample_period=self.sample_period,
         )
-        place = scenario.place
-        density = parse_density(
-            self.density, latitude=place.latitude_deg, longitude=place.longitude_deg
-        )
-        return dataclasses.replace(scenario, density=density)
+        return in_water(scenario, self.density)
 
     def _write(self, scenario: Scenario, trajectory: Trajectory) -> None:
         from twin.facade import provenance_of
