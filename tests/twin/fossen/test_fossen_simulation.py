@@ -194,7 +194,10 @@ def test_sheared_current_obeys_newton_in_the_inertial_frame(seawing):
 
     nu_r = np.hstack((track.v_rel, track.rates))
     flow = np.array(
-        [sample_gradient(model.program, t, *x) for t, x in zip(track.time, track.position_ned)]
+        [
+            sample_gradient(model.program, t, *x)
+            for t, x in zip(track.time, track.position_ned, strict=True)
+        ]
     )
     gradient = flow[:, 6:].reshape(-1, 3, 3)
     turning = np.einsum("tji,tjk,tkl->til", r, gradient, r)  # body axes
