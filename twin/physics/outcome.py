@@ -80,8 +80,9 @@ def _hydrography(scenario: Scenario, trajectory: Trajectory) -> dict[str, NDArra
     if water is None and scenario.current is not None:
         from twin.water.current.hydrography import along_track
 
-        track = (trajectory[f"true_{name}"] for name in ("north", "east"))
-        water = along_track(scenario.current, trajectory.time, *track, depth, scenario.place)
+        north, east = trajectory["true_north"], trajectory["true_east"]
+        place = scenario.place
+        water = along_track(scenario.current, trajectory.time, north, east, depth, place)
     return {} if water is None else dict(zip(HYDROGRAPHY, water, strict=True))
 
 
