@@ -20,7 +20,14 @@ from twin import suite
 from twin.errors import InputError
 from twin.plot.registry import FIGURES, FigureKind
 from twin.plot.registry import table as figure_table
-from twin.records.schema import HYDROGRAPHY, LOGGED_ONLY, SIMULATED, VARIABLES, Variable
+from twin.records.schema import (
+    HYDROGRAPHY,
+    LOGGED_ONLY,
+    SIMULATED,
+    VARIABLES,
+    WITH_FLOOR,
+    Variable,
+)
 from twin.records.trajectory import actuator_names
 from twin.registry import Registry
 from twin.sensors import SENSORS, Attitude, Sensor, SensorSuite
@@ -106,11 +113,8 @@ def test_a_distribution_cannot_replace_a_shipped_kind(monkeypatch):
 
 
 def test_every_measured_variable_has_one_sensor_or_is_only_logged():
-    own = {
-        *SIMULATED,
-        *HYDROGRAPHY,
-        *LOGGED_ONLY,
-    }  # other tests may have declared a vehicle's parts
+    # other tests may have declared a vehicle's parts
+    own = {*SIMULATED, *HYDROGRAPHY, *LOGGED_ONLY, *WITH_FLOOR}
     parts = actuator_names(own)
     written = [entry.name for s in SENSORS.shipped() for entry in SENSORS[s].writes]
     written += [f"measured_{part}" for part in parts]

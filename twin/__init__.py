@@ -56,15 +56,22 @@ if TYPE_CHECKING:
     from twin.water.current.uniform import Uniform as Uniform
     from twin.water.density import DensityProfile as DensityProfile
     from twin.water.density_spec import parse_density as parse_density
+    from twin.water.floor import Bathymetry as Bathymetry
+    from twin.water.floor import FlatFloor as FlatFloor
+    from twin.water.floor import GridFloor as GridFloor
+    from twin.water.floor import parse_floor as parse_floor
 
 
 _PLACES = {
+    "Bathymetry": "twin.water.floor:Bathymetry",
     "Command": "twin.mission.controller:Command",
     "DensityProfile": "twin.water.density:DensityProfile",
     "Ekman": "twin.water.current.ekman:Ekman",
+    "FlatFloor": "twin.water.floor:FlatFloor",
     "GaussMarkov": "twin.water.current.gauss_markov:GaussMarkov",
     "Geostrophic": "twin.water.current.geostrophic:Geostrophic",
     "Grid": "twin.water.current.grid:Grid",
+    "GridFloor": "twin.water.floor:GridFloor",
     "Hold": "twin.mission.segments:Hold",
     "Inertial": "twin.water.current.inertial:Inertial",
     "LogLayer": "twin.water.current.log_layer:LogLayer",
@@ -96,6 +103,7 @@ _PLACES = {
     "open_trajectory": "twin.records.trajectory_file:open_trajectory",
     "parse_current": "twin.water.current.spec:parse_current",
     "parse_density": "twin.water.density_spec:parse_density",
+    "parse_floor": "twin.water.floor:parse_floor",
     "simulate": "twin.facade:simulate",
     "simulate_many": "twin.physics.simulation:simulate_many",
     "trim": "twin.physics.settle:trim",

@@ -56,6 +56,10 @@ class CurrentError(InputError):
     """A current field cannot be built or read, or does not cover the mission."""
 
 
+class FloorError(InputError):
+    """A sea floor cannot be built or read, or does not suit the mission."""
+
+
 class StoreError(InputError):
     """A store is missing, damaged, of another schema, or in the way."""
 

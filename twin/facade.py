@@ -16,8 +16,10 @@ from twin.mission import Mission
 from twin.mission.controller import Controller
 from twin.mission.schedule import Schedule
 from twin.mission.shipped import load_mission_for
+from twin.physics.ballast import weighed
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
 from twin.physics.simulation import simulate as fly
+from twin.physics.tables import floor_table
 from twin.records.attributes import SENSOR_SUITE
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle, load_vehicle
@@ -26,6 +28,8 @@ from twin.water.current.origin import Origin
 from twin.water.current.spec import parse_current
 from twin.water.density import DensityProfile
 from twin.water.density_spec import GRID, parse_density
+from twin.water.floor import Floor, parse_floor
+from twin.water.floor.lookup import floor_depths
 
 if TYPE_CHECKING:
     from twin.sensors import SensorSuite
@@ -41,6 +45,10 @@ def simulate(
     mission: str | Path | Mission | Schedule | None = None,
     current: str | Current | None = None,
     density: str | Path | DensityProfile | None = None,
+    ballast_at: float | None = None,
+    mass: float | None = None,
+    compressibility: float | None = None,
+    floor: str | Floor | None = None,
     duration: float | None = None,
     start: Start | Mapping[str, Any] | None = None,
     origin: Origin | None = None,
@@ -64,6 +72,12 @@ def simulate(
         added with +.
       density: "constant", "thermocline", "grid" (temperature and salinity of the current's file
         at the start), a CSV file, or a DensityProfile.
+      ballast_at: [m] of this water where the vehicle is neutral; None takes water of the reference
+        density at the surface.
+      mass: [kg] of the whole vehicle, whose hull keeps its volume; None takes the file's.
+      compressibility: [1/Pa] of the hull; None takes the file's.
+      floor: sea floor as text, "depth:200" [m] or a bathymetry file such as GEBCO's, or a Floor;
+        None is water without a bottom.
       duration: [s]; None takes the mission's own.
       start: where, when and how the run begins: a Start, or some of its fields by name, such as
         {"latitude": 49.0, "longitude": -16.0, "time": "2003-08-01"}; None takes the mission's.
@@ -75,7 +89,7 @@ def simulate(
       controller: Python code that gives the commands each control period instead of a mission.
       sensors: suite by name ("ideal", "field", ...) or a SensorSuite; adds measured_* signals.
       seed: of the sensors' random draws.
-      bottom_depth: [m] for the sensors; None is out of their reach.
+      bottom_depth: [m] for the sensors, where there is no floor; None is out of their reach.
 
     Returns:
       The trajectory: a mapping of signals in NED and FRD, angles in degrees.
@@ -90,13 +104,18 @@ def simulate(
         if mission is None and controller is None:
             mission = DEFAULT_MISSION
         flown = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(str(vehicle))
+        flown, ballast = weighed(
+            flown, ballast_at=ballast_at, mass=mass, compressibility=compressibility
+        )
         scenario = Scenario(
             vehicle=flown,
+            ballast=ballast,
             plan=load_mission_for(flown, mission) if isinstance(mission, str | Path) else mission,
             duration=duration,
             start=start,
             current=parse_current(current) if isinstance(current, str) else current,
             density=None if isinstance(density, str | Path) else density,
+            floor=parse_floor(floor) if isinstance(floor, str) else floor,
             origin=origin,
             hydrodynamics=hydrodynamics,
             timestep=timestep,
@@ -112,6 +131,10 @@ def simulate(
     suite = _suite(sensors)
     if suite is None and (seed != 0 or bottom_depth is not None):
         raise InputError("seed and bottom_depth are for the sensors: give sensors too")
+    if bottom_depth is not None and scenario.floor is not None:
+        raise InputError(
+            "give a floor or a bottom_depth, not both: the sensors see the scenario's floor"
+        )
     trajectory = fly(scenario, controller)
     provenance: dict[str, Any] = {**trajectory.provenance, **provenance_of(scenario)}
     trajectory = dataclasses.replace(trajectory, provenance=provenance)
@@ -208,12 +231,20 @@ def _measure(
     current = scenario.current
     if current is not None:
         program = current.compile(float(trajectory.time[-1]), scenario.place)
+    floor = None
+    bottom: Any = bottom_depth
+    if scenario.floor is not None:
+        floor = floor_table(scenario, scenario.run_time())
+        # a Doppler log asks for water under it; on a beach there is none
+        depths = floor_depths(floor, trajectory["true_north"], trajectory["true_east"])
+        bottom = np.maximum(depths, 1e-3)
     measured = suite.measure(
         trajectory.signals,
         dt=scenario.sample_period,
         rng_seed=tree,
         drawn=drawn,
-        bottom_depth=bottom_depth,
+        bottom_depth=bottom,
+        floor=floor,
         latitude=scenario.place.latitude_deg,
         density=scenario.density,
         current=None if current is None else program,

@@ -32,7 +32,19 @@ class Simulate(JsonOption):
     all kinds and settings"""
     density: str = "constant"
     """constant, thermocline, grid (the current's file, where it has temperature and salinity), or
-    a CSV file with columns depth and density, or depth, temperature and salinity"""
+    a CSV file with depth [m] and density [kg/m3] columns, or depth, temperature [degC] and
+    salinity, whose density is that of the start's latitude and longitude"""
+    ballast_at: float | None = None
+    """depth [m] of this water at which the vehicle is neutral; default: neutral in water of the
+    reference density at the surface"""
+    mass: float | None = None
+    """kilograms of the whole vehicle; its hull keeps its volume, or with --ballast-at is neutral
+    there. Default: the vehicle file's"""
+    compressibility: float | None = None
+    """part of the hull's volume lost per pascal, such as 4e-10; default: the vehicle file's"""
+    floor: str = "none"
+    """sea floor: none, depth:200 [m], or a bathymetry file such as GEBCO.nc (latitude, longitude,
+    elevation in m) about --start; docs/physics.md has its settings"""
     start: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[,TIME]")] = None
     """where and when it begins: degrees north and east, and UTC, such as
     49,-16,2003-08-01T00:00. Gridded currents, density and the store use it;
@@ -119,6 +131,7 @@ class Simulate(JsonOption):
                 "(too light or too heavy for this water, or a depth it cannot reach?)",
             }[ended]
             console.warn(f"the mission was not flown to its end: {reason}")
+        self._warn_floor(console, simulation, trajectory)
         if not simulation.tables.current.size:
             return
         from twin.water.current.grid import beyond_grid
@@ -131,22 +144,54 @@ class Simulate(JsonOption):
                 "from there on the velocity at its edge was used"
             )
 
+    def _warn_floor(self, console: Console, simulation: Simulation, trajectory: Trajectory) -> None:
+        """Say when the vehicle touched something, or left the bathymetry."""
+        from twin.records.summary import summarise
+        from twin.water.floor.lookup import beyond_floor
+
+        figures = summarise(trajectory)
+        if figures.get("grounded"):
+            console.warn(
+                f"the vehicle touched the sea floor or an obstacle at "
+                f"{figures['first_contact_s']:.0f} s; min_altitude_m in the mission makes dives "
+                "turn above the sea floor"
+            )
+        table = simulation.tables.floor
+        if not table.size:
+            return
+        outside = beyond_floor(table, trajectory["true_north"], trajectory["true_east"])
+        if outside.any():
+            console.warn(
+                f"the vehicle left the bathymetry's area at {trajectory.time[outside][0]:.0f} s; "
+                "from there on the depth at its edge was used"
+            )
+
     def _scenario(self) -> Scenario:
         from twin.facade import in_water
         from twin.mission.shipped import load_mission_for
+        from twin.physics.ballast import weighed
         from twin.physics.scenario import Scenario
         from twin.physics.start import parse_place
         from twin.vehicle.vehicle import load_vehicle
         from twin.water.current.spec import parse_current
+        from twin.water.floor import parse_floor
 
         vehicle = load_vehicle(self.vehicle)
+        vehicle, ballast = weighed(
+            vehicle,
+            ballast_at=self.ballast_at,
+            mass=self.mass,
+            compressibility=self.compressibility,
+        )
         mission = load_mission_for(vehicle, self.mission)
         scenario = Scenario(
             vehicle=vehicle,
+            ballast=ballast,
             plan=mission,
             duration=self.duration,
             start=None if self.start is None else parse_place(self.start),
             current=parse_current(self.current),
+            floor=parse_floor(self.floor),
             hydrodynamics=self.hydrodynamics,
             timestep=self.timestep,
             integrator=self.integrator,
@@ -198,6 +243,7 @@ class Simulate(JsonOption):
                     f"{figures['end_north_m']:z.1f} m, {figures['end_east_m']:z.1f} m"
                 ),
                 "deepest": f"{figures['max_depth_m']:z.1f} m",
+                **_bottom(figures),
                 "speed through the water (mean, max)": (
                     f"{figures['mean_speed_m_s']:.3f}, {figures['max_speed_m_s']:.3f} m/s"
                 ),
@@ -224,6 +270,17 @@ class Simulate(JsonOption):
         for label, path in (("store", self.out), ("plot", self.plot)):
             if path is not None:
                 console.say(f"{label}: {path}")
+
+
+def _bottom(figures: dict[str, Any]) -> dict[str, str]:
+    """How near it came to the sea floor, and whether it touched anything."""
+    rows: dict[str, str] = {}
+    if "min_altitude_m" in figures:
+        rows["nearest to the sea floor"] = f"{figures['min_altitude_m']:z.1f} m"
+    if "grounded" in figures:
+        first = figures["first_contact_s"]
+        rows["grounded"] = "no" if first is None else f"first at {first:.0f} s"
+    return rows
 
 
 def _place(scenario: Scenario) -> str | None:

@@ -1,7 +1,8 @@
 """The 6-DOF equations of motion and their own Runge-Kutta integrator, compiled.
 
-State y, shape (13,): position NED [m] (3), scalar-first quaternion body to NED (4), and nu_r, the
-velocity through the water [m/s] and the body rates [rad/s] (6), body FRD at the CB.
+State y, shape (14,): position NED [m] (3), scalar-first quaternion body to NED (4), nu_r, the
+velocity through the water [m/s] and the body rates [rad/s] (6), body FRD at the CB, and the hull's
+temperature [degree_Celsius], which follows the water's: dT/dt = (T_water - T) / lag.
 
 Fossen's equation for a vehicle in an irrotational current,
 
@@ -42,6 +43,7 @@ from twin.fossen.forces import (
     parts_wrench,
     pumped,
     restoring,
+    temperature_at,
 )
 from twin.fossen.matrices import (
     added_mass_coriolis,
@@ -61,7 +63,6 @@ Array = NDArray[np.float64]
 
 FASTEST = 20.0
 """[m/s] through the water: what is faster has left physics"""
-STATE_SIZE = 13
 POSITION = slice(0, 3)
 QUATERNION = slice(3, 7)
 NU_R = slice(7, 13)
@@ -204,7 +205,7 @@ def derivative(p: Parameters, program: Array, t: float, y: Array, actuators: Arr
     for j in range(3):
         body_gradient[:, j] = transposed_times(rotation, times(gradient, rotation[:, j].copy()))
 
-    dy = np.empty(13)
+    dy = np.empty(14)
     dy[:3] = velocity
     dy[3:7] = quaternion_rate(y[3:7], nu_r[3:])
     dy[7:13] = acceleration(
@@ -213,12 +214,13 @@ def derivative(p: Parameters, program: Array, t: float, y: Array, actuators: Arr
         y[2],
         nu_r,
         actuators,
-        displaced_mass(p, y[2], pumped(p, actuators)[0]),
+        displaced_mass(p, y[2], pumped(p, actuators)[0], y[13]),
         density_at(p, y[2]),
         transposed_times(rotation, path_rate),
         transposed_times(rotation, water_rate),
         body_gradient,
     )
+    dy[13] = (temperature_at(p, y[2]) - y[13]) / p.hull_thermal_lag
     return dy
 
 
@@ -237,10 +239,10 @@ def integrate(  # type: ignore[no-untyped-def]
 
     `breakpoints` (n,) [s] are all sample and command times, `commands` (n - 1, parts) hold between
     them; each interval is cut in equal steps of at most `dt`, so that no step straddles a
-    command. Returns (states (n, 13), actuators (n, parts), rows before it failed, if it did).
+    command. Returns (states (n, 14), actuators (n, parts), rows before it failed, if it did).
     """
     n = breakpoints.size
-    states = np.empty((n, 13))
+    states = np.empty((n, y0.size))
     positions = np.empty((n, actuators0.size))
     y = y0.copy()
     held = actuators0.copy()

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+_NONE = np.zeros(0)
 STRIPS = 9
 """equal-volume strips along the hull that carry the buoyancy at the surface"""
 MASS_COLUMNS = 14
@@ -42,6 +43,9 @@ class Parameters(NamedTuple):
     hull_length: float
     hull_diameter: float
     hull_compressibility: float
+    hull_thermal_expansion: float
+    hull_thermal_lag: float
+    hull_reference_temperature: float
     static_mass: float
     static_cg: Array
     static_inertia: Array
@@ -59,10 +63,23 @@ class Parameters(NamedTuple):
     law_values: Array
     density_depth: Array
     density_value: Array
+    temperature_depth: Array
+    """[m]; empty: the water's temperature is not known"""
+    temperature_value: Array
+    """[degC]"""
 
 
-def parameters_of(vehicle: Vehicle, density_depth: Array, density_value: Array) -> Parameters:
-    """Gather the vehicle's numbers and a density table (depth [m], density [kg/m3])."""
+def parameters_of(
+    vehicle: Vehicle,
+    density_depth: Array,
+    density_value: Array,
+    temperature_depth: Array = _NONE,
+    temperature_value: Array = _NONE,
+) -> Parameters:
+    """Gather the vehicle's numbers and tables of the water over depth [m].
+
+    Density [kg/m3], and in-situ temperature [degree_Celsius] where it is known.
+    """
 
     def array(values: object) -> Array:
         return np.array(values, dtype=np.float64, order="C")
@@ -89,6 +106,9 @@ def parameters_of(vehicle: Vehicle, density_depth: Array, density_value: Array) 
         hull_length=float(vehicle.hull_length),
         hull_diameter=float(vehicle.hull_diameter),
         hull_compressibility=float(vehicle.hull_compressibility),
+        hull_thermal_expansion=float(vehicle.hull_thermal_expansion),
+        hull_thermal_lag=float(vehicle.hull_thermal_lag),
+        hull_reference_temperature=float(vehicle.hull_reference_temperature),
         static_mass=float(vehicle.static_mass),
         static_cg=array(vehicle.static_cg),
         static_inertia=array(vehicle.static_inertia),
@@ -101,6 +121,8 @@ def parameters_of(vehicle: Vehicle, density_depth: Array, density_value: Array) 
         law_values=array(vehicle.law.values()),
         density_depth=array(density_depth),
         density_value=array(density_value),
+        temperature_depth=array(temperature_depth),
+        temperature_value=array(temperature_value),
     )
 
 
@@ -265,9 +287,8 @@ def restoring(  # type: ignore[no-untyped-def]
 
 
 @jit
-def density_at(p: Parameters, depth: float) -> float:
-    """Density [kg/m3] from the table, linear between its rows, constant beyond its ends."""
-    depths, values = p.density_depth, p.density_value
+def _profile(depths: Array, values: Array, depth: float) -> float:
+    """A table over depth, linear between its rows, constant beyond its ends."""
     last = depths.size - 1
     if depth <= depths[0]:
         return values[0]
@@ -279,11 +300,28 @@ def density_at(p: Parameters, depth: float) -> float:
 
 
 @jit
-def displaced_mass(p: Parameters, depth: float, volume: float) -> float:
+def density_at(p: Parameters, depth: float) -> float:
+    """Density [kg/m3] of the water at `depth` [m]."""
+    return _profile(p.density_depth, p.density_value, depth)
+
+
+@jit
+def temperature_at(p: Parameters, depth: float) -> float:
+    """In-situ temperature [degC] of the water; the hull's reference where it is not known."""
+    if p.temperature_depth.size == 0:
+        return p.hull_reference_temperature
+    return _profile(p.temperature_depth, p.temperature_value, depth)
+
+
+@jit
+def displaced_mass(p: Parameters, depth: float, volume: float, hull: float = np.nan) -> float:
     """Mass of the water that the fully immersed hull displaces [kg]; `volume` of parts in cm3.
 
-    The hull shrinks in proportion to the pressure of water of the reference density.
+    The hull shrinks in proportion to the pressure of water of the reference density, and grows with
+    its temperature `hull` [degC], the reference when that is NaN.
     """
-    pressure = p.reference_density * p.gravity * depth
-    whole = (p.neutral_volume + 1e-6 * volume) * (1.0 - p.hull_compressibility * pressure)
-    return density_at(p, depth) * whole
+    pressure = p.reference_density * p.gravity * max(depth, 0.0)
+    strain = -p.hull_compressibility * pressure
+    if not np.isnan(hull):
+        strain += p.hull_thermal_expansion * (hull - p.hull_reference_temperature)
+    return density_at(p, depth) * (p.neutral_volume + 1e-6 * volume) * (1.0 + strain)

@@ -18,7 +18,7 @@ from twin.fossen.equations import (
     derivative,
     integrate,
 )
-from twin.fossen.forces import Parameters, parameters_of
+from twin.fossen.forces import Parameters, parameters_of, temperature_at
 from twin.fossen.state import FossenState, FossenTrajectory
 from twin.fossen.steady import SteadyMotion, SteadyProblem, stable_motion
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
@@ -56,7 +56,8 @@ class FossenModel:
     `current_program` is a compiled current (`Current` objects make it), None for still water.
     `density` is None (the vehicle's reference density), a function of depth [m] that returns
     kg/m3 (tabulated every metre to 2000 m), or a table (depths, densities), linear in between and
-    constant beyond its ends.
+    constant beyond its ends. `temperature` is such a table of in-situ temperatures
+    [degree_Celsius], None where it is not known: the hull then keeps its reference temperature.
     """
 
     def __init__(
@@ -65,11 +66,17 @@ class FossenModel:
         *,
         current_program: ArrayLike | None = None,
         density: Density | None = None,
+        temperature: tuple[ArrayLike, ArrayLike] | None = None,
     ):
         self.vehicle = vehicle
         program = np.zeros(0) if current_program is None else current_program
         self.program = np.ascontiguousarray(program, dtype=np.float64)
-        self.parameters: Parameters = parameters_of(vehicle, *_density_table(vehicle, density))
+        water = (np.zeros(0), np.zeros(0))
+        if temperature is not None:
+            water = _checked_table("temperature", *temperature)
+        self.parameters: Parameters = parameters_of(
+            vehicle, *_density_table(vehicle, density), *water
+        )
         self._law = np.array(
             [
                 vehicle.actuator_min,
@@ -126,6 +133,7 @@ class FossenModel:
                 euler_to_quaternion(*np.asarray(initial_state.attitude)),
                 np.asarray(initial_state.v_rel),
                 np.asarray(initial_state.rates),
+                [temperature_at(self.parameters, float(np.asarray(initial_state.position_ned)[2]))],
             )
         )
         low, high = self._law[0], self._law[1]
@@ -228,13 +236,21 @@ def _density_table(vehicle: Vehicle, density: Density | None) -> tuple[Array, Ar
         depths, values = DENSITY_TABLE, np.asarray(density(DENSITY_TABLE), dtype=np.float64)
         values = np.broadcast_to(values, depths.shape)
     else:
-        depths, values = (np.atleast_1d(np.asarray(part, dtype=np.float64)) for part in density)
-    if depths.ndim != 1 or depths.shape != values.shape or depths.size == 0:
-        raise InputError("a density table needs as many densities as depths, at least one")
-    if not (np.all(np.isfinite(depths)) and np.all(np.diff(depths) > 0.0)):
-        raise InputError("the depths of a density table must be finite and increase, in m")
+        depths, values = _checked_table("density", *density)
     if not np.all(np.isfinite(values) & (values > 0.0)):
         raise InputError("the densities of a density table must be finite and above 0 kg/m3")
+    return depths, values
+
+
+def _checked_table(what: str, depth: ArrayLike, value: ArrayLike) -> tuple[Array, Array]:
+    """Depths and values of a table over depth, each of shape (n,)."""
+    depths, values = (np.atleast_1d(np.asarray(part, dtype=np.float64)) for part in (depth, value))
+    if depths.ndim != 1 or depths.shape != values.shape or depths.size == 0:
+        raise InputError(f"a {what} table needs as many values as depths, at least one")
+    if not (np.all(np.isfinite(depths)) and np.all(np.diff(depths) > 0.0)):
+        raise InputError(f"the depths of a {what} table must be finite and increase, in m")
+    if not np.all(np.isfinite(values)):
+        raise InputError(f"the values of a {what} table must be finite")
     return depths, values
 
 

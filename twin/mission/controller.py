@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError, unknown_name
+from twin.errors import InputError, MissionError, unknown_name
 from twin.mission import Mission, guidance
 from twin.vehicle.vehicle import Vehicle
 
@@ -41,13 +41,15 @@ class Observation:
     """r [rad/s]"""
     parts: Mapping[str, float]
     """position of each part by its name, in the part's unit"""
+    altitude: float = math.inf
+    """[m] of the CB above the sea floor; inf where there is none"""
 
     def __getattr__(self, name: str) -> float:
         """A part's position by its name: `observation.pump`."""
         parts = object.__getattribute__(self, "parts")
         if name in parts:
             return float(parts[name])
-        known = [*self.__slots__[:-1], *parts]
+        known = [*(name for name in self.__slots__ if name != "parts"), *parts]
         raise AttributeError(unknown_name("field of an observation", name, known))
 
 
@@ -111,11 +113,21 @@ class MissionController:
         self.table, self.gains = mission.compile(vehicle)
         self.state = guidance.new_state()
         self._names = vehicle.part_names
+        self._needs_floor = mission.needs_floor
         self._command = np.zeros(len(self._names))
 
     def __call__(self, observation: Observation) -> Command:
-        """One guidance tick."""
+        """One guidance tick.
+
+        Raises:
+          MissionError: dives turn above the sea floor, and the observation has none.
+        """
         o = observation
+        if self._needs_floor and math.isinf(o.altitude):
+            raise MissionError(
+                "the mission's dives turn at min_altitude_m, and the observation has no altitude: "
+                "fly it in a scenario with a sea floor, such as floor=FlatFloor(depth_m=200)"
+            )
         guidance.guidance_step(
             self.table,
             self.gains,
@@ -129,6 +141,7 @@ class MissionController:
             o.pitch_rate,
             o.yaw_rate,
             self._command,
+            o.altitude,
         )
         return Command(**dict(zip(self._names, self._command.tolist(), strict=True)))
 

@@ -37,7 +37,8 @@ UNTIL_DEPTH = 11  # [m], NaN: none
 ABORT_DEPTH = 12  # [m], inf: none
 SURFACE_DEPTH = 13  # [m] above this the vehicle counts as surfaced
 DIVE_TURN, CLIMB_TURN = 14, 15  # factor of the heading loop, with the sign of the turn
-SEGMENT_COLUMNS = 16
+MIN_ALTITUDE = 16  # [m] above the sea floor at which a dive turns, NaN: none
+SEGMENT_COLUMNS = 17
 # then three commands, each of the width of the vehicle: what its parts do in a dive, in a climb,
 # and in a hold or at the surface. The loops start from the position of their part in it.
 DIVE_COMMAND, CLIMB_COMMAND, REST_COMMAND = 0, 1, 2
@@ -79,7 +80,21 @@ TIME_TOLERANCE = 1e-6
 
 
 @jit
-def _enter(table: Array, state: Array, index: int, t: float, depth: float, heading: float) -> None:
+def _at_bottom(row: Array, depth: float, altitude: float) -> bool:
+    """Whether a dive turns here: at its depth, or near the sea floor."""
+    return bool(depth >= row[MAX_DEPTH] or altitude <= row[MIN_ALTITUDE])
+
+
+@jit
+def _enter(
+    table: Array,
+    state: Array,
+    index: int,
+    t: float,
+    depth: float,
+    altitude: float,
+    heading: float,
+) -> None:
     """Make row `index` the current segment and choose its first phase."""
     previous = state[PHASE]
     index = min(max(index, 0), table.shape[0] - 1)
@@ -96,7 +111,7 @@ def _enter(table: Array, state: Array, index: int, t: float, depth: float, headi
         state[HEADING_SETPOINT] = np.nan
     elif kind in (SAW_TOOTH, SPIRAL):
         climbing = previous == CLIMB and depth > table[index, MIN_DEPTH]
-        if climbing or depth >= table[index, MAX_DEPTH]:
+        if climbing or _at_bottom(table[index], depth, altitude):
             state[PHASE] = CLIMB
             state[YO_COUNT] = -0.5
         else:
@@ -108,20 +123,22 @@ def _enter(table: Array, state: Array, index: int, t: float, depth: float, headi
 
 
 @jit
-def _advance(table: Array, state: Array, t: float, depth: float, heading: float) -> None:
-    """Phases and segments: turn at the depth limits, count, go on, abort."""
+def _advance(
+    table: Array, state: Array, t: float, depth: float, altitude: float, heading: float
+) -> None:
+    """Phases and segments: turn at the limits of depth and altitude, count, go on, abort."""
     end = table.shape[0] - 1
     if state[PHASE] == NOT_STARTED:
-        _enter(table, state, 0, t, depth, heading)
+        _enter(table, state, 0, t, depth, altitude, heading)
     index = min(max(int(state[SEGMENT]), 0), end)
     if depth > table[index, ABORT_DEPTH] and index < end:
         state[ABORTED] = 1.0
         index = end
-        _enter(table, state, index, t, depth, heading)
+        _enter(table, state, index, t, depth, altitude, heading)
 
     phase = state[PHASE]
     following = phase
-    if phase == DIVE and depth >= table[index, MAX_DEPTH]:
+    if phase == DIVE and _at_bottom(table[index], depth, altitude):
         following = CLIMB
         state[YO_COUNT] += 0.5
     elif phase == CLIMB and depth <= table[index, MIN_DEPTH]:
@@ -144,7 +161,7 @@ def _advance(table: Array, state: Array, t: float, depth: float, heading: float)
         if over and index + 1 == end and table[end, KIND] == END_HOLDING:
             state[DONE] = 1.0  # the last segment goes on without limits
         elif over:
-            _enter(table, state, index + 1, t, depth, heading)
+            _enter(table, state, index + 1, t, depth, altitude, heading)
             return
     state[PHASE] = following
 
@@ -197,6 +214,7 @@ def guidance_step(
     q: float,
     r: float,
     command: Array,
+    altitude: float = math.inf,
 ) -> None:
     """One control tick: reads the vehicle's state, writes `command` and updates `state`.
 
@@ -209,8 +227,9 @@ def guidance_step(
       roll, pitch, heading: [rad].
       p, q, r: body rates [rad/s].
       command: (parts,) float64, out: the wanted position of each part.
+      altitude: [m] of the CB above the sea floor, inf without one.
     """
-    _advance(table, state, t, depth, heading)
+    _advance(table, state, t, depth, altitude, heading)
     row = table[min(max(int(state[SEGMENT]), 0), table.shape[0] - 1)]
     phase = state[PHASE]
 

@@ -147,6 +147,11 @@ class Mission:
         ]
         return _plain(data)
 
+    @property
+    def needs_floor(self) -> bool:
+        """Whether a dive turns at an altitude above the sea floor."""
+        return any(getattr(s, "min_altitude_m", None) is not None for s in self.segments)
+
     def check(self, vehicle: Vehicle) -> None:
         """Raise MissionError when `vehicle` cannot fly this: pump, rotation, pitch, trim."""
         self.compile(vehicle)

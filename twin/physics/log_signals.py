@@ -12,6 +12,7 @@ from twin.physics.part_signals import declare_parts, state_columns
 from twin.records.trajectory import Trajectory, sample_times
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import Vehicle
+from twin.water.floor.lookup import floor_depths
 
 Array = NDArray[np.float64]
 
@@ -22,6 +23,8 @@ def from_log(
     *,
     half_step: float = 0.0,
     sample_period: float | None = None,
+    floor: Array | None = None,
+    contacts: bool = False,
     **fields: Any,
 ) -> Trajectory:
     """Turn native log rows, records of `block.log_row`, into a `Trajectory`.
@@ -29,7 +32,8 @@ def from_log(
     `half_step` [s] is how long before its sample a stored velocity holds: half a step in
     time-centred runs, where velocities live between positions. With a `sample_period` [s] the
     rows are a run from its start, and times are its multiples: MuJoCo's clock adds up steps and
-    drifts by nanoseconds.
+    drifts by nanoseconds. `floor` is the table of the sea floor, above which the altitude is;
+    `contacts` says whether there is anything to touch, so that contact is a signal.
     """
     declare_parts(vehicle)
     qpos, qvel, act, ctrl = (rows[name] for name in ("qpos", "qvel", "act", "ctrl"))
@@ -63,6 +67,11 @@ def from_log(
     put("true_current_", "north east down", current)
     for name in ("net_mass", "density", "immersion"):
         signals[f"true_{name}"] = rows[name].copy()
+    if floor is not None and floor.size:
+        depths = floor_depths(floor, *(np.ascontiguousarray(x) for x in position.T[:2]))
+        signals["true_altitude"] = depths - position[:, 2]
+    if contacts:
+        signals["true_contact"] = rows["contact"].copy()
     signals["commanded_segment"] = rows["segment"].copy()
     put("commanded_", parts, ctrl * scale)
     signals["commanded_pitch"] = degrees(rows["pitch_setpoint"])

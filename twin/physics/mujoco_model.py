@@ -7,10 +7,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from twin.errors import InputError, VehicleError, unknown_name
+from twin.errors import FloorError, InputError, VehicleError, unknown_name
 from twin.frames import flip_vector
 from twin.physics.native import block as b
 from twin.physics.native.install import install
+from twin.physics.obstacles import FLOOR_BODY, may_collide, prepare_contacts
 from twin.physics.tables import Tables
 from twin.vehicle.laws import LAWS, Ellipsoids
 from twin.vehicle.parts import PARTS, Part
@@ -29,6 +30,8 @@ SHORTEST_STEP, LONGEST_STEP = 1e-4, 1.0
 """[s]"""
 ELLIPSOID_TIMESTEP = 0.02
 """[s] quadratic rotary drag of the ellipsoid law is stiff at inflections: 0.1 s diverges there"""
+RUN_TABLES = ("plan", "current", "density", "temperature", "floor")
+"""Tables of a run, in the block's order."""
 _FREE_JOINT_ROWS = np.array([0, 1, 3, 6, 10, 15])
 
 
@@ -77,7 +80,8 @@ def compile_model(
       centred: water at the time-centred velocity; RK4 evaluates between steps and is so by itself.
 
     Raises:
-      VehicleError: the file does not compile or has another joint or actuator structure.
+      VehicleError: the file does not compile, has another joint or actuator structure, or has
+        obstacles and switches contacts off.
       InputError: unknown hydrodynamics or integrator, impossible timestep.
     """
     if isinstance(vehicle, str):
@@ -92,6 +96,7 @@ def compile_model(
     spec.option.gravity = [0.0, 0.0, -vehicle.gravity]
     _write_inertia(spec, vehicle)
     _write_parts(spec, vehicle)
+    prepare_contacts(spec, vehicle, floor=tables.floor.size > 0)
     if lean:
         _strip(spec)
     if timestep is None and isinstance(vehicle.law, Ellipsoids):
@@ -157,7 +162,7 @@ def _body(model: mujoco.MjModel) -> np.ndarray:
 
 
 def table(model: mujoco.MjModel, name: str) -> np.ndarray:
-    """One of the block's tables, live: "parts", "law_values", "plan", "current", "density"."""
+    """One of the block's tables, live: "parts", "law_values" or one of RUN_TABLES."""
     place = header(model)[name]
     start = int(place["start"])
     return _body(model)[start : start + int(place["size"])]
@@ -198,6 +203,9 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int
         "gravity": vehicle.gravity,
         "reference_density": vehicle.reference_density,
         "compressibility": vehicle.hull_compressibility,
+        "thermal_expansion": vehicle.hull_thermal_expansion,
+        "thermal_lag": vehicle.hull_thermal_lag,
+        "reference_temperature": vehicle.hull_reference_temperature,
         "length": vehicle.hull_length,
         "diameter": vehicle.hull_diameter,
         "added_mass": added_mass,
@@ -207,6 +215,7 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int
         "law_scaled": float(vehicle.law.density_in_coefficients),
         "acting": float(any(_acts(part) for part in vehicle.parts)),
         "control_period": vehicle.control_period,
+        "floor_body": _floor_body(model),
         "log_ring": ring,
         "version": b.VERSION,
         "magic": b.MAGIC,
@@ -221,8 +230,14 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int
         body[used : used + values.size] = values
         head[name]["start"], head[name]["size"] = used, values.size
         used += values.size
-    for name in ("plan", "current", "density"):
+    for name in RUN_TABLES:
         head[name]["start"], head[name]["size"] = used, 0
+
+
+def _floor_body(model: mujoco.MjModel) -> int:
+    """Place of the sea floor's plane among the mocap bodies; -1 where there is none."""
+    found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, FLOOR_BODY)
+    return -1 if found < 0 else int(model.body_mocapid[found])
 
 
 def _acts(part: Part) -> bool:
@@ -266,7 +281,13 @@ def write_tables(model: mujoco.MjModel, tables: Tables) -> None:
 
     Raises:
       InputError: they are larger than the model's room; compile it with a larger `reserve`.
+      FloorError: a sea floor for a model that was compiled without one.
     """
+    if tables.floor.size and header(model)["floor_body"] < 0.0:
+        raise FloorError(
+            "this model was compiled without a sea floor, so nothing would touch it: compile it "
+            "with tables=Tables(floor=...)"
+        )
     if tables.words > room(model):
         raise InputError(
             f"the tables of this run have {tables.words} numbers, the model has room for "
@@ -274,7 +295,7 @@ def write_tables(model: mujoco.MjModel, tables: Tables) -> None:
         )
     head, body = header(model), _body(model)
     used = int(head["plan"]["start"])
-    for name in ("plan", "current", "density"):
+    for name in RUN_TABLES:
         values = getattr(tables, name).ravel()
         head[name]["size"] = 0  # first: no table may be seen half written
         head[name]["start"] = used
@@ -334,13 +355,13 @@ def _write_parts(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
 
 
 def _strip(spec: mujoco.MjSpec) -> None:
-    """Delete sensors, cameras, lights and force-free geoms: nothing here moves the glider."""
+    """Delete sensors, cameras, lights and geoms that neither collide nor feel the water."""
     for sensor in list(spec.sensors):
         spec.delete(sensor)
     for item in [*spec.cameras, *spec.lights]:
         spec.delete(item)
     for geom in list(spec.geoms):
-        if geom.fluid_ellipsoid == 0:
+        if geom.fluid_ellipsoid == 0 and not may_collide(geom):
             spec.delete(geom)
     used = {actuator.target for actuator in spec.actuators}
     for site in list(spec.sites):

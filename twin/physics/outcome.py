@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from twin.errors import SimulationUnstable
 from twin.mission import Mission, guidance
 from twin.physics.log_signals import from_log
-from twin.physics.mujoco_model import header
+from twin.physics.mujoco_model import header, table
 from twin.physics.scenario import Scenario
 from twin.records.place import START_LATITUDE, START_LONGITUDE, START_TIME
 from twin.records.trajectory import Trajectory
@@ -53,6 +53,8 @@ def trajectory_of(
         scenario.vehicle,
         half_step=0.5 * float(header(model)["centred"]) * timestep,
         sample_period=scenario.sample_period,
+        floor=table(model, "floor"),
+        contacts=not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT,
         complete=not failed,
         provenance={"ended": _ending(scenario, ours, failed), **_place(scenario)},
     )

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from twin.errors import VehicleError
 from twin.records.limits import TABLE
-from twin.records.schema import SIMULATED, VARIABLES, Variable, declare
+from twin.records.schema import SIMULATED, VARIABLES, WITH_FLOOR, Variable, declare
 from twin.records.trajectory import actuator_names
 from twin.vehicle.consumption import ENERGY, HOTEL
 from twin.vehicle.mjcf import MjcfReader
@@ -21,7 +21,7 @@ UNITS = frozenset(row.units for row in TABLE)
 """Units whose values have limits"""
 ENERGIES = (0.0, 1e10)
 """[J] nothing to the battery of a small submarine"""
-_OWN = frozenset(SIMULATED)
+_OWN = frozenset((*SIMULATED, *WITH_FLOOR))
 """The schema's own signals, whose names parts must leave alone; but for the positions of parts."""
 
 

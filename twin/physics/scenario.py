@@ -10,7 +10,7 @@ from pathlib import Path
 from types import NoneType
 from typing import Any
 
-from twin.errors import InputError
+from twin.errors import FloorError, InputError, MissionError
 from twin.mission import Mission
 from twin.mission.schedule import Schedule
 from twin.physics.ballast import Ballast
@@ -19,6 +19,7 @@ from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 from twin.water.current.base import Current, current_from_dict
 from twin.water.current.origin import Origin
 from twin.water.density import DensityProfile
+from twin.water.floor import Floor, floor_from_dict
 
 SAMPLE_PERIOD = 0.5
 """[s], the paper's 2 Hz"""
@@ -46,6 +47,8 @@ class Scenario:
     is the mission's. None takes the mission's start depth and heading, at rest in the water."""
     current: Current | None = None
     density: DensityProfile | None = None
+    floor: Floor | None = None
+    """Sea floor that the hull collides with; None: the water has no bottom."""
     origin: Origin | None = None
     """Geographic position and time of the frame's origin; None: the start's. See `place`."""
     hydrodynamics: str = "coefficients"
@@ -72,6 +75,7 @@ class Scenario:
             ("start", (Start, NoneType)),
             ("current", (Current, NoneType)),
             ("density", (DensityProfile, NoneType)),
+            ("floor", (Floor, NoneType)),
             ("origin", (Origin, NoneType)),
         ):
             value = getattr(self, name)
@@ -95,8 +99,24 @@ class Scenario:
                 self.current.check_place(place.latitude_deg, place.longitude_deg)
             if self.current is not None and self.begin.time is not None:
                 self.current.check_time(str(self.begin.time))
+        self._check_floor()
         if not (math.isfinite(self.sample_period) and self.sample_period > 0):
             raise InputError(f"sample period {self.sample_period} s must be positive and finite")
+
+    def _check_floor(self) -> None:
+        """A sea floor on the Earth needs a place, dives that turn above one need a floor."""
+        if self.floor is None:
+            if isinstance(self.plan, Mission) and self.plan.needs_floor:
+                raise MissionError(
+                    f"mission {self.plan.name!r}: dives turn at min_altitude_m, and the scenario "
+                    "has no sea floor: give one (--floor depth:200, floor=FlatFloor(depth_m=200)), "
+                    "or leave min_altitude_m out"
+                )
+        elif self.floor.needs_place and not self.has_place:
+            raise FloorError(
+                "a bathymetry file needs to know where the mission starts: --start LAT,LON, or "
+                'start={"latitude": 49.0, "longitude": -16.0}'
+            )
 
     @property
     def open_ended(self) -> bool:
@@ -187,6 +207,9 @@ class Scenario:
             "start": None if self.start is None else dataclasses.asdict(self.begin),
             "current": current,
             "density": None if self.density is None else self.density.describe(),
+            "floor": (
+                None if self.floor is None else self.floor.pinned(duration, self.place).describe()
+            ),
             "origin": dataclasses.asdict(origin),
             "hydrodynamics": self.hydrodynamics,
             "timestep": self.timestep,
@@ -220,6 +243,7 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
         start=start,
         current=None if current is None else current_from_dict(current),
         density=None if data["density"] is None else DensityProfile(**data["density"]),
+        floor=None if data.get("floor") is None else floor_from_dict(data["floor"]),
         origin=None if origin is None else Origin(**origin),
         hydrodynamics=data["hydrodynamics"],
         timestep=data["timestep"],

@@ -58,6 +58,8 @@ class LockedGlider:
         self.model = compile_model(
             vehicle.replace(hull_compressibility=0.0), hydrodynamics=hydrodynamics, lean=True
         )
+        # a steady glide is one in open water, whatever obstacles the file has
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
         self.data = mujoco.MjData(self.model)
         self.data.act[:] = self.data.ctrl[:] = positions
         self.data.qpos[2] = -DEPTH

@@ -263,7 +263,7 @@ class Simulation:
         per_tick = max(1, round(vehicle.control_period / timestep))
         done = 0
         while done < self.steps and not self.failed:
-            command = controller(observe(self.data, vehicle))
+            command = controller(observe(self.data, vehicle, self.tables.floor))
             if not isinstance(command, Command):
                 raise InputError(f"the controller returned {command!r}; it must return a Command")
             self.data.ctrl[:] = command.as_array(vehicle)
@@ -339,15 +339,23 @@ def apply_real_vehicle(model: mujoco.MjModel, scenario: Scenario) -> None:
             rows[index]["zero"] = zero
 
 
-def observe(data: mujoco.MjData, vehicle: Vehicle) -> Observation:
-    """What a Python controller sees now: pose, rates and positions of the parts, NED and FRD."""
+def observe(data: mujoco.MjData, vehicle: Vehicle, floor: Array) -> Observation:
+    """What a Python controller sees now: pose, rates and positions of the parts, NED and FRD.
+
+    `floor` is the table of the sea floor, empty without one.
+    """
     from twin.frames import quaternion_to_euler
+    from twin.water.floor.lookup import floor_depth
 
     roll, pitch, heading = quaternion_to_euler(flip_quaternion(data.qpos[3:7]))
+    altitude = math.inf
+    if floor.size:
+        altitude = float(floor_depth(floor, data.qpos[0], -data.qpos[1]) + data.qpos[2])
     p, q, r = flip_vector(data.qvel[3:6])
     return Observation(
         time=float(data.time),
         depth=float(-data.qpos[2]),
+        altitude=altitude,
         roll=float(roll),
         pitch=float(pitch),
         heading=float(heading),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import FloorError
 from twin.mission import Mission
 from twin.mission.schedule import Schedule
 from twin.physics.native import block as b
@@ -38,18 +39,24 @@ class Tables:
     """compiled current, see `Current.compile`"""
     density: Array = dataclasses.field(default_factory=lambda: _NONE)
     """compiled profile, see `DensityProfile.compile`"""
+    temperature: Array = dataclasses.field(default_factory=lambda: _NONE)
+    """likewise, of hulls that expand; see `DensityProfile.compile_temperature`"""
+    floor: Array = dataclasses.field(default_factory=lambda: _NONE)
+    """compiled sea floor, see `Floor.compile`"""
 
     @property
     def words(self) -> int:
         """Numbers of all tables."""
-        return int(self.plan.size + self.current.size + self.density.size)
+        sizes = (self.plan, self.current, self.density, self.temperature, self.floor)
+        return sum(int(table.size) for table in sizes)
 
 
 def tables_of(scenario: Scenario, duration: float) -> Tables:
-    """The tables of a scenario that flies for `duration` [s]; reads gridded currents.
+    """The tables of a scenario that flies for `duration` [s]; reads gridded
+    currents and bathymetry.
 
     Raises:
-      MissionError, CurrentError: the plan or the current cannot be flown.
+      MissionError, CurrentError, FloorError: the plan, the current or the sea floor does not do.
     """
     plan, control, gains = np.zeros((0, 0)), b.CONTROL_NONE, None
     if isinstance(scenario.plan, Mission):
@@ -58,9 +65,53 @@ def tables_of(scenario: Scenario, duration: float) -> Tables:
     elif isinstance(scenario.plan, Schedule):
         scenario.plan.check(scenario.vehicle)
         plan, control = scenario.plan.table(), b.CONTROL_SCHEDULE
-    current = density = _NONE
+    current = density = temperature = _NONE
     if scenario.current is not None:
         current = scenario.current.compile(duration, scenario.place)
     if scenario.density is not None:
         density = scenario.density.compile()
-    return Tables(plan=plan, control=control, gains=gains, current=current, density=density)
+        if scenario.vehicle.hull_thermal_expansion:
+            temperature = scenario.density.compile_temperature()
+    return Tables(
+        plan=plan,
+        control=control,
+        gains=gains,
+        current=current,
+        density=density,
+        temperature=temperature,
+        floor=floor_table(scenario, duration),
+    )
+
+
+def floor_table(scenario: Scenario, duration: float) -> Array:
+    """The scenario's sea floor, empty without one.
+
+    Raises:
+      FloorError: it cannot be read, or the mission does not begin above it.
+    """
+    if scenario.floor is None:
+        return _NONE
+    from twin.water.floor.lookup import floor_depth
+
+    table = scenario.floor.compile(duration, scenario.place if scenario.has_place else None)
+    start, label = scenario.begin, "the mission starts"
+    bottom = float(floor_depth(table, start.north, start.east))
+    if bottom <= 0.0:
+        raise FloorError(
+            f"{label} on land, {-bottom:g} m above the sea: start elsewhere (if the file counts "
+            "depths downward, say positive=down)"
+        )
+    if start.depth >= bottom:
+        raise FloorError(
+            f"{label} at a depth of {start.depth:g} m, where the sea floor is at {bottom:g} m: "
+            "start higher up or elsewhere"
+        )
+    for segment in getattr(scenario.plan, "segments", ()):
+        above = getattr(segment, "min_altitude_m", None)
+        if above is not None and bottom <= segment.min_depth_m + above:
+            raise FloorError(
+                f"{label} where the sea is {bottom:g} m deep: dives from min_depth_m = "
+                f"{segment.min_depth_m:g} m that turn min_altitude_m = {above:g} m above the floor "
+                "have no room; start elsewhere, or lower one of the two"
+            )
+    return table

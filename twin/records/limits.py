@@ -28,6 +28,7 @@ class Quantity(NamedTuple):
 TABLE: tuple[Quantity, ...] = (
     # the deepest sea has 10 935 m; waves and pressure offsets lift a vehicle out of it
     Quantity("m", "depth", (-20.0, 12_000.0)),
+    Quantity("m", "altitude", (-20.0, 12_000.0)),
     # half a hull
     Quantity("m", "shift", (-1.0, 1.0)),
     # a quarter of the way round the Earth; 1000 km in one simulated mission
@@ -54,6 +55,7 @@ TABLE: tuple[Quantity, ...] = (
     # freezing brine to a deck in the sun
     Quantity("degree_Celsius", "", (-5.0, 45.0)),
     Quantity("1", "immersion", (-1e-6, 1.0 + 1e-6)),
+    Quantity("1", "contact", (0.0, 1.0)),
     Quantity("1", "dvl_mode", (0.0, 2.0)),
     Quantity("1", "salinity", (0.0, 50.0)),
     Quantity("1", "phase", (0.0, 3.0)),

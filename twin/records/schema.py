@@ -139,6 +139,17 @@ _TABLE: tuple[Variable, ...] = (
         gaps=True,
     ),
     Variable(
+        "true_altitude",
+        "m",
+        "height of the centre of buoyancy above the sea floor",
+        "height_above_sea_floor",
+    ),
+    Variable(
+        "true_contact",
+        "1",
+        "1 where the vehicle has touched sea floor or obstacles since the sample before",
+    ),
+    Variable(
         "measured_roll",
         "degree",
         "roll by the attitude sensor, starboard down",
@@ -164,6 +175,12 @@ _TABLE: tuple[Variable, ...] = (
     Variable("measured_specific_force_z", "m s-2", "accelerometer, downward axis"),
     Variable("measured_pressure", "dbar", "sea pressure by the transducer", "sea_water_pressure"),
     Variable("measured_depth", "m", "depth that the vehicle computes from its pressure", "depth"),
+    Variable(
+        "measured_altitude",
+        "m",
+        "height above the sea floor by the altimeter; NaN without an echo",
+        "height_above_sea_floor",
+    ),
     Variable("measured_shift", "m", "battery position by its encoder"),
     Variable("measured_rotation", "degree", "battery rotation by its encoder"),
     Variable("measured_pump", "cm3", "pumped volume by its encoder"),
@@ -234,7 +251,12 @@ HYDROGRAPHY = frozenset(
 )
 """Variables of simulated missions in water whose temperature and salinity are known."""
 
-SIMULATED: tuple[str, ...] = tuple(n for n in VARIABLES if n not in LOGGED_ONLY | HYDROGRAPHY)
+WITH_FLOOR = ("true_altitude", "true_contact", "measured_altitude")
+"""Variables of simulated missions that have a sea floor; contact also of those with obstacles."""
+
+SIMULATED: tuple[str, ...] = tuple(
+    name for name in VARIABLES if name not in LOGGED_ONLY | HYDROGRAPHY and name not in WITH_FLOOR
+)
 """Variables of every simulated mission, in storage order."""
 
 

@@ -32,6 +32,7 @@ def summarise(trajectory: Trajectory) -> dict[str, Any]:
         "end_east_m": float(position[-1, 1]),
         "end_depth_m": float(position[-1, 2]),
         "max_depth_m": float(position[:, 2].max()),
+        **_bottom(t),
         "mean_speed_m_s": float(speed.mean()),
         "max_speed_m_s": float(speed.max()),
         "min_pitch_deg": float(t["true_pitch"].min()),
@@ -65,3 +66,15 @@ def _energy(trajectory: Trajectory, horizontal: float) -> dict[str, Any]:
         "total_energy_kJ": total,
         "energy_per_km_kJ": total / (horizontal / KILO) if taken and horizontal > 0.0 else math.nan,
     }
+
+
+def _bottom(t: Trajectory) -> dict[str, Any]:
+    """Of missions with a sea floor or obstacles: how near it came, and whether it touched."""
+    figures: dict[str, Any] = {}
+    if "true_altitude" in t:
+        figures["min_altitude_m"] = float(t["true_altitude"].min())
+    if "true_contact" in t:
+        touched = np.flatnonzero(t["true_contact"])
+        figures["grounded"] = bool(len(touched))
+        figures["first_contact_s"] = float(t.time[touched[0]]) if len(touched) else None
+    return figures

@@ -3,6 +3,7 @@
 A sensor of one's own is one file: see docs/sensors.md and `register`.
 """
 
+from twin.sensors.altimeter import Altimeter
 from twin.sensors.attitude import Attitude
 from twin.sensors.base import Sensor, Surroundings
 from twin.sensors.compass import COMPASS_PRESETS, Compass
@@ -21,6 +22,7 @@ __all__ = [
     "IMU_PRESETS",
     "SENSORS",
     "SUITE_PRESETS",
+    "Altimeter",
     "Attitude",
     "Compass",
     "Ctd",

@@ -31,6 +31,8 @@ class Surroundings:
     """None: constant, the default profile"""
     bottom_depth: ArrayLike | None = None
     """[m] a number or one per sample; None: out of reach of every instrument"""
+    floor: NDArray[np.float64] | None = None
+    """the compiled sea floor; None: flat at the bottom's depth under each sample"""
     current: NDArray[np.float64] | None = None
     """the compiled current field; None: the vehicle's own current holds at every depth"""
 

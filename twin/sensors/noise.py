@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Normals = NDArray[np.float32]
 
-PLACES = ("imu", "attitude", "compass", "pressure", "gps", "dvl", "encoders", "onboard", "ctd")
+PLACES = (
+    "imu", "attitude", "compass", "pressure", "gps", "dvl", "encoders", "onboard", "ctd",
+    "altimeter",
+)  # fmt: skip
 """Places of the shipped sensors in the seed tree: append, never reorder. Any other sensor has the
 place that its name hashes to."""
 

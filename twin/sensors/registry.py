@@ -110,6 +110,7 @@ SENSORS: Registry[type[Sensor]] = Registry(
         "attitude": "twin.sensors.attitude:Attitude",
         "compass": "twin.sensors.compass:Compass",
         "pressure": "twin.sensors.pressure:Pressure",
+        "altimeter": "twin.sensors.altimeter:Altimeter",
         "gps": "twin.sensors.gps:Gps",
         "dvl": "twin.sensors.dvl:Dvl",
         "encoders": "twin.sensors.encoders:Encoders",

@@ -179,6 +179,7 @@ class SensorSuite(Mapping[str, Sensor]):
         latitude: float = 36.8,
         density: DensityProfile | None = None,
         current: NDArray[np.float64] | None = None,
+        floor: NDArray[np.float64] | None = None,
     ) -> dict[str, NDArray[Any]]:
         """Every array of `writes`, shape (n,), from the truth of one mission.
 
@@ -187,18 +188,25 @@ class SensorSuite(Mapping[str, Sensor]):
         left as it was. drawn: the mission's constants, by default `draw(rng_seed)`. bottom_depth
         [m]: a number or shape (n,); None puts the bottom out of the DVL's reach. latitude [deg].
         density: default constant. current: compiled current field for the DVL's water cells.
+        floor: compiled sea floor for the altimeter's beam.
         Raises InputError for a missing or misshapen signal, for a wrong dt, latitude or bottom,
         and for a sensor that does not return what it says.
         """
         n = self._check(truth, dt, latitude, bottom_depth)
         drawn = self.draw(rng_seed) if drawn is None else drawn
         surroundings = Surroundings(
-            latitude=latitude, density=density, bottom_depth=bottom_depth, current=current
+            latitude=latitude,
+            density=density,
+            bottom_depth=bottom_depth,
+            floor=floor,
+            current=current,
         )
         signals: dict[str, NDArray[Any]] = dict(truth)
         out: dict[str, NDArray[Any]] = {}
         for name, sensor in self.items():
             channels = [entry.name for entry in sensor.channels(truth)]
+            if not channels:  # nothing that this vehicle and this sea let it measure
+                continue
             if _exact(sensor, drawn):
                 made = {c: np.asarray(truth[f"true_{c[len('measured_') :]}"]) for c in channels}
             else:

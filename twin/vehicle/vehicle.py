@@ -53,6 +53,12 @@ class Vehicle:
     """[m]"""
     hull_compressibility: float
     """[1/Pa], relative volume lost per pressure."""
+    hull_thermal_expansion: float = 0.0
+    """[1/K], relative volume gained per temperature of the hull."""
+    hull_thermal_lag: float = 200.0
+    """[s], by which the hull's temperature follows the water's."""
+    hull_reference_temperature: float = 10.0
+    """[degree_Celsius], of the hull at which it displaces its neutral volume."""
     static_mass: float
     """[kg]"""
     static_cg: Array
@@ -93,7 +99,9 @@ class Vehicle:
             self._require(mass.mass > 0, f"mass of body {mass.name!r}", "positive")
         self._require(self.control_period > 0, "control_period", "positive")
         self._require(self.gravity > 0, "gravity", "downward along MuJoCo's z axis")
-        self._require(self.hull_compressibility >= 0, "hull_compressibility", "at least 0")
+        for name in ("hull_compressibility", "hull_thermal_expansion"):
+            self._require(getattr(self, name) >= 0, name, "at least 0")
+        self._require(self.hull_thermal_lag > 0, "hull_thermal_lag", "positive")
         for part in self.parts:
             for name, rule in part.problems():
                 self._require(False, f"{part.name}: {name}", rule)
@@ -404,6 +412,9 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         hull_length=number("hull_length"),
         hull_diameter=number("hull_diameter"),
         hull_compressibility=number("hull_compressibility"),
+        hull_thermal_expansion=number("hull_thermal_expansion", default=0.0),
+        hull_thermal_lag=number("hull_thermal_lag", default=200.0),
+        hull_reference_temperature=number("hull_reference_temperature", default=10.0),
         static_mass=float(reader.inertial(hull, "mass")[0]),
         static_cg=flip_vector(reader.inertial(hull, "pos")),
         static_inertia=reader.inertia(hull),

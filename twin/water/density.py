@@ -266,8 +266,17 @@ class DensityProfile:
         Without `spacing` [m] the table's own spacing is kept when it is uniform from the surface
         on; otherwise the table is interpolated every DEFAULT_SPACING.
         """
+        return self._compiled(self.values, spacing)
+
+    def compile_temperature(self, *, spacing: float | None = None) -> Array:
+        """In-situ temperature [degree_Celsius] likewise; empty where it is not known."""
+        if self.temperature is None:
+            return np.zeros(0)
+        return self._compiled(self.temperature, spacing)
+
+    def _compiled(self, values: Array, spacing: float | None) -> Array:
         if self.depth.size == 1:
-            return np.array([1.0, DEFAULT_SPACING, self.values[0]])
+            return np.array([1.0, DEFAULT_SPACING, values[0]])
         steps = np.diff(self.depth)
         uniform = self.depth[0] == 0.0 and np.allclose(steps, steps[0], rtol=1e-9, atol=0.0)
         if spacing is None:
@@ -280,4 +289,4 @@ class DensityProfile:
                 f"density profile: {n} points of {spacing:g} m exceed {MAX_PROGRAM_POINTS}; "
                 "compile with a larger spacing"
             )
-        return np.concatenate([[n, spacing], self.density(np.arange(n) * spacing)])
+        return np.concatenate([[n, spacing], np.interp(np.arange(n) * spacing, self.depth, values)])

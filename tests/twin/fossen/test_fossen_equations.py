@@ -129,7 +129,7 @@ def test_integrated_equation_is_fossens_in_an_unsteady_sheared_current(model):
         nu_r = random_nu(rng)
         position = np.array([10.0, -20.0, 30.0])
         actuators = np.array([0.02, 0.6, -200.0])
-        y = np.concatenate((position, q, nu_r))
+        y = np.concatenate((position, q, nu_r, [10.0]))
         dy = derivative(p, program, 500.0, y, actuators)
         r = quaternion_to_matrix(q)
         flow = np.array(sample(program, 500.0, *position, *dy[:3]))
@@ -140,14 +140,14 @@ def test_integrated_equation_is_fossens_in_an_unsteady_sheared_current(model):
         nu_w = nu_r - [0.0, 0.0, 0.0, g_body[2, 1], -g_body[2, 0], g_body[1, 0]]
         nu = nu_r + np.concatenate((body_current, np.zeros(3)))
         nu_c_dot = np.concatenate((-np.cross(omega, body_current) + r.T @ flow[3:], np.zeros(3)))
-        nu_dot = dy[7:] + nu_c_dot
+        nu_dot = dy[7:13] + nu_c_dot
         cg, inertia = distribution(p, *actuators[:2])
         displaced = displaced_mass(p, position[2], pumped(p, actuators)[0])
         g, _ = restoring(p, r[2].copy(), position[2], p.mass, p.mass * cg, displaced)
         left = (
             rigid_body_mass(p.mass, cg, inertia) @ nu_dot
             + rigid_body_coriolis(p.mass, cg, inertia, omega) @ nu
-            + p.added_mass @ dy[7:]
+            + p.added_mass @ dy[7:13]
             + added_mass_coriolis(p.added_mass, nu_w) @ nu_r
         )
         right = damping_wrench(p, nu_w, p.reference_density) - g
@@ -278,7 +278,7 @@ def test_static_equilibrium(model):
     cg, _ = distribution(p, 0.001, 0.5)
     pitch = math.atan2(-cg[0], math.hypot(cg[1], cg[2]))
     q = euler_to_quaternion(math.atan2(cg[1], cg[2]), pitch, 1.0)
-    y = np.concatenate(([0.0, 0.0, DEEP], q, np.zeros(6)))
+    y = np.concatenate(([0.0, 0.0, DEEP], q, np.zeros(6), [10.0]))
     rate = derivative(p, np.zeros(0), 0.0, y, np.array([0.001, 0.5, 0.0]))
     np.testing.assert_allclose(rate, 0.0, atol=1e-13)
 

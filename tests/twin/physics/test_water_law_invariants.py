@@ -182,9 +182,10 @@ CHANGES = {
 ALONG = {"blend_angle": {"linear_angle": 0.01}}
 STILL = {
     "name", "path", "xml", "masses", "parts", "law", "imu_position", "gps_position", "pitch_pid",
-    "heading_pid", "control_period", "cruise_speed", "steering", "spreads", "identified_angle",
+    "heading_pid", "hull_thermal_expansion", "hull_thermal_lag", "hull_reference_temperature",
+    "control_period", "cruise_speed", "steering", "spreads", "identified_angle",
 }  # fmt: skip
-"""What says nothing of how it moves under given commands"""
+"""What says nothing of how it moves under given commands in water of one temperature"""
 
 
 def test_every_field_is_looked_at():

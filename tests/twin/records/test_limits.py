@@ -5,7 +5,14 @@ from __future__ import annotations
 import pytest
 
 from twin.records.limits import TABLE, quantity, recorded_limits, simulated_limits
-from twin.records.schema import HYDROGRAPHY, LOGGED_ONLY, SIMULATED, VARIABLES, Variable
+from twin.records.schema import (
+    HYDROGRAPHY,
+    LOGGED_ONLY,
+    SIMULATED,
+    VARIABLES,
+    WITH_FLOOR,
+    Variable,
+)
 
 
 @pytest.mark.parametrize("name", VARIABLES)
@@ -17,7 +24,8 @@ def test_every_variable_has_limits(name: str) -> None:
 
 
 def test_every_row_is_used() -> None:
-    assert {quantity(name) for name in (*SIMULATED, *HYDROGRAPHY, *LOGGED_ONLY)} == set(TABLE)
+    named = (*SIMULATED, *HYDROGRAPHY, *LOGGED_ONLY, *WITH_FLOOR)
+    assert {quantity(name) for name in named} == set(TABLE)
 
 
 def test_sensors_may_say_more_than_a_simulation_does() -> None:

@@ -172,7 +172,7 @@ def test_the_shipped_suite_measures_what_it_always_has():
     assert MEASURED_SIGNALS[6:9] == ("measured_roll", "measured_pitch", "measured_heading")
     assert MEASURED_SIGNALS[-5:-2] == ("measured_shift", "measured_rotation", "measured_pump")
     assert len(MEASURED_SIGNALS) == 22
-    assert len(SensorSuite().drawn_units()) == 37
+    assert len(SensorSuite().drawn_units()) == 38
 
 
 def test_encoders_follow_the_parts_of_the_vehicle(truth):

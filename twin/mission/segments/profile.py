@@ -40,6 +40,9 @@ class Profile(Segment):
     """A dive turns into a climb here [m]."""
     min_depth_m: float = DEFAULT_MIN_DEPTH_M
     """A climb turns into a dive here [m]."""
+    min_altitude_m: float | None = None
+    """A dive turns into a climb this far above the sea floor [m], too; None: at `max_depth_m`
+    only. Of runs with a sea floor."""
     pitch_deg: float = 35.0
     """Pitch magnitude [deg], above 0 and below 60."""
     climb_pitch_deg: float | None = None
@@ -65,6 +68,8 @@ class Profile(Segment):
         if self.min_depth_m >= self.max_depth_m:
             rule = f"less than max_depth_m = {self.max_depth_m:g} m"
             check.fail(kind, "min_depth_m", self.min_depth_m, rule)
+        if self.min_altitude_m is not None:
+            check.limit(kind, "min_altitude_m", self.min_altitude_m, "m")
         check.pitch(kind, "pitch_deg", self.pitch_deg)
         check.net_mass(kind, "net_mass_kg", self.net_mass_kg)
         if self.climb_pitch_deg is not None:
@@ -110,6 +115,7 @@ class Profile(Segment):
         row = blank_row(vehicle)
         dive, climb = self._ways(vehicle, label)
         row[g.MIN_DEPTH], row[g.MAX_DEPTH] = self.min_depth_m, self.max_depth_m
+        row[g.MIN_ALTITUDE] = limit(self.min_altitude_m)
         row[g.DIVE_PITCH], row[g.CLIMB_PITCH] = dive.pitch, climb.pitch
         row[g.DIVE_TURN], row[g.CLIMB_TURN] = (turn_factor(vehicle, w) for w in (dive, climb))
         command_of(vehicle, row, g.DIVE_COMMAND)[:] = dive.command

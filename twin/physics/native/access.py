@@ -100,10 +100,13 @@ def header_address(table, model):
         and head.parts["size"] == PART_WORDS * head.nu
         and _inside(head.current, body)
         and _inside(head.density, body)
+        and _inside(head.temperature, body)
+        and _inside(head.floor, body)
+        and (head.floor["size"] == 0.0 or 0.0 <= head.floor_body < field(table, model, at.M_NMOCAP))
         and _inside(head.plan, body)
         and 0.0 <= head.plan_rows <= head.plan["size"]
         and head.log_ring >= 0.0
-        and STATE_WORDS + head.log_ring * (16.0 + head.nq + head.nv + 2.0 * head.nu)
+        and STATE_WORDS + head.log_ring * (17.0 + head.nq + head.nv + 2.0 * head.nu)
         <= head.nuserdata
     )
     if not fits:

@@ -2,8 +2,8 @@
 
 Everything that native code reads belongs to MuJoCo. A model carries its block at the end of
 `mjModel.numeric_data`, in a `<numeric>` that compiling appends: first the tables (parts, hull law,
-mission, current, density), then the HEADER, which says where they are. So a model can be copied,
-pickled, saved, loaded in another process and given to `mujoco.batch` like any other.
+mission, current, density, sea floor), then the HEADER, which says where they are. So a model can
+be copied, pickled, saved, loaded in another process and given to `mujoco.batch` like any other.
 
 State that must follow a simulation sits in `mjData.userdata`: first the STATE, then the last log
 rows in a ring. Units are SI, axes FRD and NED. All fields are float64.
@@ -62,6 +62,9 @@ HEADER = np.dtype(
         ("gravity", "f8"),  # [m/s2]
         ("reference_density", "f8"),  # [kg/m3]
         ("compressibility", "f8"),  # [1/Pa]
+        ("thermal_expansion", "f8"),  # [1/K]
+        ("thermal_lag", "f8"),  # [s]
+        ("reference_temperature", "f8"),  # [degC]
         ("length", "f8"),  # [m]
         ("diameter", "f8"),  # [m]
         ("added_mass", "f8", (6, 6)),  # FRD about the CB
@@ -75,6 +78,9 @@ HEADER = np.dtype(
         # water
         ("current", TABLE),
         ("density", TABLE),
+        ("temperature", TABLE),  # in situ, likewise; empty: not known
+        ("floor", TABLE),
+        ("floor_body", "f8"),  # place of the floor's plane among the mocap bodies
         # control
         ("control", "f8"),  # CONTROL_NONE, CONTROL_MISSION or CONTROL_SCHEDULE
         ("control_period", "f8"),  # [s]
@@ -103,6 +109,11 @@ STATE = np.dtype(
         ("density", "f8"),  # [kg/m3] at the CB
         ("immersion", "f8"),  # mean immersed fraction
         ("net_mass", "f8"),  # [kg] fully immersed
+        ("hull_temperature", "f8"),  # [degC]
+        ("hull_time", "f8"),  # [s] that it is for
+        ("hull_known", "f8"),  # 1 once the two above hold something
+        ("altitude", "f8"),  # [m] of the CB above the sea floor; inf without one
+        ("contact", "f8"),  # 1: touched something since the last log row
         ("time", "f8"),  # [s] of the last time-centred evaluation
         ("twist", "f8", (6,)),  # qvel[0:6] then
         ("earlier", "f8", (6,)),  # qvel[0:6] one step before that
@@ -131,6 +142,7 @@ def log_row(nq: int, nv: int, nu: int) -> np.dtype:
             ("density", "f8"),
             ("immersion", "f8"),
             ("net_mass", "f8"),
+            ("contact", "f8"),  # 1: touched something since the row before
             ("pitch_setpoint", "f8"),
             ("heading_setpoint", "f8"),
             ("segment", "f8"),

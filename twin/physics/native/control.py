@@ -60,4 +60,5 @@ def run_control(head, start, table, data, time, state):
         -velocity[4],
         -velocity[5],
         control,
+        state.altitude,
     )

@@ -40,6 +40,16 @@ def load_i8(typingctx, address):
 
 
 @intrinsic
+def load_i4(typingctx, address):
+    """The int32 at `address`."""
+
+    def codegen(context, builder, signature, args):
+        return builder.load(_pointer(builder, args[0], ir.IntType(32)))
+
+    return types.int32(types.int64), codegen
+
+
+@intrinsic
 def as_f8_pointer(typingctx, address):
     """`address` as a pointer that `numba.carray` turns into an array."""
 

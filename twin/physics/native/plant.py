@@ -37,12 +37,14 @@ from twin.physics.native.effects import (
     part_volume,
     part_wrench,
 )
+from twin.physics.native.floor import follow_floor, note_contact
 from twin.physics.native.mass_matrix import add_added_mass, add_point_mass
 from twin.physics.native.memory import load_f8, load_i8
 from twin.physics.native.sample_log import run_log
 from twin.physics.native.water import (
     added_mass_wrench,
     displaced_volume,
+    hull_warming,
     immersion,
     part_rate,
     point_mass_wrench,
@@ -243,14 +245,11 @@ def water(model, data):
     )
 
     # buoyancy, and the parts: their wrenches in FRD become hull axes here
-    total_volume = displaced_volume(
-        head.neutral_volume,
-        volume,
-        head.reference_density,
-        head.gravity,
-        head.compressibility,
-        depth,
-    )
+    warming = 0.0
+    if head.temperature["size"] > 0.0:
+        seawater = density_at(table_of(start, head, head.temperature), depth)
+        warming = hull_warming(head, state, time, seawater)
+    total_volume = displaced_volume(head, volume, depth, warming)
     lift = density * total_volume * head.gravity
     for k in range(count if head.acting != 0.0 else 0):
         part = part_at(start, head, k)
@@ -308,6 +307,7 @@ def water(model, data):
     force[4] = my - (oz * fx - ox * fz)
     force[5] = mz - (ox * fy - oy * fx)
 
+    follow_floor(head, start, table, data, position, state)
     state.current[0], state.current[1], state.current[2] = cn, ce, cd
     state.current_rate[0], state.current_rate[1], state.current_rate[2] = rn, re, rd
     state.density = density
@@ -339,6 +339,7 @@ def control(model, data):
     if state.failed != 0.0:
         return
     time = load_f8(data + load_i8(table + 8 * at.D_TIME))
+    note_contact(table, data, state)
     if head.control != CONTROL_NONE:
         run_control(head, block_start(address, head), table, data, time, state)
     if head.log_period > 0.0:

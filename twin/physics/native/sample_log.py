@@ -22,7 +22,7 @@ def run_log(head, table, model, data, time, state):
     nq, nv, nu, ring = int(head.nq), int(head.nv), int(head.nu), int(head.log_ring)
     if ring < 1 or not 0.0 <= state.logged <= head.log_samples:
         return
-    width = 16 + nq + nv + 2 * nu
+    width = 17 + nq + nv + 2 * nu
     first = field(table, data, at.D_USERDATA) + 8 * STATE_WORDS
     qvel = array(field(table, data, at.D_QVEL), nv)
     timestep = load_f8(model + load_i8(table + 8 * at.M_TIMESTEP))
@@ -58,10 +58,12 @@ def run_log(head, table, model, data, time, state):
     row[k + 3] = state.density
     row[k + 4] = state.immersion
     row[k + 5] = state.net_mass
-    row[k + 6] = state.guidance[PITCH_SETPOINT]
-    row[k + 7] = state.guidance[HEADING_SETPOINT]
-    row[k + 8] = state.guidance[SEGMENT]
+    row[k + 6] = state.contact
+    state.contact = 0.0
+    row[k + 7] = state.guidance[PITCH_SETPOINT]
+    row[k + 8] = state.guidance[HEADING_SETPOINT]
+    row[k + 9] = state.guidance[SEGMENT]
     for i in range(6):
-        row[k + 9 + i] = 0.0
+        row[k + 10 + i] = 0.0
     state.logged += 1.0
     state.open = 1.0

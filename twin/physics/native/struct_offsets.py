@@ -31,7 +31,8 @@ D_TIME, D_QPOS, D_QVEL, D_ACT, D_CTRL, D_USERDATA = 3, 4, 5, 6, 7, 8
 D_XFRC_APPLIED, D_XPOS, D_XMAT, D_XIPOS, D_MASS = 9, 10, 11, 12, 13
 D_QFRC_PASSIVE = 20
 M_NQ, M_NV, M_NU, M_NA, M_NBODY, M_NUSERDATA = 14, 15, 16, 17, 18, 19
-SLOTS = 21
+M_NMOCAP, D_MOCAP_POS, D_MOCAP_QUAT, D_NCON = 21, 22, 23, 24
+SLOTS = 25
 
 _MODEL_FIELDS = {
     M_NUMERIC_COUNT: "nnumericdata",
@@ -42,6 +43,7 @@ _MODEL_FIELDS = {
     M_NA: "na",
     M_NBODY: "nbody",
     M_NUSERDATA: "nuserdata",
+    M_NMOCAP: "nmocap",
 }
 _DATA_FIELDS = {
     D_TIME: "time",
@@ -56,7 +58,12 @@ _DATA_FIELDS = {
     D_XIPOS: "xipos",
     D_MASS: "M",
     D_QFRC_PASSIVE: "qfrc_passive",
+    D_MOCAP_POS: "mocap_pos",
+    D_MOCAP_QUAT: "mocap_quat",
+    D_NCON: "ncon",
 }
+_HALF_WORDS = (D_NCON,)
+"""Slots of 32-bit integers"""
 _SCALARS: dict[str, Any] = {
     "mjtSize": ctypes.c_int64,
     "mjtNum": ctypes.c_double,
@@ -121,13 +128,16 @@ def prove(table: np.ndarray, numeric_size: int, user_size: int) -> None:
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="{timestep}"/><size nuserdata="{user_size}"/>
         <custom><numeric name="probe" size="{numeric_size}" data="0"/></custom>
-        <worldbody><body><freejoint/><inertial pos="0.1 0 0" mass="3" diaginertia="1 1 1"/>
+        <worldbody><body mocap="true"><geom size="1"/><geom size="2"/><geom size="3"/>
+        </body><body><freejoint/><geom size="1" mass="0"/>
+        <inertial pos="0.1 0 0" mass="3" diaginertia="1 1 1"/>
         <body><joint name="j" type="slide"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>
         </body></body></worldbody>
         <actuator><general joint="j" dyntype="integrator"/><pid joint="j"/></actuator></mujoco>"""
     )
     data = mujoco.MjData(model)
     data.time = time
+    mujoco.mj_fwdPosition(model, data)  # finds three contacts
 
     def word(owner: Any, slot: int, kind: Any) -> Any:
         return kind.from_address(owner._address + int(table[slot])).value
@@ -141,7 +151,8 @@ def prove(table: np.ndarray, numeric_size: int, user_size: int) -> None:
         for slot, name in fields.items():
             value = getattr(owner, name)
             if isinstance(value, int):
-                checks.append((f"{label}.{name}", word(owner, slot, ctypes.c_int64), value))
+                kind = ctypes.c_int32 if slot in _HALF_WORDS else ctypes.c_int64
+                checks.append((f"{label}.{name}", word(owner, slot, kind), value))
             if isinstance(value, np.ndarray):
                 address = word(owner, slot, ctypes.c_size_t)
                 checks.append((f"{label}.{name}", address, value.ctypes.data))

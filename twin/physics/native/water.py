@@ -124,11 +124,32 @@ def immersion(length, diameter, depth, sin_pitch):
 
 
 @inline
-def displaced_volume(neutral, pumped, reference_density, gravity, compressibility, depth):
-    """Volume [m3] with `pumped` [cm3] at `depth` [m]; the hull shrinks linearly with pressure."""
-    pressure = reference_density * gravity * max(depth, 0.0)
-    volume = neutral + 1e-6 * pumped
-    return volume * (1.0 - compressibility * pressure)
+def displaced_volume(head, pumped, depth, warming):
+    """Volume [m3] with `pumped` [cm3] at `depth` [m] of a hull `warming` [K] above its reference.
+
+    It shrinks linearly with pressure and grows linearly with temperature.
+    """
+    pressure = head.reference_density * head.gravity * max(depth, 0.0)
+    volume = head.neutral_volume + 1e-6 * pumped
+    return volume * (1.0 - head.compressibility * pressure + head.thermal_expansion * warming)
+
+
+@inline
+def hull_warming(head, state, time, water):
+    """Temperature [K] of the hull above its reference; it follows that of the `water` [degC].
+
+    Exact for a temperature of the water that is constant since the last call; a call at the same
+    time changes nothing, one at an earlier time begins again.
+    """
+    if state.hull_known == 0.0 or time < state.hull_time:
+        state.hull_temperature, state.hull_known = water, 1.0
+    else:
+        passed = time - state.hull_time
+        state.hull_temperature += (water - state.hull_temperature) * -math.expm1(
+            -passed / head.thermal_lag
+        )
+    state.hull_time = time
+    return state.hull_temperature - head.reference_temperature
 
 
 @inline

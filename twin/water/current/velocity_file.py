@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.errors import CurrentError, unknown_name
+from twin.errors import CurrentError, InputError, unknown_name
 from twin.water.current.axes import REGRID, Axis, find_axes
 
 if TYPE_CHECKING:
@@ -90,19 +90,25 @@ class Velocity:
     """The names are those of raw NEMO output, which marks land by 0."""
 
 
-def open_data_set(path: str) -> xr.Dataset:
+def open_data_set(
+    path: str, what: str = "current", failure: type[InputError] = CurrentError
+) -> xr.Dataset:
     """The data set at a netCDF file or zarr store, values lazy, times undecoded.
 
     Times stay numbers because some HYCOM files carry a second time variable that cannot be
-    decoded. Raises CurrentError when it cannot be read.
+    decoded.
+
+    Args:
+      what: the file in messages.
+      failure: what is raised when it cannot be read.
     """
     import xarray as xr
 
     remote = "://" in path
     if not remote and not Path(path).exists():
-        raise CurrentError(f"no current file {path}: give a CF netCDF file or a zarr store")
+        raise failure(f"no {what} file {path}: give a CF netCDF file or a zarr store")
     if not remote and Path(path).is_file() and Path(path).stat().st_size == 0:
-        raise CurrentError(f"current file {path} is empty (0 bytes): copy or download it again")
+        raise failure(f"{what} file {path} is empty (0 bytes): copy or download it again")
     is_zarr = path.rstrip("/").endswith(".zarr") or (not remote and Path(path).is_dir())
     try:
         with warnings.catch_warnings():
@@ -118,7 +124,7 @@ def open_data_set(path: str) -> xr.Dataset:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         if NO_BACKEND in reason:
             reason = "its content is neither of the two; convert it, or download it again"
-        raise CurrentError(f"cannot read {path} as CF netCDF or zarr: {reason}") from None
+        raise failure(f"cannot read {path} as CF netCDF or zarr: {reason}") from None
 
 
 def find_velocity(

@@ -1,0 +1,228 @@
+"""Sea floor and obstacles: what the hull touches, at which altitude dives turn, and its replay."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import twin
+from twin.errors import FloorError, InputError, MissionError, VehicleError
+from twin.mission import Mission, SawTooth
+from twin.mission.controller import MissionController
+from twin.physics.fleet import make_batch
+from twin.physics.mujoco_model import compile_model, write_tables
+from twin.physics.scenario import Scenario, Start, scenario_from_dict
+from twin.physics.simulation import Simulation, simulate
+from twin.physics.tables import Tables
+from twin.records.summary import summarise
+from twin.vehicle.assets import asset_path
+from twin.vehicle.vehicle import load_vehicle, parse_vehicle
+from twin.water.current.uniform import Uniform
+from twin.water.floor import Bathymetry, FlatFloor, GridFloor
+
+VEHICLE = load_vehicle("glider")
+TEXT = asset_path("glider.xml").read_text()
+YO = Mission(segments=(SawTooth(max_depth_m=60.0, yos=1),), duration_s=600.0)
+AXIS = np.arange(-1000.0, 1001.0, 100.0)
+NORTH, EAST = np.meshgrid(AXIS, AXIS, indexing="ij")
+SLOPE = GridFloor(north_m=AXIS, east_m=AXIS, depth_m=50.0 - 0.15 * NORTH + 0.1 * EAST)
+ROUGH = GridFloor(
+    north_m=AXIS,
+    east_m=AXIS,
+    depth_m=55.0 - 0.1 * NORTH + np.random.default_rng(1).uniform(-4.0, 4.0, NORTH.shape),
+)
+PLANE = '<worldbody><geom name="rock" type="plane" pos="0 0 -30" size="0 0 1"/>'
+OFF = 'contact="disable" constraint="disable"'
+
+
+def yo(**segment):
+    return Mission(segments=(SawTooth(max_depth_m=60.0, yos=1, **segment),), duration_s=600.0)
+
+
+def test_a_glider_comes_to_rest_on_the_floor():
+    run = twin.simulate(mission=YO, floor="depth:30")
+    assert run["true_depth"].max() < 30.0
+    late = run.time > 400.0
+    assert np.ptp(run["true_north"][late]) < 0.2
+    assert run["true_velocity_down"][late].max() < 0.01
+    assert run["true_contact"][late].all()
+    assert not run["true_contact"][run.time < 100.0].any()
+    figures = summarise(run)
+    assert figures["grounded"]
+    assert 100.0 < figures["first_contact_s"] < 130.0
+    assert figures["min_altitude_m"] == pytest.approx(run["true_altitude"].min())
+    assert 0.0 < figures["min_altitude_m"] < 1.0
+
+
+def test_a_hull_on_a_slope_touches_the_slope():
+    run = twin.simulate(mission=YO, floor=SLOPE)
+    late = run.time > 400.0
+    pitch, heading = (np.deg2rad(run[f"true_{n}"][late]) for n in ("pitch", "heading"))
+    reach = VEHICLE.hull_length / 2 - VEHICLE.hull_diameter / 2
+    north = run["true_north"][late] + reach * np.cos(pitch) * np.cos(heading)
+    east = run["true_east"][late] + reach * np.cos(pitch) * np.sin(heading)
+    nose = run["true_depth"][late] - reach * np.sin(pitch)
+    above = (50.0 - 0.15 * north + 0.1 * east - nose) / np.sqrt(1.0 + 0.15**2 + 0.1**2)
+    np.testing.assert_allclose(above, VEHICLE.hull_diameter / 2, atol=0.02)
+
+
+def test_a_floor_out_of_reach_changes_nothing():
+    scenario = Scenario(plan=yo(heading_deg=40.0), current=Uniform(north=0.1, east=-0.05))
+    without = simulate(scenario)
+    above = simulate(Scenario(**{**vars(scenario), "floor": FlatFloor(depth_m=90.0)}))
+    np.testing.assert_array_equal(without.states, above.states)
+    assert set(above) - set(without) == {"true_altitude", "true_contact"}
+    np.testing.assert_allclose(above["true_altitude"], 90.0 - above["true_depth"], atol=1e-12)
+    assert not summarise(above)["grounded"]
+    assert summarise(above)["first_contact_s"] is None
+    assert "grounded" not in summarise(without)
+
+
+def test_without_anything_to_hit_mujoco_does_not_look_for_contacts():
+    model = compile_model("glider", lean=True)
+    assert model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
+    assert model.nmocap == 0
+    assert model.ngeom == 4  # the ellipsoids of the other law
+
+
+def test_a_fleet_meets_the_same_floor():
+    scenarios = [
+        Scenario(plan=YO, duration=300.0, floor=floor)
+        for floor in (SLOPE, FlatFloor(depth_m=25.0), ROUGH)
+    ]
+    for alone, batched in zip(map(simulate, scenarios), make_batch(scenarios).run(), strict=True):
+        np.testing.assert_array_equal(alone.states, batched.states)
+        np.testing.assert_array_equal(alone["true_contact"], batched["true_contact"])
+        assert alone["true_contact"].max() > 0.0
+
+
+@pytest.mark.parametrize("floor", [FlatFloor(depth_m=50.0), SLOPE, ROUGH])
+def test_dives_turn_at_an_altitude(floor):
+    run = twin.simulate(mission=yo(min_altitude_m=12.0), floor=floor)
+    turned = np.flatnonzero(run["commanded_pitch"] > 0)[0]
+    assert run["true_altitude"][turned] <= 12.0 < run["true_altitude"][turned - 2]
+    assert 8.0 < run["true_altitude"].min() < 12.0  # the overshoot of an inflection
+    assert not summarise(run)["grounded"]
+    deeper = twin.simulate(mission=yo(min_altitude_m=12.0), floor="depth:500")
+    shallower = twin.simulate(mission=yo())
+    np.testing.assert_array_equal(deeper.states, shallower.states)  # the depth comes first
+
+
+def test_a_dive_below_its_altitude_climbs_at_once():
+    """Two segments: the second begins nearer to the floor than it may dive."""
+    first, second = (
+        SawTooth(max_depth_m=60.0, yos=0.5),
+        SawTooth(max_depth_m=60.0, min_altitude_m=45.0, yos=1),
+    )
+    mission = Mission(segments=(first, second), duration_s=900.0)
+    run = twin.simulate(mission=mission, floor="depth:70")
+    begun = np.flatnonzero(run["commanded_segment"] == 1)[0]
+    assert (run["commanded_pitch"][begun : begun + 20] > 0).all()
+    again = run["true_depth"][run.time > run.time[begun] + 300.0]
+    assert again.max() < 29.0  # the next dive turns at 70 - 45 m
+
+
+def test_guidance_in_python_turns_at_the_same_altitude():
+    mission = yo(min_altitude_m=12.0)
+    native = simulate(Scenario(plan=mission, floor=ROUGH))
+    scenario = Scenario(duration=600.0, floor=ROUGH, start=Scenario(plan=YO).usual_start())
+    python = simulate(scenario, MissionController(mission, VEHICLE))
+    assert native["true_altitude"].min() == pytest.approx(python["true_altitude"].min(), abs=0.05)
+    assert python["true_altitude"].min() > 8.0
+    with pytest.raises(MissionError, match="the observation has no altitude"):
+        simulate(Scenario(duration=60.0), MissionController(mission, VEHICLE))
+
+
+def test_an_altitude_without_a_floor_is_refused():
+    with pytest.raises(MissionError, match="the scenario has no sea floor"):
+        Scenario(plan=yo(min_altitude_m=12.0))
+    with pytest.raises(MissionError, match="min_altitude_m = 0 is not possible"):
+        yo(min_altitude_m=0)
+
+
+def test_a_start_needs_water_under_it():
+    with pytest.raises(FloorError, match="at a depth of 300 m, where the sea floor is at 200 m"):
+        simulate(Scenario(plan=YO, floor=FlatFloor(depth_m=200.0), start=Start(depth=300.0)))
+    land = GridFloor(north_m=AXIS, east_m=AXIS, depth_m=NORTH - 10.0)
+    with pytest.raises(FloorError, match="on land, 10 m above the sea"):
+        simulate(Scenario(plan=YO, floor=land))
+    with pytest.raises(FloorError, match="the sea is 15 m deep"):
+        simulate(Scenario(plan=yo(min_altitude_m=12.0), floor=FlatFloor(depth_m=15.0)))
+    with pytest.raises(FloorError, match="where the mission starts"):
+        Scenario(plan=YO, floor=Bathymetry(path="gebco.nc"))
+
+
+def test_a_described_floor_flies_again():
+    scenario = Scenario(plan=yo(min_altitude_m=12.0), floor=ROUGH, duration=300.0)
+    described = json.loads(json.dumps(scenario.describe()))
+    np.testing.assert_array_equal(
+        simulate(scenario).states, simulate(scenario_from_dict(described)).states
+    )
+    older = {name: value for name, value in described.items() if name != "floor"}
+    older["plan"]["segments"][0].pop("min_altitude_m")
+    assert scenario_from_dict(older).floor is None
+
+
+# --- obstacles of the vehicle file ------------------------------------------------------------
+
+
+def with_obstacle(text: str = TEXT) -> twin.Vehicle:
+    return parse_vehicle(text.replace("<worldbody>", PLANE), Path("glider.xml"))
+
+
+def test_an_obstacle_of_the_file_stays_in_every_run():
+    scenario = Scenario(vehicle=with_obstacle(), plan=YO)
+    alone, full = simulate(scenario), Simulation(scenario, lean=False).run()
+    (batched,) = make_batch([scenario]).run()
+    for run in (alone, full, batched):
+        assert 25.0 < run["true_depth"].max() < 30.0
+        assert summarise(run)["grounded"]
+        np.testing.assert_array_equal(run.states, alone.states)
+    assert "true_altitude" not in alone  # it is no sea floor
+
+
+def test_a_colliding_geom_of_the_vehicle_is_its_shape():
+    """A skid 1 m below the hull keeps it that much higher."""
+    skid = '<geom name="skid" type="sphere" pos="0.7 0 -1" size="0.05" mass="0"/><site name="cb"'
+    text = TEXT.replace('<site name="cb"', skid, 1)
+    higher = simulate(Scenario(vehicle=with_obstacle(text), plan=YO))
+    usual = simulate(Scenario(vehicle=with_obstacle(), plan=YO))
+    assert higher["true_depth"].max() < usual["true_depth"].max() - 0.3
+
+
+def test_an_obstacle_that_could_not_be_hit_is_refused():
+    flagless = '<flag autoreset="disable"/>'
+    assert flagless in TEXT
+    vehicle = with_obstacle(TEXT.replace(flagless, f"<flag {OFF}/>"))
+    with pytest.raises(VehicleError, match=r"'rock' stands in the water.*pass through it"):
+        compile_model(vehicle)
+    drawn = PLANE.replace("size=", 'contype="0" conaffinity="0" size=')
+    compile_model(parse_vehicle(TEXT.replace("<worldbody>", drawn), Path("glider.xml")))
+
+
+def test_a_file_that_switches_contacts_off_still_meets_the_sea_floor():
+    text = TEXT.replace('<flag autoreset="disable"/>', f"<flag {OFF}/>")
+    run = twin.simulate(
+        vehicle=parse_vehicle(text, Path("glider.xml")), mission=YO, floor="depth:30"
+    )
+    np.testing.assert_array_equal(run.states, twin.simulate(mission=YO, floor="depth:30").states)
+
+
+def test_tables_with_a_floor_need_a_model_with_one():
+    model = compile_model("glider", lean=True, reserve=100)
+    with pytest.raises(FloorError, match="compiled without a sea floor"):
+        write_tables(model, Tables(floor=FlatFloor(depth_m=50.0).compile(0.0)))
+
+
+def test_sensors_see_the_floor_and_nothing_else_beside_it():
+    with pytest.raises(InputError, match="a floor or a bottom_depth, not both"):
+        twin.simulate(mission=YO, floor="depth:90", sensors="ideal", bottom_depth=90.0)
+    run = twin.simulate(mission=YO, floor="depth:90", sensors="ideal")
+    np.testing.assert_array_equal(run["measured_altitude"], run["true_altitude"])
+    assert "measured_altitude" not in twin.simulate(mission=YO, sensors="ideal")
+    near = twin.simulate(mission=yo(min_altitude_m=10.0), floor=SLOPE, sensors="field")
+    assert (near["measured_dvl_mode"] == 1).mean() > 0.5  # the Doppler log sees the same bottom

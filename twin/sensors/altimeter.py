@@ -1,0 +1,155 @@
+"""Altimeter: the height above the sea floor by one downward echo sounder.
+
+Each ping the range along the beam to the sea floor is measured, and the vehicle makes a height of
+it with its own pitch and roll. The beam is tilted forward, so that it is plumb in a dive: at the
+pitch of a climb it looks aft of the vehicle, and beyond `max_beam_angle_deg` no echo comes back.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.records.schema import Variable, variables
+from twin.sensors.base import NOWHERE, Sensor, Surroundings
+from twin.sensors.checks import (
+    Drawn,
+    Signals,
+    drawn_value,
+    require_non_negative,
+    require_positive,
+    signal,
+)
+from twin.sensors.noise import normals
+
+Array = NDArray[np.float64]
+
+ANGLES = ("roll", "pitch", "heading")
+MARCH = 2.0
+"""[m] steps in which the beam looks for the floor: finer than any bathymetry grid"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Altimeter(Sensor):
+    """One narrow beam; it measures in missions with a sea floor.
+
+    Range and tilt: the altimeter of Slocum gliders (Teledyne's G2 manual: 0 to 100 m, tilted by
+    26 deg so that it is plumb in a dive at that pitch). Noise, scale and lost pings: ours.
+    """
+
+    name = "altimeter"
+    reads = (
+        "true_altitude", "true_north", "true_east", "true_depth",
+        "true_roll", "true_pitch", "true_heading", "measured_roll", "measured_pitch",
+    )  # fmt: skip
+    writes = variables("measured_altitude")
+    draws: ClassVar[Mapping[str, str]] = {"altimeter_scale": "1"}
+    ideal_is_truth = True
+
+    fitted: bool = True
+    """False: the vehicle carries none, and every value is NaN"""
+    tilt_deg: float = 26.0
+    """[deg] of the beam from the hull's downward axis, forward"""
+    min_range: float = 0.5
+    """[m] shortest range"""
+    max_range: float = 100.0
+    """[m] longest range"""
+    max_beam_angle_deg: float = 35.0
+    """[deg] from the vertical; beyond it the echo goes elsewhere"""
+    ping_period: float = 4.0
+    """[s] between pings; the samples in between are NaN"""
+    scale: float = 0.005
+    """[1] standard deviation of the error of the assumed sound speed, per mission"""
+    noise: float = 0.1
+    """[m] white, per ping"""
+    lost_share: float = 0.05
+    """[1] of the pings without a usable echo"""
+
+    def __post_init__(self) -> None:
+        require_positive(self, "max_range")
+        require_non_negative(self, "min_range", "ping_period", "scale", "noise", "lost_share")
+        if self.lost_share > 1.0:
+            raise InputError(f"Altimeter.lost_share is {self.lost_share:g}: it must be at most 1")
+        if self.min_range >= self.max_range:
+            raise InputError(
+                f"Altimeter ranges {self.min_range:g}..{self.max_range:g} m: the longest must "
+                "exceed the shortest"
+            )
+        for name in ("tilt_deg", "max_beam_angle_deg"):
+            if not 0.0 <= getattr(self, name) < 90.0:
+                raise InputError(
+                    f"Altimeter.{name} is {getattr(self, name):g} deg: give 0 to below 90"
+                )
+
+    @classmethod
+    def ideal(cls) -> Altimeter:
+        """The true height at every sample."""
+        return cls(
+            tilt_deg=0.0, min_range=0.0, max_range=12_000.0, ping_period=0.0, scale=0.0, noise=0.0,
+            lost_share=0.0,
+        )  # fmt: skip
+
+    def inputs(self, signals: Iterable[str]) -> tuple[str, ...]:
+        """Position and attitude, where there is a sea floor."""
+        return self.reads if "true_altitude" in set(signals) else ()
+
+    def channels(self, signals: Iterable[str]) -> tuple[Variable, ...]:
+        """The height, where there is a sea floor."""
+        return self.writes if "true_altitude" in set(signals) else ()
+
+    def draw(self, rng: np.random.Generator) -> dict[str, float]:
+        """The mission's relative error of the range [1]."""
+        return {"altimeter_scale": float(self.scale * rng.standard_normal())}
+
+    def measure(
+        self,
+        signals: Signals,
+        *,
+        dt: float,
+        drawn: Drawn,
+        rng: np.random.Generator,
+        surroundings: Surroundings = NOWHERE,
+    ) -> dict[str, NDArray[Any]]:
+        """measured_altitude [m]; NaN between pings, out of range and without an echo."""
+        height = np.full(np.shape(signals["true_altitude"])[0], np.nan)
+        if self.fitted:
+            at = np.arange(0, height.size, max(1, round(self.ping_period / dt)))
+            toward = self._beam(*(signal(signals, f"true_{n}")[at] for n in ANGLES))
+            length = self._lengths(signals, at, toward, surroundings)
+            length *= 1.0 + drawn_value(drawn, "altimeter_scale")
+            length += self.noise * normals(rng, at.size)
+            lost = rng.random(at.size) < self.lost_share
+            lost |= (length < self.min_range) | ~(length <= self.max_range)
+            lost |= toward[:, 2] < math.cos(math.radians(self.max_beam_angle_deg))
+            tilted = (signal(signals, f"measured_{n}")[at] for n in ANGLES[:2])
+            believed = self._beam(*tilted, np.zeros(at.size))
+            height[at] = np.where(lost, np.nan, length * believed[:, 2])
+        return {"measured_altitude": height}
+
+    def _beam(self, *angles: Array) -> Array:
+        """Unit vectors of the beam NED, shape (n, 3), at a roll, pitch and heading [deg]."""
+        from twin.frames import euler_to_matrix
+
+        tilt = math.radians(self.tilt_deg)
+        to_ned = euler_to_matrix(*(np.deg2rad(angle) for angle in angles))
+        return np.asarray(to_ned @ np.array([math.sin(tilt), 0.0, math.cos(tilt)]))
+
+    def _lengths(
+        self, signals: Signals, at: NDArray[np.int64], toward: Array, surroundings: Surroundings
+    ) -> Array:
+        """Ranges [m] along the beams to the sea floor, inf out of reach, shape (pings,)."""
+        if surroundings.floor is None:  # level as far as the beam goes
+            with np.errstate(divide="ignore"):
+                below = signal(signals, "true_altitude")[at] / np.maximum(toward[:, 2], 0.0)
+            return np.maximum(below, 0.0)
+        from twin.water.floor.lookup import beam_lengths
+
+        place = [signal(signals, f"true_{name}")[at] for name in ("north", "east", "depth")]
+        reach = 1.1 * self.max_range  # noise may bring a longer one back within it
+        return beam_lengths(surroundings.floor, *place, toward, reach, MARCH)

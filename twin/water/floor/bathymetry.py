@@ -1,0 +1,265 @@
+"""Bathymetry: a sea floor read from a netCDF file or a zarr store on latitude and longitude.
+
+GEBCO's layout is the pattern: `elevation` in m, positive up, on `lat` and `lon`. ETOPO, EMODnet
+and the static files of ocean models are read too; what counts downward is told by its
+standard_name, its attribute `positive` or its name.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from twin.errors import FloorError, unknown_name
+from twin.water.current.axes import AXIS_NAMES, LATITUDE_UNITS, LONGITUDE_UNITS
+from twin.water.current.origin import Origin
+from twin.water.floor.base import Array, Floor
+from twin.water.floor.grid import check_depths
+from twin.water.floor.lookup import pack
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SPEED = 1.5
+"""[m/s] over ground; no glider keeps more over a mission. Sizes the part to load."""
+LARGEST = 4_000_000
+"""Nodes that are loaded at most, 32 MB: they travel in the simulation's model"""
+
+UP = "up"
+DOWN = "down"
+STANDARD_NAMES = {
+    "height_above_mean_sea_level": UP,
+    "height_above_geoid": UP,
+    "height_above_reference_ellipsoid": UP,
+    "height_above_geopotential_datum": UP,
+    "surface_altitude": UP,
+    "altitude": UP,
+    "sea_floor_depth_below_geoid": DOWN,
+    "sea_floor_depth_below_mean_sea_level": DOWN,
+    "sea_floor_depth_below_sea_surface": DOWN,
+    "sea_floor_depth_below_sea_level": DOWN,
+    "sea_floor_depth_below_reference_ellipsoid": DOWN,
+    "sea_floor_depth_below_geopotential_datum": DOWN,
+    "sea_floor_depth": DOWN,
+}
+"""CF names of the quantity, and where they count to"""
+NAMES = {
+    "elevation": UP,
+    "z": UP,
+    "topo": UP,
+    "altitude": UP,
+    "deptho": DOWN,
+    "bathymetry": DOWN,
+    "depth": DOWN,
+    "bathy_metry": DOWN,
+}
+"""Variables of GEBCO and EMODnet, ETOPO, and of ocean models, when no standard name tells"""
+METRES = ("m", "meter", "meters", "metre", "metres", "")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bathymetry(Floor):
+    """Depths of a file around the mission's start, bilinear between its nodes."""
+
+    kind: ClassVar[str] = "bathymetry"
+    needs_place: ClassVar[bool] = True
+
+    path: str
+    """netCDF file or zarr store"""
+    variable: str | None = None
+    """Its variable; None: by standard_name, then by usual names"""
+    positive: str | None = None
+    """Where its values count to, "up" or "down"; None: as its attributes or its name say"""
+    reach_m: float | None = None
+    """[m] half-width of the part to load; None: what the mission can cover in its duration"""
+    sha256: str | None = None
+    """Hash of the part that was used; a file with other content is then refused"""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "path", str(self.path))
+        if self.positive not in (None, UP, DOWN):
+            raise FloorError(
+                f"bathymetry: {unknown_name('positive', str(self.positive), (UP, DOWN))}"
+            )
+        reach = self.reach_m
+        if reach is not None and not (math.isfinite(reach) and reach > 0.0):
+            raise FloorError(f"bathymetry: reach_m = {reach} m must be above 0 and finite")
+
+    def compile(self, duration_s: float, origin: Origin | None = None) -> Array:
+        """The part around the start, its axes in metres north and east of it."""
+        return self._load(duration_s, origin)[0]
+
+    def pinned(self, duration_s: float, origin: Origin | None = None) -> Bathymetry:
+        """With variable, sense, extent and hash of the part that was used."""
+        return self._load(duration_s, origin)[1]
+
+    def _load(self, duration_s: float, origin: Origin | None) -> tuple[Array, Bathymetry]:
+        from twin.water.current.velocity_file import open_data_set
+
+        if origin is None:
+            raise FloorError(
+                f"bathymetry {self.path}: say where the mission starts in it: --start LAT,LON, or "
+                'start={"latitude": 49.0, "longitude": -16.0}'
+            )
+        reach = self.reach_m if self.reach_m is not None else SPEED * duration_s
+        with open_data_set(self.path, "bathymetry", FloorError) as data:
+            name = self._find(data)
+            positive = self.positive or _sense(data, self.path, name)
+            table, digest = self._read(data, name, positive, reach, origin)
+        if self.sha256 is not None and digest != self.sha256:
+            raise FloorError(
+                f"bathymetry {self.path} does not hold the recorded sea floor any more (sha256 "
+                f"{digest[:12]}, recorded {self.sha256[:12]}); restore the file"
+            )
+        used = replace(self, variable=name, positive=positive, reach_m=reach, sha256=digest)
+        return table, used
+
+    def _find(self, data: xr.Dataset) -> str:
+        """The variable of the sea floor."""
+        fields = [str(n) for n, v in data.data_vars.items() if len(_horizontal(data, str(n))) == 2]
+        if self.variable is not None:
+            if self.variable not in data.data_vars:
+                known = map(str, data.data_vars)
+                raise FloorError(f"{self.path}: {unknown_name('variable', self.variable, known)}")
+            if self.variable not in fields:
+                raise FloorError(
+                    f"{self.path}: {self.variable!r} does not lie on one-dimensional latitude and "
+                    "longitude: regrid it (for example with gdalwarp -t_srs EPSG:4326)"
+                )
+            return self.variable
+        by_standard = [n for n in fields if data[n].attrs.get("standard_name") in STANDARD_NAMES]
+        by_name = [n for known in NAMES for n in fields if n.lower() == known]
+        found = by_standard or by_name
+        if not found:
+            raise FloorError(
+                f"{self.path} has no variable of a sea floor on latitude and longitude: neither a "
+                f"standard_name such as height_above_mean_sea_level nor one of the names "
+                f"{', '.join(NAMES)}; it holds {', '.join(map(str, data.data_vars)) or 'nothing'}: "
+                "name it with variable=NAME"
+            )
+        if len(by_standard) > 1:
+            raise FloorError(
+                f"{self.path}: {', '.join(by_standard)} may all be the sea floor; choose one with "
+                "variable=NAME"
+            )
+        return found[0]
+
+    def _read(
+        self, data: xr.Dataset, name: str, positive: str, reach: float, origin: Origin
+    ) -> tuple[Array, str]:
+        """The table of the part within `reach` [m], and the hash of the file's own numbers."""
+        units = str(data[name].attrs.get("units", "")).strip().lower()
+        if units not in METRES:
+            raise FloorError(f"{self.path}: {name!r} is in {units!r}: convert it to metres")
+        axes = _horizontal(data, name)
+        lat, lon = (np.asarray(data[axes[k]].values, np.float64) for k in ("latitude", "longitude"))
+        for kind, values in (("latitude", lat), ("longitude", lon)):
+            if values.size < 2 or not np.isfinite(values).all():
+                raise FloorError(f"{self.path}: {axes[kind]!r} must hold two or more {kind}s")
+        turned = (lon - origin.longitude_deg + 180.0) % 360.0 - 180.0
+        metres = math.radians(1.0) * origin.normal_radius
+        rows, north = _within(
+            math.radians(1.0) * origin.meridian_radius * (lat - origin.latitude_deg), reach
+        )
+        columns, east = _within(
+            metres * math.cos(math.radians(origin.latitude_deg)) * turned, reach
+        )
+        if not (_encloses(north, lat) and _encloses(east, lon)):
+            raise FloorError(
+                f"{self.path}: the start at latitude {origin.latitude_deg:g}, longitude "
+                f"{origin.longitude_deg:g} is outside {lat.min():g}..{lat.max():g} degree north, "
+                f"{lon.min():g}..{lon.max():g} degree east"
+            )
+        if rows.size * columns.size > LARGEST:
+            raise FloorError(
+                f"{self.path}: the part within {reach / 1000:.0f} km of the start has "
+                f"{rows.size * columns.size:,} nodes, at most {LARGEST:,} are loaded: give "
+                "reach=METRES, or a coarser file"
+            )
+        field = data[name]
+        dimensions = [data[axes[kind]].dims[0] for kind in ("latitude", "longitude")]
+        field = field.squeeze([d for d in field.dims if d not in dimensions])
+        index = dict(zip(dimensions, (rows, columns), strict=True))
+        # one box in the file's order, then the nodes: picking them in the file is slow
+        spans = {d: slice(int(i.min()), int(i.max()) + 1) for d, i in index.items()}
+        values = field.isel(spans).transpose(*dimensions).values
+        values = np.asarray(values, np.float64)[np.ix_(rows - rows.min(), columns - columns.min())]
+        missing = int(np.count_nonzero(~np.isfinite(values)))
+        if missing:
+            raise FloorError(
+                f"{self.path}: {missing} of {values.size} values within {reach / 1000:.3g} km of "
+                "the start are missing: give a smaller reach=METRES, or a file that has land too, "
+                "such as GEBCO"
+            )
+        depth = values if positive == DOWN else -values
+        check_depths(self.path, depth)
+        digest = hashlib.sha256()
+        for part in (lat[rows], lon[columns], values):
+            digest.update(part.astype("<f8").tobytes())
+        return pack(north, east, depth + 0.0, origin.curvature), digest.hexdigest()
+
+
+def _horizontal(data: xr.Dataset, name: str) -> dict[str, str]:
+    """Coordinates of latitude and longitude of a variable; other axes must have length 1."""
+    found: dict[str, str] = {}
+    for dimension in map(str, data[name].dims):
+        kind = _axis(data, dimension) if dimension in data.variables else None
+        if kind is not None:
+            found[kind] = dimension
+        elif data.sizes[dimension] != 1:
+            return {}
+    return found
+
+
+def _axis(data: xr.Dataset, dimension: str) -> str | None:
+    """latitude or longitude, by attributes and then by name."""
+    attributes = data[dimension].attrs
+    units = str(attributes.get("units", "")).lower()
+    for kind, spellings in (("latitude", LATITUDE_UNITS), ("longitude", LONGITUDE_UNITS)):
+        standard = attributes.get("standard_name") == kind
+        if standard or units in spellings or dimension.lower() in AXIS_NAMES[kind]:
+            return kind
+    return None
+
+
+def _sense(data: xr.Dataset, path: str, name: str) -> str:
+    """Where the values of a variable count to."""
+    attributes = data[name].attrs
+    said = str(attributes.get("positive", "")).lower()
+    if said in (UP, DOWN):
+        return said
+    standard = str(attributes.get("standard_name", ""))
+    found = STANDARD_NAMES.get(standard) or NAMES.get(name.lower())
+    if found is None:
+        raise FloorError(
+            f"{path}: nothing says whether {name!r} counts upward or downward: give positive=up "
+            "(elevation) or positive=down (depth)"
+        )
+    return found
+
+
+def _within(metres: Array, reach: float) -> tuple[np.ndarray, Array]:
+    """Indices of the nodes that enclose +-reach, in ascending order, and where they are [m]."""
+    order = np.argsort(metres, kind="stable")
+    values = metres[order]
+    different = np.concatenate([[True], np.diff(values) > 0.1])  # cyclic files repeat a meridian
+    order, values = order[different], values[different]
+    first = max(int(np.searchsorted(values, -reach, side="right")) - 1, 0)
+    last = min(int(np.searchsorted(values, reach, side="left")), values.size - 1)
+    return order[first : last + 1], values[first : last + 1]
+
+
+def _encloses(metres: Array, degrees: Array) -> bool:
+    """Whether the start lies between two neighbours of an axis, or on its end.
+
+    Seen from the other side of the Earth a regional file encloses every start with a wide gap.
+    """
+    if metres[0] > 0.1 or metres[-1] < -0.1:
+        return False
+    after = min(max(int(np.searchsorted(metres, 0.0)), 1), metres.size - 1)
+    widest = 111_700.0 * float(np.abs(np.diff(np.unwrap(degrees, period=360.0))).max())
+    return bool(metres[after] - metres[after - 1] <= 1.5 * widest)
