@@ -181,6 +181,6 @@ def test_the_examples_of_the_first_page_run(tmp_path, monkeypatch, capsys):
     for text in (first, *others):
         exec(compile(text, "README.md", "exec"), {})
     assert time.perf_counter() - begun < 120.0
-    assert capsys.readouterr().out.startswith("<Trajectory: seawing on 'default'")
+    assert capsys.readouterr().out.startswith("<Trajectory: glider on 'default'")
     assert (tmp_path / "run.png").stat().st_size > 20_000
     assert "measured_pitch" in twin.open_trajectory("run.zarr")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 TORPEDO = Path(__file__).parent / "vehicles" / "torpedo.xml"
-SHIPPED = ("glider", "slocum", "rogue")
+SHIPPED = ("glider", "graver-2005", "rogue")
 
 GEOMETRY_ONLY = """
 <mujoco model="geometry-only">

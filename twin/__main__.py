@@ -9,6 +9,11 @@ PROGRAM = Program(
     summary="Twin of an underwater glider: steady glides, simulated missions, checks.",
     commands=(
         Command(
+            name="vehicles",
+            summary="those that are shipped, how fast they glide, where their numbers are from",
+            loader="twin.commands.vehicles:Vehicles",
+        ),
+        Command(
             name="trim",
             summary="steady glide or spiral of fixed actuator positions",
             loader="twin.commands.trim:Trim",

@@ -15,7 +15,7 @@ from twin.errors import InputError
 from twin.mission import Mission
 from twin.mission.controller import Controller
 from twin.mission.schedule import Schedule
-from twin.mission.shipped import load_mission_for
+from twin.mission.shipped import load_mission_for, usual_mission
 from twin.physics.ballast import weighed
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
 from twin.physics.simulation import simulate as fly
@@ -34,7 +34,6 @@ from twin.water.floor.lookup import floor_depths
 if TYPE_CHECKING:
     from twin.sensors import SensorSuite
 
-DEFAULT_MISSION = "default"
 _BESIDE_A_SCENARIO = ("scenario", "controller", "sensors", "seed", "bottom_depth")
 
 
@@ -66,8 +65,8 @@ def simulate(
     Args:
       scenario: everything at once; then only `controller` and the sensors may be given beside it.
       vehicle: shipped name, path of an MJCF file, or a Vehicle.
-      mission: shipped name, path of a TOML file, a Mission or a Schedule; "default" when there is
-        no controller either.
+      mission: shipped name, path of a TOML file, a Mission or a Schedule; the shipped one that
+        suits the vehicle when there is no controller either.
       current: as text, such as "uniform:0.1,-0.05" (north, east [m/s]), or an object; parts are
         added with +.
       density: "constant", "thermocline", "grid" (temperature and salinity of the current's file
@@ -101,9 +100,9 @@ def simulate(
     if scenario is None:
         if mission is not None and controller is not None:
             raise InputError("give a mission or a controller, not both: each gives the commands")
-        if mission is None and controller is None:
-            mission = DEFAULT_MISSION
         flown = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(str(vehicle))
+        if mission is None and controller is None:
+            mission = usual_mission(flown)
         flown, ballast = weighed(
             flown, ballast_at=ballast_at, mass=mass, compressibility=compressibility
         )

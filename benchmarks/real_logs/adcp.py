@@ -29,7 +29,7 @@ LEAST_DEPTH = 5.0
 """[m] shallower the inverse solution is pulled to the constraint at the surface"""
 FACTORY = "fm_hspeed_ms"
 """[m/s] horizontal speed by the factory's model"""
-VEHICLE = "slocum"
+VEHICLE = "graver-2005"
 LEAST_DIVES = 4
 MOST_FOLDS = 12
 """Above so many dives they are held out in blocks instead of one by one."""

@@ -25,7 +25,7 @@ CORRECTED_PITCH = "pitch_rad_corrected"
 MOST_PITCH_RESIDUAL = math.radians(0.5)
 """[rad] RMSE beyond which corrected and logged pitch are no straight line of each other"""
 LEAST_SAMPLES = 100
-VEHICLE = "slocum"
+VEHICLE = "graver-2005"
 
 
 @dataclasses.dataclass(frozen=True)

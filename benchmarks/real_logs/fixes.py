@@ -26,7 +26,7 @@ from twin.records.store import open_store
 
 RATE, TRACK = "depth rate", "dead reckoning between fixes"
 HOUR = 3600.0
-VEHICLE = "slocum"
+VEHICLE = "graver-2005"
 """Where identification starts, whatever the glider: the shipped file that is nearest to all."""
 LEAST_DIVES = 6
 """Dives with fixes below which no dead reckoning is scored."""

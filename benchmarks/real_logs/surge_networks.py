@@ -66,7 +66,7 @@ SPREAD = {
     "mission.climb_net_mass_kg": "uniform(0.1, 0.28)",
 }
 """The simulated vehicles differ so much: a Seaglider is no Slocum."""
-VEHICLE = "slocum"
+VEHICLE = "graver-2005"
 TRIM_AND_DRAG = ("neutral_density", "drag")
 PHASES = 2
 """Times that each simulated mission is sampled, shifted against each other."""

@@ -9,8 +9,8 @@ from typing import Any
 from learn.report import tables
 from learn.report.contents import Contents, RunEvaluation
 from learn.report.drawings import Drawings
-from learn.report.page import Page
 from twin.cli.text_table import format_number
+from twin.plot.page import Page
 
 
 def build_page(folder: Path, contents: Contents) -> Path:

@@ -6,7 +6,7 @@ import itertools
 
 from learn.report.contents import Contents
 from learn.report.figures.registry import REPORT_FIGURES
-from learn.report.page import Page
+from twin.plot.page import Page
 
 
 class Drawings:

@@ -11,7 +11,7 @@ from learn.report import tables
 from learn.report.contents import RunEvaluation
 from learn.report.figures.dives import dive_figure
 from learn.report.figures.learning import learning_figure
-from learn.report.page import Page
+from twin.plot.page import Page
 
 if TYPE_CHECKING:
     from learn.runs.run import Run

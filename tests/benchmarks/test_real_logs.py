@@ -73,7 +73,7 @@ def test_the_kinematic_speed_is_that_of_a_glide_along_the_path(tmp_path: Path) -
 def test_the_steady_model_finds_the_trim_and_drag_it_was_made_with(tmp_path: Path) -> None:
     (deployment,) = imported(logs_folder(tmp_path), "slocum", tmp_path)
     log = deployment.logs()[0]
-    calibration = load_calibration("slocum")
+    calibration = load_calibration("graver-2005")
     mass, density = calibration.vehicle.mass, calibration.water_density
     known = SteadyModel(mass=mass, volume=mass / density + 2e-5, drag=0.2)
     flown = known.fly(log, log.pitch, density_of(log, calibration))

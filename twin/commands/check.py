@@ -1,37 +1,93 @@
-"""`twin check`: MuJoCo against Fossen, and both against the published figures."""
+"""`twin check`: MuJoCo against Fossen and published figures, or the twin against real logs."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 
 from twin.cli.console import Console, JsonOption
+
+VEHICLE, MANOEUVRES, SEED = "glider", 20, 0
+"""What the manoeuvres take by default"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Check(JsonOption):
-    """Fly random manoeuvres in both models and recompute the published glides."""
+    """Fly random manoeuvres in both models and recompute the published glides; with --logs fly a
+    vehicle's twin beside its own logs.
+    """
 
-    vehicle: str = "glider"
-    """shipped vehicle name, or the path of an MJCF file, for the manoeuvres"""
-    manoeuvres: int = 20
-    """number of random 600 s manoeuvres"""
-    seed: int = 0
-    """first seed"""
+    vehicle: str | None = None
+    """shipped vehicle name, or the path of an MJCF file, for the manoeuvres [default: glider] or
+    of the logs"""
+    manoeuvres: int | None = None
+    """number of random 600 s manoeuvres [default: 20]"""
+    seed: int | None = None
+    """first seed [default: 0]"""
     timestep: float | None = None
     """MuJoCo's physics step in the manoeuvres [s]; default: the vehicle file's"""
+    logs: Path | None = None
+    """store of logs, as `factory import` writes it: the twin flies its dives in closed loop on the
+    log's pitch, pump, turning depths and headings, and is compared in dives and climbs"""
+    missions: str | None = None
+    """with --logs: missions of the store, such as 0-11,14 [default: all]"""
+    page: Path | None = None
+    """with --logs: folder for a page with plots (index.html and its figures as PNG)"""
 
     def run(self, console: Console) -> int:
         """Compare; exit code 1 when a limit is exceeded."""
+        from twin.errors import InputError
+
+        by_logs = ("missions", "page")
+        by_models = ("manoeuvres", "seed", "timestep")
+        for name in by_logs if self.logs is None else by_models:
+            if getattr(self, name) is not None:
+                raise InputError(
+                    f"--{name} is of the comparison with logs: give --logs STORE as well"
+                    if self.logs is None
+                    else f"--{name} is of the manoeuvres, which --logs does not fly: leave it out"
+                )
+        return self._models(console) if self.logs is None else self._logs(self.logs, console)
+
+    def _logs(self, store: Path, console: Console) -> int:
+        """The twin beside the logs."""
+        from twin.checks.logs import check_logs
+        from twin.checks.logs.page import build_page, table
+        from twin.commands.identify import parse_rows
+        from twin.errors import InputError
+
+        if self.vehicle is None:
+            raise InputError(
+                "--logs needs --vehicle: the file of the vehicle that made them, such as `twin "
+                "identify` writes, or a shipped name"
+            )
+        found = check_logs(store, self.vehicle, missions=parse_rows(self.missions or "all"))
+        console.table(table(found), title=f"{found.vehicle.name} beside {len(found.dives)} dives")
+        for text in found.notes:
+            console.note(text)
+        console.answer(**found.describe())
+        if self.page is not None:
+            command = f"twin check --logs {store} --vehicle {self.vehicle}"
+            path = build_page(self.page, found, command)
+            console.say(f"page: {path}")
+            console.answer(page=path)
+        return _verdict(console, found.beyond)
+
+    def _models(self, console: Console) -> int:
+        """The two models and the published glides."""
         from twin.checks import agreement as check
         from twin.checks.published import ANGLES
         from twin.errors import InputError
         from twin.vehicle.vehicle import load_vehicle
 
-        if self.manoeuvres < 1:
-            raise InputError(f"--manoeuvres must be at least 1, not {self.manoeuvres}")
-        if self.seed < 0:
-            raise InputError(f"--seed must be 0 or more, not {self.seed}")
-        vehicle = load_vehicle(self.vehicle)
+        count = MANOEUVRES if self.manoeuvres is None else self.manoeuvres
+        seed = SEED if self.seed is None else self.seed
+        if count < 1:
+            raise InputError(f"--manoeuvres must be at least 1, not {count}")
+        if seed < 0:
+            raise InputError(f"--seed must be 0 or more, not {seed}")
+        vehicle = load_vehicle(VEHICLE if self.vehicle is None else self.vehicle)
         rows, broken = [], []
         published = check.check_published()
         for glide, model, trim in published:
@@ -54,7 +110,7 @@ class Check(JsonOption):
             )
         console.table(rows, title="Published glides (largest angle difference of each)")
         differences = check.check_manoeuvres(
-            vehicle, count=self.manoeuvres, seed=self.seed, timestep=self.timestep
+            vehicle, count=count, seed=seed, timestep=self.timestep
         )
         broken += [f"manoeuvre {d.seed} exceeds a limit" for d in differences if not d.ok]
         largest = {
@@ -85,7 +141,12 @@ class Check(JsonOption):
             ],
             ok=not broken,
         )
-        for text in broken:
-            console.warn(text)
-        console.say("all within the limits" if not broken else f"{len(broken)} beyond the limits")
-        return 1 if broken else 0
+        return _verdict(console, broken)
+
+
+def _verdict(console: Console, broken: Sequence[str]) -> int:
+    """Say what is beyond its limit; the exit code."""
+    for text in broken:
+        console.warn(text)
+    console.say("all within the limits" if not broken else f"{len(broken)} beyond the limits")
+    return 1 if broken else 0

@@ -31,7 +31,7 @@ class Identify(JsonOption):
 
     store: Annotated[Path, tyro.conf.Positional]
     """store of logs, as `factory import` writes it; a simulated one with sensors will do too"""
-    vehicle: str = "slocum"
+    vehicle: str = "graver-2005"
     """vehicle to start from: shipped name, or the path of an MJCF file"""
     out: Path | None = None
     """write the calibrated vehicle here (.xml)"""

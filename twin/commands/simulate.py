@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 class Simulate(JsonOption):
     """Fly one mission: summary table, and on request a store and a plot."""
 
-    mission: Annotated[str, tyro.conf.Positional] = "default"
-    """shipped mission name, or the path of a mission TOML file"""
+    mission: Annotated[str | None, tyro.conf.Positional] = None
+    """shipped mission name, or the path of a mission TOML file; default: the shipped one that suits
+    the vehicle"""
     vehicle: str = "glider"
     """shipped vehicle name, or the path of an MJCF file"""
     current: str = "none"

@@ -25,8 +25,9 @@ class View:
     """store (zarr) that holds the mission; without it a mission is flown live"""
     mission: int = 0
     """index of the mission in the store"""
-    plan: str = "default"
-    """live: shipped mission name, or the path of a mission TOML file"""
+    plan: str | None = None
+    """live: shipped mission name, or the path of a mission TOML file; default: the shipped one that
+    suits the vehicle"""
     current: str = "none"
     """live: current, as in `twin simulate`"""
     vehicle: str | None = None

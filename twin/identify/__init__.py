@@ -1,7 +1,7 @@
 """Identification: the parameters of a real vehicle from its own logs, and its speed from them.
 
 logs = load_logs("real.zarr")
-found = identify(logs, load_calibration("slocum"))
+found = identify(logs, load_calibration("graver-2005"))
 speed = estimate(logs[0], found.calibration).speed
 """
 

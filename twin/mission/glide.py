@@ -83,17 +83,23 @@ def steady_glide(vehicle: Vehicle, pitch: float, net_mass: float) -> SteadyGlide
         angle_of_attack=alpha,
         speed=speed,
         vertical_speed=-speed * math.sin(glide_angle),
-        shift=_balancing_shift(vehicle, pitch, alpha, speed, moment),
+        shift=_balancing_shift(vehicle, pitch, net_mass, alpha, speed, moment),
     )
 
 
 def _balancing_shift(
-    vehicle: Vehicle, pitch: float, alpha: float, speed: float, coefficient: float
+    vehicle: Vehicle,
+    pitch: float,
+    net_mass: float,
+    alpha: float,
+    speed: float,
+    coefficient: float,
 ) -> float:
     """Shift [m] at which the pitch moments about the CB balance, wings level; 0 without a slide.
 
-    Gravity: -g (x cos(pitch) + z sin(pitch)) with (x, z) the first moments of mass [kg m]; water:
-    (K_M0 + K_M alpha) V^2 and the Munk moment (Z_A - X_A) u w of the added mass.
+    Gravity: -g (x cos(pitch) + z sin(pitch)) with (x, z) the first moments of mass [kg m], less
+    that of the water that the pump displaces at its place; water: (K_M0 + K_M alpha) V^2 and the
+    Munk moment (Z_A - X_A) u w of the added mass.
     """
     slide = vehicle.steered("pitch")
     if not isinstance(slide, BatterySlide):
@@ -102,8 +108,12 @@ def _balancing_shift(
     if vehicle.added_mass_coupling:
         munk = vehicle.added_mass[2, 2] - vehicle.added_mass[0, 0]
     moment = (coefficient + munk * math.sin(alpha) * math.cos(alpha)) * speed**2
-    static, battery = vehicle.static_mass, vehicle.battery
-    z = static * vehicle.static_cg[2] + battery.mass * battery.eccentricity
+    static = vehicle.static_mass
+    neutral = static * vehicle.static_cg[0] + sum(m.mass * m.neutral_x for m in vehicle.masses)
+    z = static * vehicle.static_cg[2] + sum(m.mass * m.eccentricity for m in vehicle.masses)
+    pump = vehicle.steered("buoyancy")
+    if pump is not None:
+        neutral += net_mass * pump.position[0]
+        z += net_mass * pump.position[2]
     x = (moment / vehicle.gravity - z * math.sin(pitch)) / math.cos(pitch)
-    neutral = static * vehicle.static_cg[0] + battery.mass * battery.neutral_x
-    return float((x - neutral) / battery.mass)
+    return float((x - neutral) / vehicle.moved_by(slide.name).mass)

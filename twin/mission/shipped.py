@@ -37,23 +37,25 @@ def load_mission(mission: str | Path = "default") -> Mission:
 
 
 def usual_mission(vehicle: Vehicle) -> str:
-    """Name of the shipped mission that suits a vehicle."""
-    return PROPELLED if vehicle.steered("speed") is not None else DEFAULT
+    """Name of the shipped mission that suits a vehicle: its file's, or by its parts."""
+    by_parts = PROPELLED if vehicle.steered("speed") is not None else DEFAULT
+    return vehicle.usual_mission or by_parts
 
 
-def load_mission_for(vehicle: Vehicle, mission: str | Path = DEFAULT) -> Mission:
-    """As `load_mission`, checked for a vehicle.
+def load_mission_for(vehicle: Vehicle, mission: str | Path | None = None) -> Mission:
+    """As `load_mission`, checked for a vehicle; None: the shipped one that suits it.
 
     Raises:
       MissionError: as `load_mission`, or the vehicle cannot fly it; where the default mission is
         for another kind of vehicle, the message names the one that suits this one.
     """
+    usual = usual_mission(vehicle)
+    mission = usual if mission is None else mission
     loaded = load_mission(mission)
     try:
         loaded.check(vehicle)
     except MissionError as error:
-        usual = usual_mission(vehicle)
-        if str(mission) not in (DEFAULT, PROPELLED) or str(mission) == usual:
+        if str(mission) not in mission_names() or str(mission) == usual:
             raise
         hint = f"the shipped mission for such a vehicle is {usual!r}"
         raise MissionError(f"{error}; {hint}") from None

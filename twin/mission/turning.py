@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import MissionError
-from twin.mission.way import DEFAULT_NET_MASS_KG, Way, way
+from twin.mission.way import Way, way
 
 if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
@@ -30,8 +30,6 @@ PART_STEP = 1e-4
 """Part of the turning part's travel, likewise"""
 DEEP = 1e3
 """[m] where everything is under water"""
-USUAL_PITCH_DEG = -30.0
-"""Of the dive that the gains of a vehicle file are for"""
 LARGEST_FACTOR = 4.0
 """A loop is never made stronger than this, nor weaker than its inverse"""
 
@@ -90,13 +88,15 @@ def turn_factor(vehicle: Vehicle, steady: Way) -> float:
 
 @functools.lru_cache(maxsize=64)
 def _usual_turn(vehicle: Vehicle) -> float:
-    """`turn_per_position` in the dive that the gains of the file are for."""
-    net_mass = DEFAULT_NET_MASS_KG
+    """`turn_per_position` in the dive that the gains of the file are for: the usual one."""
+    pitch, net_mass = vehicle.usual_glide
     pump = vehicle.steered("buoyancy")
     if pump is not None:
         net_mass = min(net_mass, vehicle.net_mass_for_pump(float(pump.low)))
     label = f"vehicle {vehicle.name!r}: the usual dive"
-    dive = way(vehicle, label, "pitch_deg", USUAL_PITCH_DEG, net_mass, None, within_travel=True)
+    dive = way(
+        vehicle, label, "pitch_deg", -math.degrees(pitch), net_mass, None, within_travel=True
+    )
     return turn_per_position(vehicle, dive)
 
 

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-DEFAULT_NET_MASS_KG = 0.3
-"""[kg] of a dive and of a climb when the mission does not say"""
 TIME_MARGIN = 1.5
 """A mission may take this much longer than its steady ways: inflections, turns, down-currents."""
 SLACK = 1e-9

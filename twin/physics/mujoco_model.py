@@ -403,6 +403,13 @@ def _check_structure(model: mujoco.MjModel, vehicle: Vehicle) -> None:
             f"{_label(vehicle)}: joints other than the hull's must be slides or hinges of moving "
             f"masses, each with an actuator; found {joints}"
         )
+    for index, _ in joint_places(model):
+        joint = model.joint(int(model.actuator_trnid[index, 0]))
+        if joint.stiffness[0] or np.any(joint.damping) or np.any(joint.frictionloss):
+            raise VehicleError(
+                f"{_label(vehicle)}: joint {joint.name!r} must be without stiffness, damping and "
+                "frictionloss: the servo of its actuator holds it"
+            )
     if not np.array_equal(model.M_rowadr[:6], _FREE_JOINT_ROWS):
         raise VehicleError(f"{_label(vehicle)}: body 'hull' must be the first moving body")
     if model.opt.density != 0 or model.opt.viscosity != 0:

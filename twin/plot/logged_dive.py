@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from twin.plot import style
 from twin.plot.registry import FigureKind
-from twin.plot.signals import PANEL_HEIGHT, draw_lines, thinned_time, unit_text
+from twin.plot.signals import (
+    PANEL_HEIGHT,
+    centred_line,
+    circular_mean,
+    draw_lines,
+    thinned_time,
+    unit_text,
+)
 from twin.records.schema import variable
 from twin.records.trajectory import Trajectory
 
@@ -67,14 +74,25 @@ SHOWN = 0.3, 99.7
 """Percentiles under water that the axes cover"""
 MARGIN = 0.08
 """Of the range, beyond it"""
+LOG, TWIN = "log", "twin"
+"""What lines are called where both are drawn"""
 
 
-def log_figure(trajectory: Trajectory) -> Figure:
+def log_figure(trajectory: Trajectory, beside: Trajectory | None = None) -> Figure:
     """Depth by phase over the page; below it vertical speed and all that the log has, in pairs.
 
     Where the log has gaps every panel is shaded. Axes cover what happens under water.
+
+    Args:
+      trajectory: the log.
+      beside: a flight of the twin to draw over it, its signals under the log's names (measured_*)
+        and its time on the log's clock.
     """
-    shown = [p for p in (*PANELS, *_other_parts(trajectory)) if has_values(trajectory, p.signal)]
+    shown = [
+        p
+        for p in (*PANELS, *_other_parts(trajectory))
+        if has_values(trajectory, p.signal) or (beside is not None and has_values(beside, p.signal))
+    ]
     rows = -(-(len(shown) + 1) // 2)
     with style.styled():
         height = 0.45 + DEPTH_HEIGHT + PANEL_HEIGHT * rows
@@ -82,12 +100,12 @@ def log_figure(trajectory: Trajectory) -> Figure:
         ratios = [DEPTH_HEIGHT, *[PANEL_HEIGHT] * rows]
         grid = figure.add_gridspec(rows + 1, 2, height_ratios=ratios)
         top = figure.add_subplot(grid[0, :])
-        _depth(top, trajectory)
+        _depth(top, trajectory, beside)
         places = [figure.add_subplot(grid[1 + k // 2, k % 2], sharex=top)
                   for k in range(len(shown) + 1)]  # fmt: skip
-        _vertical_speed(places[0], trajectory)
+        _vertical_speed(places[0], trajectory, beside)
         for place, panel in zip(places[1:], shown, strict=True):
-            _draw(place, trajectory, panel)
+            _draw(place, trajectory, panel, beside)
         unit = thinned_time(trajectory)[2]
         for place in (top, *places):
             _shade_gaps(place, trajectory)
@@ -147,40 +165,81 @@ def gap_spans(gap: Array) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _draw(axes: Axes, trajectory: Trajectory, panel: Panel) -> None:
-    entries = [(panel.signal, "measured", style.TRUTH)]
+def _draw(
+    axes: Axes, trajectory: Trajectory, panel: Panel, beside: Trajectory | None = None
+) -> None:
+    entries = []
+    if has_values(trajectory, panel.signal):
+        entries.append((panel.signal, LOG if beside is not None else "measured", style.TRUTH))
     command = panel.signal.replace("measured_", "commanded_", 1)
     if command != panel.signal and not panel.circular and has_values(trajectory, command):
         entries.append((command, "command", style.COMMAND))
-    draw_lines(axes, trajectory, entries, factor=panel.factor, unwrap=panel.circular)
+    if entries:
+        draw_lines(axes, trajectory, entries, factor=panel.factor, unwrap=panel.circular)
+    if beside is not None and has_values(beside, panel.signal):
+        values = panel.factor * beside[panel.signal]
+        if panel.circular and entries:
+            values = centred_line(values, circular_mean(trajectory[panel.signal]))
+        _draw_beside(axes, trajectory, beside, values)
     if not panel.circular:
-        values = panel.factor * trajectory[panel.signal]
-        limits = robust_limits(values, trajectory["measured_depth"], panel.least)
-        if limits is not None:
-            axes.set_ylim(*limits)
+        _limit(axes, panel, trajectory, beside)
     else:
         style.pad_limits(axes, least=panel.least)
-    if len(entries) > 1 and not any(a.get_legend() for a in axes.figure.axes[1:]):
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, borderaxespad=0.1)
+    labelled = len(axes.get_lines()) > 1
+    if labelled and not any(a.get_legend() for a in axes.figure.axes[1:]):
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=3, borderaxespad=0.1)
     axes.set_title(panel.title)
     axes.set_ylabel(panel.unit)
 
 
-def _vertical_speed(axes: Axes, trajectory: Trajectory) -> None:
+def _draw_beside(axes: Axes, log: Trajectory, beside: Trajectory, values: Array) -> None:
+    """A line of the twin's over the log's, on the log's scale of time."""
+    seconds, _ = style.time_unit(log.time)
+    time, shown = style.thin(beside.time, values)
+    axes.plot(time / seconds, shown, color=style.ESTIMATE, lw=1.0, label=TWIN, zorder=2.5)
+
+
+def _limit(axes: Axes, panel: Panel, trajectory: Trajectory, beside: Trajectory | None) -> None:
+    """The range that shows what happens under water in the log and in the twin's flight."""
+    found = [
+        limits
+        for one in (trajectory, beside)
+        if one is not None
+        and has_values(one, panel.signal)
+        and (
+            limits := robust_limits(
+                panel.factor * one[panel.signal], one["measured_depth"], panel.least
+            )
+        )
+        is not None
+    ]
+    if found:
+        axes.set_ylim(min(low for low, _ in found), max(high for _, high in found))
+
+
+def _vertical_speed(axes: Axes, trajectory: Trajectory, beside: Trajectory | None) -> None:
     """Rate of the measured depth, positive down, over a moving window."""
     time, seconds, _ = thinned_time(trajectory)
+    (shown,) = style.thin(100.0 * _depth_rate(trajectory))
+    axes.plot(time / seconds, shown, color=style.TRUTH, label=LOG)
+    if beside is not None:
+        _draw_beside(axes, trajectory, beside, 100.0 * _depth_rate(beside))
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, borderaxespad=0.1)
+    axes.axhline(0.0, color=style.GUIDE, lw=0.7, zorder=1)
+    axes.set_title("vertical speed, down")
+    axes.set_ylabel("[cm/s]")
+    style.pad_limits(axes, least=2.0)
+
+
+def _depth_rate(trajectory: Trajectory) -> Array:
+    """[m/s] over RATE_WINDOW, (time,); NaN at the ends."""
     depth = trajectory["measured_depth"]
     period = float(np.median(np.diff(trajectory.time))) if len(depth) > 1 else 1.0
     half = max(1, round(0.5 * RATE_WINDOW / period))
     rate = np.full(len(depth), np.nan)
     if len(depth) > 2 * half:
         rate[half:-half] = (depth[2 * half :] - depth[: -2 * half]) / (2 * half * period)
-    (shown,) = style.thin(100.0 * rate)
-    axes.plot(time / seconds, shown, color=style.TRUTH)
-    axes.axhline(0.0, color=style.GUIDE, lw=0.7, zorder=1)
-    axes.set_title("vertical speed, down")
-    axes.set_ylabel("[cm/s]")
-    style.pad_limits(axes, least=2.0)
+    return rate
 
 
 def _shade_gaps(axes: Axes, trajectory: Trajectory) -> None:
@@ -196,12 +255,15 @@ def _shade_gaps(axes: Axes, trajectory: Trajectory) -> None:
         )  # fmt: skip
 
 
-def _depth(axes: Axes, trajectory: Trajectory) -> None:
+def _depth(axes: Axes, trajectory: Trajectory, beside: Trajectory | None) -> None:
     time, seconds, _ = thinned_time(trajectory)
     (depth,) = style.thin(trajectory["measured_depth"])
+    deepest = float(np.nanmax(depth))
     phase = trajectory.signals.get("measured_phase")
     axes.plot(time / seconds, depth, color=style.GUIDE, linewidth=0.6)
-    if phase is not None:
+    if phase is not None and beside is not None:
+        axes.plot(time / seconds, depth, color=style.TRUTH, label=LOG)
+    elif phase is not None:
         (flags,) = style.thin(phase)
         for flag, (name, colour) in PHASE_COLOURS.items():
             there = flags == flag
@@ -210,11 +272,14 @@ def _depth(axes: Axes, trajectory: Trajectory) -> None:
     gap = trajectory.signals.get("measured_gap")
     if gap is not None and (gap > 0.0).any():
         axes.fill_between([], [], color=GAP_COLOUR, lw=0, label="gap of the log, bridged")
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=5, borderaxespad=0.1,
-                    columnspacing=1.0)  # fmt: skip
     axes.set_xlim(time[0] / seconds, time[-1] / seconds)
-    style.depth_axis(axes, float(np.nanmax(depth)), label=False)
+    if beside is not None:
+        _draw_beside(axes, trajectory, beside, beside["measured_depth"])
+        deepest = max(deepest, float(np.nanmax(beside["measured_depth"])))
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=6, borderaxespad=0.1,
+                    columnspacing=1.0)  # fmt: skip
+    style.depth_axis(axes, deepest, label=False)
     axes.set_title("depth")
     axes.set_ylabel("[m]")
 

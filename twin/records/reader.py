@@ -48,7 +48,7 @@ LEAST_SAMPLES = 2
 """Of a mission: a rate takes two."""
 SPACING = 1e-3
 """Part of the period by which steps of time may differ: rounding of float32 after a day."""
-LOGGED_VEHICLE = "slocum"
+LOGGED_VEHICLE = "graver-2005"
 """Shipped vehicle that stands for the vehicles of logs, whose own file nobody has."""
 SIMULATED_VEHICLE = "glider"
 """Shipped vehicle of simulated stores that do not say theirs."""
@@ -88,7 +88,7 @@ class MissionStore:
     def __len__(self) -> int:
         return int(self.dataset.sizes.get(MISSION, 0))
 
-    def __contains__(self, name: str) -> bool:
+    def __contains__(self, name: object) -> bool:
         """Whether the store has an array of that name."""
         return name in self.dataset
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,9 @@ CONTROLS = ("pitch", "heading", "buoyancy", "speed")
 """What guidance steers, each with one part of the vehicle that can."""
 
 
+USUAL_GLIDE = (math.radians(30.0), 0.3)
+"""[rad], [kg] of vehicles whose files do not say: the Sea-Wing's"""
+
 SPREAD = "spread."
 """Begins the names of the `<text>` elements that say what the factory draws for the vehicle."""
 
@@ -40,6 +44,7 @@ class Vehicle:
     """A hull, the masses that move in it and its parts; SI units, body axes FRD about the CB."""
 
     name: str
+    """That of its file."""
     path: Path
     xml: str
     """The MJCF text that everything below was read from."""
@@ -89,6 +94,15 @@ class Vehicle:
     """[m/s] through the water that a propeller drives it at when a mission does not say"""
     steering: Mapping[str, str]
     """Name of the part that guidance uses for each of CONTROLS that the vehicle has."""
+    usual_glide: tuple[float, float] = USUAL_GLIDE
+    """Pitch [rad] and net mass [kg] of a usual dive, magnitudes; the net mass is that of missions
+    that do not say theirs."""
+    usual_mission: str = ""
+    """Shipped mission for it when nobody names one; empty: by its parts."""
+    summary: str = ""
+    """What it is, in one line."""
+    source: str = ""
+    """Where its numbers are from, in one line."""
     spreads: Mapping[str, str] = dataclasses.field(default_factory=dict)
     """What the factory draws for this vehicle in place of its table: "PAPER; FIELD" by parameter"""
 
@@ -99,6 +113,9 @@ class Vehicle:
             self._require(mass.mass > 0, f"mass of body {mass.name!r}", "positive")
         self._require(self.control_period > 0, "control_period", "positive")
         self._require(self.gravity > 0, "gravity", "downward along MuJoCo's z axis")
+        steep, net_mass = self.usual_glide
+        self._require(0.0 < steep < math.pi / 2, "usual_glide: pitch", "between 0 and pi/2 rad")
+        self._require(net_mass > 0.0, "usual_glide: net mass", "positive")
         for name in ("hull_compressibility", "hull_thermal_expansion"):
             self._require(getattr(self, name) >= 0, name, "at least 0")
         self._require(self.hull_thermal_lag > 0, "hull_thermal_lag", "positive")
@@ -373,12 +390,25 @@ def load_vehicle(vehicle: str | Path = "glider") -> Vehicle:
     elif text in vehicle_names():
         path = assets_folder() / f"{text}.xml"
     else:
-        raise VehicleError(unknown_name("vehicle", text, vehicle_names()) + " or a path to an .xml")
+        raise VehicleError(_unknown_vehicle(text))
     try:
         xml = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise VehicleError(f"cannot read vehicle file {path}: {error}") from error
     return parse_vehicle(xml, path)
+
+
+def _unknown_vehicle(name: str) -> str:
+    """One line for a name that is no shipped vehicle's; a maker's name brings up its vehicles."""
+    kinds = [known for known in vehicle_names() if known.startswith(f"{name}-")]
+    if not kinds:
+        return unknown_name("vehicle", name, vehicle_names()) + " or a path to an .xml"
+    formerly = f"; what earlier versions called {name!r} is {RENAMED[name]!r}" * (name in RENAMED)
+    return f"unknown vehicle {name!r}: say which, {' or '.join(kinds)}{formerly}"
+
+
+RENAMED = {"slocum": "graver-2005"}
+"""Shipped vehicles of earlier versions by their names of today"""
 
 
 def vehicle_names() -> list[str]:
@@ -404,7 +434,7 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
     gravity = reader.vector(reader.one("option"), "gravity", 3, default="0 0 -9.81")
     steering = read_steering(reader, parts)
     return Vehicle(
-        name=reader.root.get("model", path.stem),
+        name=path.stem,
         path=path,
         xml=xml,
         gravity=-float(gravity[2]),
@@ -430,6 +460,10 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         control_period=number("control_period"),
         cruise_speed=number("cruise_speed") if "speed" in steering else 0.0,
         steering=steering,
+        usual_glide=numeric("usual_glide", 2) if "usual_glide" in reader.numerics else USUAL_GLIDE,
+        usual_mission=reader.text("usual_mission", ""),
+        summary=reader.text("summary", ""),
+        source=reader.text("source", ""),
         spreads={
             name.removeprefix(SPREAD): element.get("data", "")
             for name, element in reader.texts.items()

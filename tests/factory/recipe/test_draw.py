@@ -206,7 +206,7 @@ def test_values_that_make_no_mission_are_refused(changes: dict[str, str], messag
 
 
 @pytest.mark.parametrize("preset", ["paper", "field"])
-@pytest.mark.parametrize("vehicle", ["glider", "slocum", "rogue"])
+@pytest.mark.parametrize("vehicle", ["glider", "graver-2005", "rogue"])
 def test_a_shipped_preset_draws_what_the_pump_of_a_shipped_vehicle_reaches(
     preset: str, vehicle: str
 ) -> None:
@@ -219,11 +219,11 @@ def test_a_shipped_preset_draws_what_the_pump_of_a_shipped_vehicle_reaches(
     sea_wings = declared(preset, TABLE)
     changed = {n for n, d in recipe.distributions.items() if d.text() != sea_wings[n].text()}
     weights = {"mission.net_mass_kg", "mission.climb_net_mass_kg"}
-    assert changed == (weights if vehicle == "slocum" else set())
+    assert changed == (weights if vehicle == "graver-2005" else set())
 
 
 def test_a_net_mass_that_the_user_gives_is_taken_as_it_is() -> None:
     recipe = make_recipe(
-        preset="field", vehicle="slocum", changes={"mission.net_mass_kg": "uniform(0.1, 0.4)"}
+        preset="field", vehicle="graver-2005", changes={"mission.net_mass_kg": "uniform(0.1, 0.4)"}
     )
     assert recipe.distributions["mission.net_mass_kg"] == Uniform(0.1, 0.4)

@@ -56,7 +56,7 @@ def place(tmp_path_factory):
     store = small_store(folder / "data" / "missions.zarr")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr("learn.report.page.DPI", 30)
+        patch.setattr("twin.plot.page.DPI", 30)
         assert PROGRAM.main(["fit", str(store), "--name", "first", "--json", *QUICK]) == 0
     return folder
 
@@ -64,7 +64,7 @@ def place(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def no_figures(monkeypatch):
     """Drawing takes most of the time of these tests; `place` and test_report draw."""
-    monkeypatch.setattr("learn.report.page.Page._figure", lambda *_: "")
+    monkeypatch.setattr("twin.plot.page.Page._figure", lambda *_: "")
 
 
 @pytest.fixture

@@ -206,7 +206,7 @@ def row_of(start: float, moved: tuple[float, float], current: tuple[float, float
     displacement = (moved[0] + current[0] * duration, moved[1] + current[1] * duration)
     row = LogRow(deployment="a", start=start, duration=duration, displacement=displacement)
     mission = Mission(index=0, split="test", period=period, signals=signals, row=row)
-    return LogReference.of(mission, load_vehicle("slocum"))
+    return LogReference.of(mission, load_vehicle("graver-2005"))
 
 
 def test_the_current_of_the_row_before_is_carried_over() -> None:
@@ -240,7 +240,7 @@ def test_rows_far_apart_or_of_another_vehicle_lend_no_current() -> None:
 def test_the_card_of_a_run_on_logs_speaks_of_logs(
     store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("learn.report.page.Page._figure", lambda *_: "")
+    monkeypatch.setattr("twin.plot.page.Page._figure", lambda *_: "")
     settings = {"inputs": "glider", "network": "mlp", "hidden": 4, "epochs": 1, "members": 1}
     run = learn.fit(store, folder=tmp_path / "first", **settings)
     card = (run.folder / "README.md").read_text()

@@ -189,7 +189,7 @@ def test_baselines_never_see_truth(store):
 
 
 def test_the_nominal_vehicle_comes_from_the_store(tmp_path):
-    slocum = load_vehicle("slocum")
+    slocum = load_vehicle("graver-2005")
     path = write_store(tmp_path / "s.zarr", [], attributes={"vehicle_mjcf": slocum.xml})
     assert MissionStore(path).vehicle.mass == slocum.mass
     path = write_store(tmp_path / "plain.zarr", [])

@@ -14,7 +14,6 @@ from learn.evaluation.uncertainty import ErrorModel
 from learn.report.build import build_page
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation
-from learn.report.page import Page
 from learn.report.shown import Showcase
 from learn.report.tables import (
     ablation_rows,
@@ -27,6 +26,7 @@ from learn.report.tables import (
 )
 from learn.runs.run import Run
 from twin.errors import InputError
+from twin.plot.page import Page
 
 
 class Constant:
@@ -80,7 +80,7 @@ def page(judged, tmp_path_factory):
         command="learn fit",
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("learn.report.page.DPI", 30)
+        patch.setattr("twin.plot.page.DPI", 30)
         return build_page(folder, contents)
 
 

@@ -70,7 +70,7 @@ def test_a_heavy_start_and_a_light_stiff_vehicle_do_not_stop_the_search(store):
 
 
 def test_side_force_grows_with_drag():
-    nominal = load_calibration("slocum")
+    nominal = load_calibration("graver-2005")
     (drag,) = choose(["drag"])
     scaled = drag.set(nominal, 3.0 * nominal.vehicle.flow_frame.drag[0])
     assert scaled.vehicle.flow_frame.side_force[0] == pytest.approx(
@@ -81,7 +81,7 @@ def test_side_force_grows_with_drag():
 def test_without_ctd_the_sea_is_compressed_like_sea_water():
     import gsw
 
-    calibration = load_calibration("slocum").replace(
+    calibration = load_calibration("graver-2005").replace(
         water_density=float(gsw.rho(35.165, 10.0, 0.0))
     )
     depth = np.array([0.0, 300.0, 1000.0])
@@ -185,7 +185,7 @@ def test_unknown_parameter_names_the_nearest(store):
         identify(load_logs(store), load_calibration("glider"), parameters=["drga"])
 
 
-@pytest.mark.parametrize("name", ["slocum", "glider", "rogue"])
+@pytest.mark.parametrize("name", ["graver-2005", "glider", "rogue"])
 def test_written_vehicle_loads_flies_and_says_where_it_comes_from(tmp_path, name):
     calibration = load_calibration(name, pitch_scale=0.9, pitch_offset=0.01)
     for parameter in (*PARAMETERS, *PITCHING):
@@ -212,7 +212,7 @@ def test_written_vehicle_loads_flies_and_says_where_it_comes_from(tmp_path, name
 
 
 def test_damaged_sensor_errors_are_named(tmp_path):
-    path = write_vehicle(load_calibration("slocum"), tmp_path / "a.xml", {})
+    path = write_vehicle(load_calibration("graver-2005"), tmp_path / "a.xml", {})
     text = path.read_text()
     head = text.index('name="sensor_errors" data="') + len('name="sensor_errors" data="')
     path.write_text(text[:head] + "x " + text[head:])
@@ -297,7 +297,7 @@ def test_command_writes_vehicle_and_one_json_object(tmp_path, store, capsys):
         (["--missions", "1-x"], "numbers such as 0-11,14"),
         (["--pitch-scale", "7"], "between 0.5 and 2"),
         (["--parameters", "lift"], "unknown parameter 'lift'"),
-        (["--vehicle", "slocm"], "did you mean 'slocum'"),
+        (["--vehicle", "graver-2055"], "did you mean 'graver-2005'"),
         (["--known", "mass"], "such as mass=70"),
         (["--known", "mass=-3"], "must be above 0"),
     ],

@@ -23,6 +23,7 @@ class Scripted:
     def __init__(self, *segments, **mission):
         plan = Mission(segments=segments, **mission)
         self.table, self.gains = plan.compile(VEHICLE)
+        self.table[:, [g.DIVE_TURN, g.CLIMB_TURN]] = 1.0  # as if it turned alike in all ways
         self.state = g.new_state()
         self.command = np.zeros(3)
         self.time = 0.0

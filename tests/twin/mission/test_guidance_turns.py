@@ -23,6 +23,7 @@ class Flight:
 
     def __init__(self, *segments, **mission):
         self.table, self.gains = Mission(segments=segments, **mission).compile(VEHICLE)
+        self.table[:, [g.DIVE_TURN, g.CLIMB_TURN]] = 1.0  # as if it turned alike in all ways
         self.state, self.command, self.time = g.new_state(), np.zeros(3), 0.0
 
     def tick(self, depth=50.0, *, roll=0.0, pitch=0.0, heading=0.0, rates=(0.0, 0.0, 0.0)):

@@ -311,4 +311,4 @@ def test_compiled_rows_carry_commands_in_si(vehicle):
     assert (table[:, g.ABORT_DEPTH] == 120).all()
     loops = [*vehicle.pitch_pid, *vehicle.heading_pid, vehicle.control_period]
     # the shift pitches, forward is nose down; the rotation turns
-    assert gains.tolist() == [*loops, 0.0, -1.0, 1.0, 1.0]
+    assert gains.tolist() == [*loops, 0.0, -1.0, 1.0]

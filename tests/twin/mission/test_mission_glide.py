@@ -26,7 +26,7 @@ def test_sea_wing_glides_of_the_reference_table(net_mass, pitch_deg, shift, spee
     assert glide.vertical_speed == pytest.approx(down, abs=1e-4)
 
 
-@pytest.mark.parametrize("name", ["glider", "rogue", "slocum"])
+@pytest.mark.parametrize("name", ["glider", "rogue", "graver-2005"])
 @pytest.mark.parametrize("pitch_deg", [-40, -25, 25, 40])
 def test_inverse_of_the_fossen_trim(name, pitch_deg):
     vehicle = load_vehicle(name)

@@ -55,7 +55,7 @@ def test_two_gliders_in_one_process_do_not_disturb_each_other():
         set_motion(data, pitch=-0.3, velocity=(0.3, 0.0, 0.1))
         mujoco.mj_step(model, data, nstep=200)
         tracks.append(data.qpos.copy())
-        other, other_data = glider(vehicle="slocum", hydrodynamics="ellipsoid")
+        other, other_data = glider(vehicle="graver-2005", hydrodynamics="ellipsoid")
         mujoco.mj_step(other, other_data, nstep=50)
     np.testing.assert_array_equal(*tracks)
 

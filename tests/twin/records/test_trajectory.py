@@ -39,7 +39,7 @@ def test_a_wrong_name_offers_the_nearest(flown, kind):
 
 def test_it_says_in_a_line_what_it_is(flown):
     text = repr(flown)
-    assert text.startswith("<Trajectory: seawing on 'short', 121 samples, 60 s, ")
+    assert text.startswith("<Trajectory: glider on 'short', 121 samples, 60 s, ")
     assert text.endswith("ended: duration>")
     assert len(text) < 140
     bare = dataclasses.replace(flown, signals={}, provenance={})

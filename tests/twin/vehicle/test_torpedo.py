@@ -150,7 +150,8 @@ def test_the_survey_is_flown_and_summarised(capsys, survey):
 @pytest.mark.parametrize("command", ["simulate", "view"])
 def test_the_gliders_mission_names_the_one_that_suits(capsys, command, monkeypatch):
     monkeypatch.setattr("twin.render.screen.require_screen", lambda: None)
-    code, _, err = call(capsys, command, "--vehicle", TORPEDO)
+    chosen = ("default",) if command == "simulate" else ("--plan", "default")
+    code, _, err = call(capsys, command, *chosen, "--vehicle", TORPEDO)
     assert code == 2
     assert "the shipped mission for such a vehicle is 'survey'" in err
     with pytest.raises(MissionError, match=r"has no propeller .*'default'"):

@@ -24,11 +24,9 @@ def test_parsed_and_compiled_vehicles_agree(name):
     mujoco.mj_forward(model, data)
     assert model.body("hull").mass[0] == vehicle.static_mass
     np.testing.assert_allclose(flip_vector(model.body("hull").ipos), vehicle.static_cg)
-    np.testing.assert_allclose(
-        flip_vector(data.body("battery").xipos - data.body("hull").xpos),
-        vehicle.battery.position(0.0, 0.0),
-        atol=1e-12,
-    )
+    for mass in vehicle.masses:
+        found = flip_vector(data.body(mass.name).xipos - data.body("hull").xpos)
+        np.testing.assert_allclose(found, mass.position(0.0, 0.0), atol=1e-12)
     np.testing.assert_array_equal(model.actuator_actrange[:, 1], vehicle.actuator_max)
 
 
@@ -37,10 +35,15 @@ def test_moved_battery_is_where_the_formula_says(name):
     vehicle = load_vehicle(name)
     model = mujoco.MjModel.from_xml_path(str(vehicle.path))
     data = mujoco.MjData(model)
-    data.qpos[7:9] = 0.013, 0.7
+    for mass in vehicle.masses:
+        for joint, value in ((mass.slide, 0.013), (mass.hinge, 0.7)):
+            if joint is not None:
+                data.joint(joint).qpos[0] = value
     mujoco.mj_forward(model, data)
-    found = flip_vector(data.body("battery").xipos - data.body("hull").xpos)
-    np.testing.assert_allclose(found, vehicle.battery.position(0.013, 0.7), atol=1e-12)
+    for mass in vehicle.masses:
+        found = flip_vector(data.body(mass.name).xipos - data.body("hull").xpos)
+        expected = mass.position(0.013 if mass.slide else 0.0, 0.7 if mass.hinge else 0.0)
+        np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", vehicle_names())
@@ -164,10 +167,33 @@ def test_messages_name_the_file_as_it_was_given(tmp_path):
 
 
 def test_unknown_vehicle_offers_the_nearest():
-    with pytest.raises(VehicleError, match="unknown vehicle 'slocun': did you mean 'slocum'"):
-        load_vehicle("slocun")
+    with pytest.raises(VehicleError, match="unknown vehicle 'gliderr': did you mean 'glider'"):
+        load_vehicle("gliderr")
     with pytest.raises(VehicleError, match="no vehicle file at"):
         load_vehicle("nowhere/x.xml")
+
+
+def test_a_makers_name_brings_up_its_vehicles():
+    with pytest.raises(VehicleError, match=r"slocum-1000 or slocum-200.*'graver-2005'"):
+        load_vehicle("slocum")
+
+
+def test_a_vehicle_is_called_as_its_file(tmp_path):
+    path = tmp_path / "mine.xml"
+    path.write_text(GLIDER.xml)
+    assert (GLIDER.name, load_vehicle(path).name) == ("glider", "mine")
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [("1.6 0.2", "pitch must be between"), ("0.4 0", "net mass must be positive")],
+)
+def test_an_impossible_usual_glide_is_refused(tmp_path, text, rule):
+    path = tmp_path / "mine.xml"
+    numeric = f'<numeric name="usual_glide" data="{text}"/></custom>'
+    path.write_text(GLIDER.xml.replace("</custom>", numeric, 1))
+    with pytest.raises(VehicleError, match=rule):
+        load_vehicle(path)
 
 
 def test_changes_round_trip():

@@ -13,7 +13,6 @@ from twin.mission import guidance as g
 from twin.mission.segments.base import Segment, blank_row, command_of, limit
 from twin.mission.turning import turn_factor
 from twin.mission.way import (
-    DEFAULT_NET_MASS_KG,
     TIME_MARGIN,
     Way,
     check_net_mass,
@@ -47,9 +46,9 @@ class Profile(Segment):
     """Pitch magnitude [deg], above 0 and below 60."""
     climb_pitch_deg: float | None = None
     """Pitch magnitude of the climb [deg]; None: that of the dive."""
-    net_mass_kg: float = DEFAULT_NET_MASS_KG
+    net_mass_kg: float | None = None
     """Net buoyancy mass of the dive [kg], positive; the climb is this much light. Of vehicles
-    with a pump."""
+    with a pump; None: the `usual_glide` of the vehicle file, 0.3 where it does not say."""
     climb_net_mass_kg: float | None = None
     """Magnitude for the climb [kg]; None: that of the dive."""
     speed_m_s: float | None = None
@@ -71,7 +70,8 @@ class Profile(Segment):
         if self.min_altitude_m is not None:
             check.limit(kind, "min_altitude_m", self.min_altitude_m, "m")
         check.pitch(kind, "pitch_deg", self.pitch_deg)
-        check.net_mass(kind, "net_mass_kg", self.net_mass_kg)
+        if self.net_mass_kg is not None:
+            check.net_mass(kind, "net_mass_kg", self.net_mass_kg)
         if self.climb_pitch_deg is not None:
             check.pitch(kind, "climb_pitch_deg", self.climb_pitch_deg)
         if self.climb_net_mass_kg is not None:
@@ -101,7 +101,8 @@ class Profile(Segment):
             climb_pitch = "pitch_deg"
         if self.climb_net_mass_kg is None:
             climb_mass = "net_mass_kg"
-        heavy, light = self.net_mass_kg, -getattr(self, climb_mass)
+        heavy = vehicle.usual_glide[1] if self.net_mass_kg is None else self.net_mass_kg
+        light = -(heavy if self.climb_net_mass_kg is None else self.climb_net_mass_kg)
         if vehicle.steered("buoyancy") is not None:
             check_net_mass(vehicle, label, "net_mass_kg", heavy)
             check_net_mass(vehicle, label, climb_mass, light)

@@ -151,8 +151,6 @@ def water(model, data):
     law_scale = water_scale if head.law_scaled != 0.0 else fraction
     add_added_mass(head.added_mass, water_scale, mass, rotation)
     carried, volume = 0.0, 0.0
-    control = array(field(table, data, at.D_CTRL), count)
-    passive = array(field(table, data, at.D_QFRC_PASSIVE), int(head.nv))
     for k in range(count):
         part = part_at(start, head, k)
         if part.gives_volume != 0.0:
@@ -161,10 +159,6 @@ def water(model, data):
             extra = part_mass(int(part.kind), part.values, act[k] + part.zero)
             carried += extra
             add_point_mass(extra, part.place, mass, rotation)
-        dof = int(part.dof)
-        if 6 <= dof < int(head.nv):
-            # the servo's damping resists the commanded motion: give it that force
-            passive[dof] += part.servo_damping * part_rate(part, act[k], control[k])
     mj_factor_mass(model, data)
 
     v0, v1, v2 = velocity[0], velocity[1], velocity[2]
@@ -324,7 +318,15 @@ def actuate(model, data, index):
         return 0.0
     position = load_f8(field(table, data, at.D_ACT) + 8 * index)
     command = load_f8(field(table, data, at.D_CTRL) + 8 * index)
-    return part_rate(part_here(address), position, command)
+    part = part_here(address)
+    rate = part_rate(part, position, command)
+    if part.dof >= 6.0:
+        # the servo's damping resists the commanded motion: give it that force. Set, not added: no
+        # other passive force acts on a driven joint, and this may be called again
+        width = field(table, model, at.M_NV)
+        passive = array(field(table, data, at.D_QFRC_PASSIVE), width)
+        passive[min(int(part.dof), width - 1)] = part.servo_damping * rate
+    return rate
 
 
 @jit

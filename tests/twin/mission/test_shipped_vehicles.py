@@ -1,0 +1,147 @@
+"""The gliders in use: they glide, stay stable, steer both ways and fly, in both models."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import twin
+from twin.__main__ import PROGRAM
+from twin.checks.agreement import check_manoeuvres
+from twin.fossen import FossenModel
+from twin.mission import Mission
+from twin.mission.glide import steady_glide
+from twin.mission.segments import SawTooth
+from twin.mission.shipped import load_mission_for, usual_mission
+from twin.mission.vehicle_table import VehicleLine, shipped_vehicles
+from twin.physics.settle import trim as settle
+from twin.vehicle.vehicle import load_vehicle, vehicle_names
+
+IN_USE = ("slocum-200", "slocum-1000", "seaglider", "seaexplorer", "spray")
+RUDDER = ("slocum-200", "slocum-1000")
+BOTH_WAYS = (1.0, -1.0)  # heavy and nose down, light and nose up
+PAGE = (Path(__file__).parents[3] / "docs" / "vehicles.md").read_text(encoding="utf-8")
+
+
+def usual(vehicle, sense):
+    """(battery shift, net mass) of its usual glide down (1) or up (-1)."""
+    pitch, net_mass = vehicle.usual_glide
+    return steady_glide(vehicle, -sense * pitch, sense * net_mass).shift, sense * net_mass
+
+
+def test_all_are_listed_with_a_source():
+    lines = {line.name: line for line in shipped_vehicles()}
+    assert set(lines) == set(vehicle_names()) >= set(IN_USE)
+    assert all(line.summary and line.source.startswith("published: ") for line in lines.values())
+    identified = [name for name, line in lines.items() if "identified: log" in line.source]
+    assert set(identified) == set(IN_USE) - {"spray"}  # of which there is no log
+
+
+@pytest.mark.parametrize("name", IN_USE)
+def test_usual_glides_are_a_real_gliders(name):
+    vehicle = load_vehicle(name)
+    line = VehicleLine.of(vehicle)
+    assert 0.25 <= line.speed_m_s <= 0.35
+    assert 0.25 <= line.climb_speed_m_s <= 0.35
+    assert 20.0 <= line.pitch_deg <= 28.0
+    assert vehicle.net_mass_for_pump(line.pump_low_cm3) > line.net_mass_kg
+    assert -vehicle.net_mass_for_pump(line.pump_high_cm3) > line.net_mass_kg
+    slide = vehicle.steered("pitch")
+    assert all(slide.low < usual(vehicle, sense)[0] < slide.high for sense in BOTH_WAYS)
+
+
+@pytest.mark.parametrize("sense", BOTH_WAYS)
+@pytest.mark.parametrize("name", IN_USE)
+def test_trims_are_stable_and_the_inverse_of_the_steady_glide(name, sense):
+    vehicle = load_vehicle(name)
+    shift, net_mass = usual(vehicle, sense)
+    motion = FossenModel(vehicle).steady_motion(shift, 0.0, net_mass)
+    assert motion.stable
+    assert math.radians(motion.trim.pitch_deg) == pytest.approx(
+        -sense * vehicle.usual_glide[0], abs=1e-5
+    )
+    other = settle(vehicle, shift, 0.0, net_mass)
+    assert other.speed_m_s == pytest.approx(motion.trim.speed_m_s, abs=1e-5)
+    assert other.pitch_deg == pytest.approx(motion.trim.pitch_deg, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", IN_USE)
+def test_rudders_turn_the_same_way_in_climbs_and_batteries_the_other_way(name):
+    vehicle = load_vehicle(name)
+    model = FossenModel(vehicle)
+    turns, rolls = [], []
+    for sense in BOTH_WAYS:
+        shift, net_mass = usual(vehicle, sense)
+        found = model.steady_motion(shift, math.radians(15.0), net_mass)
+        assert found.stable
+        turns.append(math.degrees(found.trim.turn_rate_rad_s) / 15.0)
+        rolls.append(found.trim.roll_deg)
+    dive, climb = turns
+    if name in RUDDER:
+        assert dive > climb > 0.01  # deg/s per degree
+        assert max(abs(roll) for roll in rolls) < 1.0
+    else:
+        assert dive > 0.003
+        assert climb < -0.003
+        assert rolls == pytest.approx([rolls[0]] * 2, rel=0.05)  # at the same bank
+        assert rolls[0] < -3.0
+
+
+@pytest.mark.parametrize(
+    ("name", "dive", "climb"),
+    [("slocum-200", 0.0354, 0.0241), ("slocum-1000", 0.0246, 0.0159)],
+)
+def test_slocums_answer_their_rudder_as_the_logs_do(name, dive, climb):
+    vehicle = load_vehicle(name)
+    for sense, logged in zip(BOTH_WAYS, (dive, climb), strict=True):
+        shift, net_mass = usual(vehicle, sense)
+        found = FossenModel(vehicle).trim(shift, math.radians(5.0), net_mass)
+        assert math.degrees(found.turn_rate_rad_s) / 5.0 == pytest.approx(logged, rel=0.2)
+
+
+@pytest.mark.parametrize("name", IN_USE)
+def test_both_models_agree(name):
+    assert all(found.ok for found in check_manoeuvres(load_vehicle(name), count=2, seed=2))
+
+
+@pytest.mark.parametrize("name", IN_USE)
+def test_pitch_and_heading_are_held_in_dives_and_climbs(name):
+    vehicle = load_vehicle(name)
+    leg = SawTooth(max_depth_m=100.0, min_depth_m=15.0, pitch_deg=26.0, heading_deg=20.0, yos=1)
+    mission = Mission(name="leg", start_heading_deg=0.0, segments=(leg,))
+    run = twin.simulate(vehicle=vehicle, mission=mission)
+    assert run.complete
+    depth, pitch, heading = (run[f"true_{x}"] for x in ("depth", "pitch", "heading"))
+    wanted = run["commanded_pitch"]
+    deepest = int(np.argmax(depth))
+    # the last 20 m of each way; a turn of 20 deg and the inflection are over by then
+    down = np.flatnonzero((depth > 70.0) & (np.arange(len(depth)) < deepest) & (wanted < 0))
+    up = np.flatnonzero((depth < 35.0) & (np.arange(len(depth)) > deepest) & (wanted > 0))
+    up = up[depth[up] > 17.0]
+    for way in (down, up):
+        assert len(way) > 50
+        np.testing.assert_allclose(pitch[way], wanted[way], atol=1.0)
+        np.testing.assert_allclose(heading[way], 20.0, atol=1.5)
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_the_mission_that_suits_a_vehicle_can_be_flown(name):
+    vehicle = load_vehicle(name)
+    assert load_mission_for(vehicle).name == usual_mission(vehicle)
+    assert (usual_mission(vehicle) == "section") == (name in IN_USE)
+
+
+def test_the_command_says_what_the_table_of_the_page_says(capsys):
+    assert PROGRAM.main(["vehicles", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)["vehicles"]
+    lines = shipped_vehicles()
+    assert [entry["name"] for entry in told] == [line.name for line in lines]
+    for line in lines:
+        cells = " | ".join(f"`{c}`" if k == "vehicle" else c for k, c in line.cells().items())
+        assert f"| {cells} |" in PAGE
+    assert re.search(r"^\| vehicle \| mass kg \|", PAGE, re.MULTILINE)

@@ -1,0 +1,77 @@
+"""How a vehicle turns for the position of what turns it, and what the heading loop makes of it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from twin.fossen import FossenModel
+from twin.mission import Mission, SawTooth, guidance
+from twin.mission.turning import LARGEST_FACTOR, turn_factor, turn_per_position
+from twin.mission.way import way
+from twin.physics.scenario import Scenario
+from twin.physics.simulation import simulate
+from twin.vehicle.vehicle import Vehicle, load_vehicle
+
+PRINTED = load_vehicle("glider")
+
+
+def split(share: float) -> Vehicle:
+    """The Sea-Wing with this part of its roll moment of sideslip made by the wings."""
+    return PRINTED.replace(law=PRINTED.law.scaled({"roll_lift_share": share}))
+
+
+def steady(vehicle: Vehicle, pitch_deg: float, net_mass: float):
+    return way(vehicle, "test", "pitch_deg", pitch_deg, net_mass, None)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.9, 1.0])
+@pytest.mark.parametrize(("pitch", "net_mass"), [(-30, 0.3), (30, -0.3), (-20, 0.2), (35, -0.45)])
+def test_it_is_the_slope_of_the_fossen_models_spirals(share, pitch, net_mass):
+    vehicle = split(share)
+    here = steady(vehicle, pitch, net_mass)
+    angle = math.radians(0.5)
+    spiral = FossenModel(vehicle).trim(float(here.command[0]), angle, net_mass)
+    expected = spiral.turn_rate_rad_s / angle
+    assert turn_per_position(vehicle, here) == pytest.approx(expected, rel=2e-3)
+
+
+def test_the_printed_glider_turns_one_way_and_wings_turn_the_other_in_climbs():
+    for vehicle, sign in ((PRINTED, 1.0), (split(0.9), -1.0)):
+        dive, climb = steady(vehicle, -30, 0.3), steady(vehicle, 30, -0.3)
+        assert turn_per_position(vehicle, dive) > 0.0
+        assert math.copysign(1.0, turn_factor(vehicle, climb)) == sign
+        assert turn_factor(vehicle, dive) == pytest.approx(1.0, abs=0.05)
+        slow = steady(vehicle, 15, -0.05)
+        assert 1.0 / LARGEST_FACTOR <= abs(turn_factor(vehicle, slow)) <= LARGEST_FACTOR
+
+
+@pytest.mark.parametrize("share", [0.0, 0.9])
+def test_the_heading_is_held_in_both_phases(share):
+    vehicle = split(share)
+    mission = Mission(
+        segments=(SawTooth(max_depth_m=120, heading_deg=40, pitch_deg=28, yos=2),),
+        start_heading_deg=20,
+    )
+    run = simulate(Scenario(vehicle=vehicle, plan=mission))
+    settled = (run.time > 250.0) & (run["true_depth"] > 8.0)
+    climbing = run["true_pitch"] > 10.0
+    for phase in (settled & climbing, settled & ~climbing):
+        assert np.abs(run["true_heading"][phase] - 40.0).max() < 2.0
+    table, _ = mission.compile(vehicle)
+    signs = np.sign(table[0, [guidance.DIVE_TURN, guidance.CLIMB_TURN]])
+    assert signs.tolist() == ([1.0, 1.0] if share == 0.0 else [1.0, -1.0])
+
+
+def test_a_rudder_turns_the_same_way_in_all_phases():
+    from pathlib import Path
+
+    torpedo = load_vehicle(Path(__file__).parents[2] / "vehicles" / "torpedo.xml")
+    turns = [
+        turn_per_position(torpedo, way(torpedo, "test", "pitch_deg", pitch, 0.0, 1.5))
+        for pitch in (-20.0, 0.0, 20.0)
+    ]
+    assert len({math.copysign(1.0, turn) for turn in turns}) == 1
+    np.testing.assert_allclose(turns, turns[1], rtol=0.1)

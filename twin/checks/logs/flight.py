@@ -1,0 +1,207 @@
+"""Flight: the twin on a logged dive's targets, leg by leg and depth by depth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.checks.agreement import file_timestep
+from twin.checks.logs.dive import Dive, Target
+from twin.errors import InputError, SimulationUnstable
+from twin.mission import Mission
+from twin.mission.segments import SawTooth
+from twin.physics.quiet import quiet_mujoco
+from twin.physics.scenario import Scenario
+from twin.physics.simulation import Simulation
+from twin.physics.start import Start
+from twin.records.trajectory import Trajectory
+from twin.vehicle.vehicle import Vehicle
+from twin.water.density import DensityProfile
+
+Array = NDArray[np.float64]
+
+SHALLOWEST = 2.0
+"""[m] where a twin starts and where its climbs end: nearer the surface its hull breaks it"""
+BIN = 2.0
+"""[m] of the density profile taken from the log"""
+SAMPLE_PERIOD = 1.0
+"""[s] of the twin's samples: a roll swings within ten"""
+PATIENCE = 2.0
+"""Times the log's duration that a twin may take for a dive"""
+LOOK = 10.0
+"""[s] between looks whether a dive is flown"""
+BEYOND = 0.05
+"""Part of its travel by which a log may pump more than the vehicle file lets the pump"""
+
+
+def fly_dives(vehicle: Vehicle, dives: Sequence[Dive]) -> list[Trajectory | SimulationUnstable]:
+    """The twin on each dive's targets; what went unstable holds what it flew until then.
+
+    Raises:
+      InputError: the vehicle's pump cannot do what the log's did.
+      MissionError: the vehicle cannot fly the log's pitch at its buoyancy.
+    """
+    flights: list[Trajectory | SimulationUnstable] = []
+    with quiet_mujoco():
+        for dive in dives:
+            try:
+                flights.append(_fly(vehicle, dive))
+            except SimulationUnstable as error:
+                flights.append(error)
+    return flights
+
+
+def _fly(vehicle: Vehicle, dive: Dive) -> Trajectory:
+    """One dive, until it is flown or the twin has taken far longer than the log."""
+    simulation = Simulation(scenario_of(vehicle, dive))
+    patience = PATIENCE * dive.period * (dive.targets[-1].leg.last - dive.targets[0].leg.first)
+    steps = max(1, round(LOOK / simulation.model.opt.timestep))
+    while not (simulation.flown or simulation.failed) and simulation.data.time < patience:
+        simulation.step(steps)
+    return simulation.trajectory(dive.row)
+
+
+def scenario_of(vehicle: Vehicle, dive: Dive) -> Scenario:
+    """A dive as the twin flies it: its targets as a mission, its water, its start."""
+    first = dive.targets[0]
+    leg = first.leg
+    begin = max(leg.top, SHALLOWEST) if leg.phase == "dive" else leg.bottom
+    heading = 0.0 if dive.heading is None else math.radians(dive.heading[leg.first] % 360.0)
+    pump = vehicle.steered("buoyancy")
+    assert pump is not None
+    plan = mission_of(vehicle, dive)
+    timestep = file_timestep(vehicle)
+    return Scenario(
+        vehicle=vehicle,
+        plan=plan,
+        density=water_of(dive),
+        start=Start(
+            depth=begin,
+            heading=heading,
+            pitch=math.radians(first.pitch),
+            actuators={pump.name: _within(vehicle, first.pump, dive.row)},
+        ),
+        sample_period=max(round(SAMPLE_PERIOD / timestep), 1) * timestep,
+    )
+
+
+def mission_of(vehicle: Vehicle, dive: Dive) -> Mission:
+    """A saw-tooth for each piece of a leg that has a heading target of its own, ended by depth."""
+    segments: list[SawTooth] = []
+    top, bottom = SHALLOWEST, 0.0
+    for index, target in enumerate(dive.targets):
+        diving = target.leg.phase == "dive"
+        if diving:
+            top, bottom = max(target.leg.top, SHALLOWEST), target.turn_depth
+            if index:
+                top = max(dive.targets[index - 1].turn_depth, SHALLOWEST)
+        else:
+            top = max(target.turn_depth, SHALLOWEST)
+            bottom = max(bottom, top + 1.0) if index else target.leg.bottom
+        ways = _ways(vehicle, dive, index)
+        for piece in target.pieces:
+            until = float(dive.depth[piece.last])
+            if piece is target.pieces[-1]:
+                until = bottom if diving else top
+            segments.append(
+                SawTooth(
+                    min_depth_m=top,
+                    max_depth_m=bottom,
+                    until_depth_m=min(max(until, top), bottom),
+                    heading_deg=piece.heading,
+                    **ways,
+                )
+            )
+    last = segments[-1]
+    return Mission(
+        name=f"logged dive {dive.row}",
+        segments=tuple(segments),
+        at_end="hold",
+        ascent_pitch_deg=last.climb_pitch_deg or last.pitch_deg,
+    )
+
+
+def legs_flown(dive: Dive, trajectory: Trajectory) -> Array:
+    """Number of the log's leg that the twin was flying at each of its samples, (time,).
+
+    -1 once it has flown all: a mission that holds goes on with its last segment.
+    """
+    legs = [k for k, target in enumerate(dive.targets) for _ in target.pieces]
+    segment = np.nan_to_num(trajectory["commanded_segment"], nan=0.0).astype(int)
+    number = np.array(legs)[np.clip(segment, 0, len(legs) - 1)]
+    last = dive.targets[-1]
+    down = last.leg.phase == "dive"
+    end = last.turn_depth if down else max(last.turn_depth, SHALLOWEST)
+    depth = trajectory["true_depth"]
+    there = (number == len(dive.targets) - 1) & ((depth >= end) if down else (depth <= end))
+    if there.any():
+        number[int(np.argmax(there)) + 1 :] = -1
+    return number
+
+
+def water_of(dive: Dive) -> DensityProfile:
+    """Density over depth: medians of the log's in bins of depth."""
+    bins = np.maximum(np.round(dive.depth / BIN), 0).astype(int)
+    used = np.unique(bins[dive.measured]) if dive.measured.any() else np.unique(bins)
+    values = [float(np.median(dive.density[bins == k])) for k in used]
+    return DensityProfile(depth=used * BIN, values=np.array(values))
+
+
+def _ways(vehicle: Vehicle, dive: Dive, index: int) -> dict[str, float]:
+    """Pitch and buoyancy of a leg, with those of the other way from its neighbour."""
+    mine = dive.targets[index]
+    beside = dive.targets[index + 1 : index + 2] or dive.targets[max(index - 1, 0) : index]
+    found: dict[str, float] = {}
+    for target in (*beside, mine):
+        way = "" if target.leg.phase == "dive" else "climb_"
+        found[f"{way}pitch_deg"] = _pitch(target, dive.row)
+        found[f"{way}net_mass_kg"] = _net_mass(vehicle, target, dive.row)
+    if "pitch_deg" not in found:
+        found["pitch_deg"] = found["climb_pitch_deg"]
+        found["net_mass_kg"] = found["climb_net_mass_kg"]
+    return found
+
+
+def _pitch(target: Target, row: int) -> float:
+    """Magnitude [deg] of a leg's pitch."""
+    signed = -target.pitch if target.leg.phase == "dive" else target.pitch
+    if signed <= 0.0:
+        raise InputError(
+            f"dive {row}: the log {_verb(target)} at a pitch of {target.pitch:.1f} deg, nose the "
+            "wrong way: its pitch is not that of a glide; leave the dive out with --missions"
+        )
+    return signed
+
+
+def _net_mass(vehicle: Vehicle, target: Target, row: int) -> float:
+    """Magnitude [kg] of a leg's net mass at reference density."""
+    net = vehicle.net_mass_for_pump(_within(vehicle, target.pump, row))
+    signed = net if target.leg.phase == "dive" else -net
+    if signed <= 0.0:
+        raise InputError(
+            f"dive {row}: the log {_verb(target)} with its pump at {target.pump:.0f} cm3, where "
+            f"vehicle {vehicle.name!r} is {'light' if net < 0.0 else 'heavy'}: it is another "
+            "vehicle, or not trimmed as the log's; identify it first (`twin identify`)"
+        )
+    return signed
+
+
+def _verb(target: Target) -> str:
+    return "dives" if target.leg.phase == "dive" else "climbs"
+
+
+def _within(vehicle: Vehicle, position: float, row: int) -> float:
+    """A logged pump position [cm3] inside the travel of the vehicle's pump."""
+    pump = vehicle.steered("buoyancy")
+    assert pump is not None
+    slack = BEYOND * (pump.high - pump.low)
+    if not pump.low - slack <= position <= pump.high + slack:
+        raise InputError(
+            f"dive {row}: the log's pump is at {position:.0f} cm3, that of vehicle "
+            f"{vehicle.name!r} moves from {pump.low:g} to {pump.high:g}: give a vehicle file with "
+            "the logged vehicle's pump"
+        )
+    return min(max(position, float(pump.low)), float(pump.high))

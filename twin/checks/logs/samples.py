@@ -1,0 +1,123 @@
+"""Samples: the legs of a logged dive and of the twin's flight of it, in one form."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.checks.logs.dive import PUMP_REST, Dive, Target
+from twin.checks.logs.figures import Samples
+from twin.checks.logs.flight import legs_flown
+from twin.checks.logs.legs import Leg, Phase
+from twin.checks.logs.steering import Turning
+from twin.records.trajectory import Trajectory
+from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+UNDER_WATER = 3.0
+"""[m] above this a hull is in the waves or partly out of the water"""
+
+
+def logged_samples(dive: Dive, phase: Phase, pump: str) -> list[Samples]:
+    """The compared legs of a dive as logged; `pump` is the name of the vehicle's."""
+    found = []
+    rate = np.gradient(dive.depth, dive.period)
+    for target in dive.targets:
+        leg = target.leg
+        if leg.phase != phase or not leg.compared:
+            continue
+        part = leg.samples
+        wanted = None if dive.heading_target is None else dive.heading_target[part]
+        heading = None if dive.heading is None else dive.heading[part]
+        measured = dive.measured[part] & (dive.depth[part] > UNDER_WATER)
+        positions = {name: values[part] for name, values in dive.positions.items()}
+        found.append(
+            Samples(
+                period=dive.period,
+                depth_rate=rate[part],
+                pitch=dive.pitch[part],
+                roll=None if dive.roll is None else dive.roll[part],
+                heading=heading,
+                heading_error=_error(heading, wanted),
+                heading_target=wanted,
+                first_error=_first_error(heading, wanted),
+                speed=None if dive.speed is None else dive.speed[part],
+                turning=None if dive.turning is None else dive.turning[part],
+                positions=positions,
+                steady=measured & _steady(dive.depth[part], leg, target, positions.get(pump)),
+            )
+        )
+    return found
+
+
+def flown_samples(
+    dive: Dive, trajectory: Trajectory, phase: Phase, vehicle: Vehicle, turning: Turning | None
+) -> list[Samples]:
+    """The same legs as the twin flew them; without those that it did not come to."""
+    pump = vehicle.steering["buoyancy"]
+    number = legs_flown(dive, trajectory)
+    period = float(np.median(np.diff(trajectory.time)))
+    found = []
+    for k, target in enumerate(dive.targets):
+        leg = target.leg
+        flown = np.flatnonzero(number == k)
+        if leg.phase != phase or not leg.compared or len(flown) < 2:
+            continue
+        part = slice(flown[0], flown[-1] + 1)
+        depth = trajectory["true_depth"][part]
+        heading = np.rad2deg(np.unwrap(np.deg2rad(trajectory["true_heading"][part])))
+        wanted = None if dive.heading_target is None else trajectory["commanded_heading"][part]
+        positions = {name: trajectory[f"true_{name}"][part] for name in vehicle.part_names}
+        measured = depth > UNDER_WATER
+        found.append(
+            Samples(
+                period=period,
+                depth_rate=np.gradient(depth, period),
+                pitch=trajectory["true_pitch"][part],
+                roll=trajectory["true_roll"][part],
+                heading=heading,
+                heading_error=_error(heading, wanted),
+                heading_target=wanted,
+                first_error=_first_error(heading, wanted),
+                speed=np.linalg.norm(trajectory.v_rel[part], axis=1),
+                turning=None if turning is None else turning.sense * positions[turning.part],
+                positions=positions,
+                steady=measured & _steady(depth, leg, target, positions[pump]),
+            )
+        )
+    return found
+
+
+def angle_of_attack(dive: Dive, trajectory: Trajectory, phase: Phase) -> float | None:
+    """Mean angle of attack [deg] of the twin in the bands of a phase's legs; None off them."""
+    number = legs_flown(dive, trajectory)
+    found = []
+    for k, target in enumerate(dive.targets):
+        if target.leg.phase == phase and target.leg.compared:
+            shallow, deep = target.leg.band
+            depth = trajectory["true_depth"]
+            use = (number == k) & (depth >= shallow) & (depth <= deep)
+            v_rel = trajectory.v_rel[use]
+            found.append(np.rad2deg(np.arctan2(v_rel[:, 2], v_rel[:, 0])))
+    angles = np.concatenate([*found, np.zeros(0)])
+    return float(angles.mean()) if angles.size else None
+
+
+def _steady(depth: Array, leg: Leg, target: Target, pump: Array | None) -> Mask:
+    shallow, deep = leg.band
+    steady: Mask = (depth >= shallow) & (depth <= deep)
+    return steady if pump is None else steady & (np.abs(pump - target.pump) <= PUMP_REST)
+
+
+def _error(heading: Array | None, wanted: Array | None) -> Array | None:
+    """Heading less its target [deg], within +-180."""
+    if heading is None or wanted is None:
+        return None
+    return np.asarray((heading - wanted + 180.0) % 360.0 - 180.0)
+
+
+def _first_error(heading: Array | None, wanted: Array | None) -> float:
+    error = _error(heading, wanted)
+    return 0.0 if error is None else float(error[0])
