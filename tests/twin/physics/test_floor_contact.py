@@ -185,6 +185,23 @@ def test_an_obstacle_of_the_file_stays_in_every_run():
     assert "true_altitude" not in alone  # it is no sea floor
 
 
+@pytest.mark.parametrize("name", twin.vehicle_names())
+def test_every_shipped_vehicle_meets_what_is_in_its_way(name):
+    vehicle = load_vehicle(name)
+    text = vehicle.xml.replace("<worldbody>", PLANE)
+    rock = compile_model(parse_vehicle(text, Path(f"{name}.xml")), lean=True)
+    floor = compile_model(vehicle, tables=Tables(floor=FlatFloor(depth_m=30.0).compile(0.0)))
+    for model in (rock, floor):
+        data = mujoco.MjData(model)
+        data.qpos[2] = -30.0 + 0.4 * vehicle.hull_diameter
+        data.act[:] = data.ctrl[:] = vehicle.rest
+        mujoco.mj_step(model, data, nstep=3)
+        assert data.ncon > 0
+        mujoco.mj_step(model, data, nstep=round(30.0 / model.opt.timestep))
+        # on its belly, or standing on its nose
+        assert -30.0 < data.qpos[2] < -30.0 + vehicle.hull_length
+
+
 def test_a_colliding_geom_of_the_vehicle_is_its_shape():
     """A skid 1 m below the hull keeps it that much higher."""
     skid = '<geom name="skid" type="sphere" pos="0.7 0 -1" size="0.05" mass="0"/><site name="cb"'
