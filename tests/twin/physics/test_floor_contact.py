@@ -234,6 +234,20 @@ def test_tables_with_a_floor_need_a_model_with_one():
         write_tables(model, Tables(floor=FlatFloor(depth_m=50.0).compile(0.0)))
 
 
+def test_an_environment_keeps_its_floor_when_the_water_changes():
+    physics_module = pytest.importorskip("twin.suite.physics")
+    tables = Tables(floor=FlatFloor(depth_m=30.0).compile(0.0))
+    model = compile_model("glider", tables=tables, reserve=500)
+    physics = physics_module.Physics.from_model(model)
+    with physics.reset_context():
+        physics.set_current(Uniform(north=0.1, east=0.0), 100.0)
+        physics.set_start(Start(depth=29.0))
+    physics.data.ctrl[:] = [0.0, 0.0, VEHICLE.pump_for_net_mass(0.3)]
+    physics.step(600)
+    assert 29.0 < physics.depth() < 30.0
+    assert physics.data.ncon > 0
+
+
 def test_sensors_see_the_floor_and_nothing_else_beside_it():
     with pytest.raises(InputError, match="a floor or a bottom_depth, not both"):
         twin.simulate(mission=YO, floor="depth:90", sensors="ideal", bottom_depth=90.0)
