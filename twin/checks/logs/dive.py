@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter, savgol_filter
+from scipy.signal import savgol_filter
 
 from twin.checks.logs.calibrated import Calibrated
 from twin.checks.logs.legs import Leg, Phase, legs_of
@@ -71,8 +71,8 @@ class Dive:
     """[deg] true, of the hull, unwrapped"""
     speed: Array | None
     """[m/s] through the water by a Doppler log or profiler, NaN where it measured none"""
-    density: Array
-    """[kg/m3] as it felt to the hull, which swells with its temperature"""
+    water: tuple[Array, ...]
+    """in-situ density [kg/m3]; after it temperature [degree_Celsius] and salinity where known"""
     positions: dict[str, Array]
     """of the vehicle's parts, by their names, in the units of stores"""
     turning: Array | None
@@ -128,7 +128,7 @@ def read_dive(store: LogStore, row: int, hull: Calibrated, turning: Turning | No
         roll=filled(store.signal("measured_roll", row)),
         heading=heading,
         speed=_speed(store, row),
-        density=felt_density(store, row, hull, smooth),
+        water=_water(store, row, hull, smooth),
         positions=positions,
         turning=turned,
         measured=known & ~gap,
@@ -154,24 +154,19 @@ def unwrapped(degrees: Array) -> Array | None:
     return filled(out)
 
 
-def felt_density(store: LogStore, row: int, hull: Calibrated, depth: Array) -> Array:
-    """Density [kg/m3], (time,), times what the hull swells by its temperature: the physics of the
-    twin knows no temperature."""
+def _water(store: LogStore, row: int, hull: Calibrated, depth: Array) -> tuple[Array, ...]:
+    """Density [kg/m3], then temperature and salinity where the log has both; (time,) each."""
     density = filled(store.signal("measured_density", row))
+    found = [filled(store.signal(f"measured_{name}", row)) for name in ("temperature", "salinity")]
     if density is None:
-        density = hull.sea_density(depth)
-    water = filled(store.signal("measured_temperature", row))
-    if water is None or not hull.thermal_expansion:
-        return density
-    share = 1.0 - np.exp(-store.period / hull.thermal_lag)
-    begin = [water[0] * (1.0 - share)]
-    warm, _ = lfilter([share], [1.0, share - 1.0], water, zi=begin)
-    swelling = hull.thermal_expansion * (warm - REFERENCE_TEMPERATURE)
-    return np.asarray(density * (1.0 + swelling))
+        return (hull.sea_density(depth),)
+    return (density, *_all(found))
 
 
-REFERENCE_TEMPERATURE = 10.0
-"""[degree_Celsius] at which a calibrated hull has its neutral volume"""
+def _all(found: list[Array | None]) -> list[Array]:
+    """All of them, or none where one is missing."""
+    there = [values for values in found if values is not None]
+    return there if len(there) == len(found) else []
 
 
 def _pump(store: LogStore, row: int, hull: Calibrated) -> Array:

@@ -78,7 +78,9 @@ class PhaseFigures:
     turn_per_actuator: float | None
     """[deg/s] of turn rate, to starboard, per deg of the turning part"""
     heading_sd: float | None
-    """[deg] about the target"""
+    """[deg] about the target, what it is off on the mean included"""
+    heading_bias: float | None
+    """[deg] mean heading less the target"""
     parts: Mapping[str, float]
     """Mean positions of the parts, in the units of stores"""
     oscillation: Oscillation | None
@@ -92,6 +94,7 @@ class PhaseFigures:
             "pitch_deg": self.pitch,
             "turn_per_actuator": self.turn_per_actuator,
             "heading_sd_deg": self.heading_sd,
+            "heading_bias_deg": self.heading_bias,
         }
 
 
@@ -117,6 +120,7 @@ def phase_figures(legs: Sequence[Samples]) -> PhaseFigures | None:
         pitch=mean([leg.pitch[leg.steady] for leg in legs]),
         turn_per_actuator=turn_per_actuator(legs),
         heading_sd=float(np.sqrt(np.mean(error**2))) if error.size >= LEAST_SAMPLES else None,
+        heading_bias=float(np.mean(error)) if error.size >= LEAST_SAMPLES else None,
         parts={
             name: mean([leg.positions[name][leg.steady] for leg in legs if name in leg.positions])
             for name in names

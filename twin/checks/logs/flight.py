@@ -64,19 +64,26 @@ def _fly(vehicle: Vehicle, dive: Dive) -> Trajectory:
     return simulation.trajectory(dive.row)
 
 
-def scenario_of(vehicle: Vehicle, dive: Dive) -> Scenario:
-    """A dive as the twin flies it: its targets as a mission, its water, its start."""
+def scenario_of(
+    vehicle: Vehicle, dive: Dive, *, plan: bool = True, duration: float | None = None
+) -> Scenario:
+    """A dive as the twin flies it: its targets as a mission, its water, its start.
+
+    Args:
+      plan: False leaves the mission out, for a controller that flies it.
+      duration: [s], then needed; None: until the mission is flown.
+    """
     first = dive.targets[0]
     leg = first.leg
     begin = max(leg.top, SHALLOWEST) if leg.phase == "dive" else leg.bottom
     heading = 0.0 if dive.heading is None else math.radians(dive.heading[leg.first] % 360.0)
     pump = vehicle.steered("buoyancy")
     assert pump is not None
-    plan = mission_of(vehicle, dive)
     timestep = file_timestep(vehicle)
     return Scenario(
         vehicle=vehicle,
-        plan=plan,
+        plan=mission_of(vehicle, dive) if plan else None,
+        duration=duration,
         density=water_of(dive),
         start=Start(
             depth=begin,
@@ -143,11 +150,15 @@ def legs_flown(dive: Dive, trajectory: Trajectory) -> Array:
 
 
 def water_of(dive: Dive) -> DensityProfile:
-    """Density over depth: medians of the log's in bins of depth."""
+    """The water over depth: medians of the log's in bins of depth."""
     bins = np.maximum(np.round(dive.depth / BIN), 0).astype(int)
     used = np.unique(bins[dive.measured]) if dive.measured.any() else np.unique(bins)
-    values = [float(np.median(dive.density[bins == k])) for k in used]
-    return DensityProfile(depth=used * BIN, values=np.array(values))
+    columns = [np.array([np.median(one[bins == k]) for k in used]) for one in dive.water]
+    density, temperature, salinity = (*columns, None, None)[:3]
+    assert density is not None
+    return DensityProfile(
+        depth=used * BIN, values=density, temperature=temperature, salinity=salinity
+    )
 
 
 def _ways(vehicle: Vehicle, dive: Dive, index: int) -> dict[str, float]:
