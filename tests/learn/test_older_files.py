@@ -16,6 +16,7 @@ from factory.inspect.verify_logs import verify_logs
 from factory.stores.generated import GeneratedStore, open_missions
 from learn.runs.run import open_run
 from learn.studies.run_evaluation import evaluate_run
+from twin.errors import StoreError
 from twin.identify import load_logs
 from twin.records.logs import LogStore
 from twin.records.reader import MissionStore
@@ -40,9 +41,9 @@ def test_the_simulated_store_is_read_whole() -> None:
     assert report.ok, [check.problems for check in report.checks]
 
 
-def test_its_missions_fly_again() -> None:
-    comparison = replay_mission(GeneratedStore(SIMULATED_STORE), 0)
-    assert comparison.identical or comparison.other_versions
+def test_its_missions_of_another_physics_are_refused_with_both_versions() -> None:
+    with pytest.raises(StoreError, match="version 1 of the physics.* flies version 2"):
+        replay_mission(GeneratedStore(SIMULATED_STORE), 0)
 
 
 def test_the_store_of_logs_is_read_whole() -> None:
