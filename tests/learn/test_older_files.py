@@ -50,7 +50,7 @@ def test_the_store_of_logs_is_read_whole() -> None:
     store = open_missions(LOG_STORE)
     assert isinstance(store, LogStore)
     assert (store.kind, store.source, len(store), store.period) == ("logged", "slocum", 2, 2.0)
-    assert MissionStore(LOG_STORE).vehicle.name == "graver-2005"
+    assert MissionStore(LOG_STORE).vehicle.name == "slocum-200"
     assert store.log_rows[1].follows(store.log_rows[0])
     report = verify_logs(store)
     assert report.ok, [check.problems for check in report.checks]
