@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.checks.agreement import file_timestep
-from twin.checks.logs.dive import Dive, Target
+from twin.checks.logs.dive import Dive, Piece, Target
 from twin.errors import InputError, SimulationUnstable
 from twin.mission import Mission
 from twin.mission.segments import SawTooth
@@ -89,7 +89,7 @@ def scenario_of(
             depth=begin,
             heading=heading,
             pitch=math.radians(first.pitch),
-            actuators={pump.name: _within(vehicle, first.pump, dive.row)},
+            actuators={pump.name: _within(vehicle, first.pieces[0].pump, dive.row)},
         ),
         sample_period=max(round(SAMPLE_PERIOD / timestep), 1) * timestep,
     )
@@ -108,7 +108,6 @@ def mission_of(vehicle: Vehicle, dive: Dive) -> Mission:
         else:
             top = max(target.turn_depth, SHALLOWEST)
             bottom = max(bottom, top + 1.0) if index else target.leg.bottom
-        ways = _ways(vehicle, dive, index)
         for piece in target.pieces:
             until = float(dive.depth[piece.last])
             if piece is target.pieces[-1]:
@@ -119,7 +118,7 @@ def mission_of(vehicle: Vehicle, dive: Dive) -> Mission:
                     max_depth_m=bottom,
                     until_depth_m=min(max(until, top), bottom),
                     heading_deg=piece.heading,
-                    **ways,
+                    **_ways(vehicle, dive, index, piece),
                 )
             )
     last = segments[-1]
@@ -161,15 +160,16 @@ def water_of(dive: Dive) -> DensityProfile:
     )
 
 
-def _ways(vehicle: Vehicle, dive: Dive, index: int) -> dict[str, float]:
-    """Pitch and buoyancy of a leg, with those of the other way from its neighbour."""
+def _ways(vehicle: Vehicle, dive: Dive, index: int, piece: Piece) -> dict[str, float]:
+    """Pitch and buoyancy of a piece of a leg, with those of the other way from its neighbour."""
     mine = dive.targets[index]
     beside = dive.targets[index + 1 : index + 2] or dive.targets[max(index - 1, 0) : index]
     found: dict[str, float] = {}
     for target in (*beside, mine):
         way = "" if target.leg.phase == "dive" else "climb_"
         found[f"{way}pitch_deg"] = _pitch(target, dive.row)
-        found[f"{way}net_mass_kg"] = _net_mass(vehicle, target, dive.row)
+        pump = piece.pump if target is mine else target.pump
+        found[f"{way}net_mass_kg"] = _net_mass(vehicle, target, pump, dive.row)
     if "pitch_deg" not in found:
         found["pitch_deg"] = found["climb_pitch_deg"]
         found["net_mass_kg"] = found["climb_net_mass_kg"]
@@ -187,13 +187,13 @@ def _pitch(target: Target, row: int) -> float:
     return signed
 
 
-def _net_mass(vehicle: Vehicle, target: Target, row: int) -> float:
-    """Magnitude [kg] of a leg's net mass at reference density."""
-    net = vehicle.net_mass_for_pump(_within(vehicle, target.pump, row))
+def _net_mass(vehicle: Vehicle, target: Target, pump: float, row: int) -> float:
+    """Magnitude [kg] of a leg's net mass at reference density, its pump at `pump` [cm3]."""
+    net = vehicle.net_mass_for_pump(_within(vehicle, pump, row))
     signed = net if target.leg.phase == "dive" else -net
     if signed <= 0.0:
         raise InputError(
-            f"dive {row}: the log {_verb(target)} with its pump at {target.pump:.0f} cm3, where "
+            f"dive {row}: the log {_verb(target)} with its pump at {pump:.0f} cm3, where "
             f"vehicle {vehicle.name!r} is {'light' if net < 0.0 else 'heavy'}: it is another "
             "vehicle, or not trimmed as the log's; identify it first (`twin identify`)"
         )
