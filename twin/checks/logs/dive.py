@@ -217,17 +217,18 @@ def _running_mean(values: Array, width: int) -> Array:
 
 def _target(leg: Leg, depth: Array, pitch: Array, pump: Array, wanted: Array | None) -> Target:
     inside = _in_band(leg, depth)
-    position = float(np.median(pump[inside]))
-    resting = np.flatnonzero(np.abs(pump[leg.samples] - position) <= PUMP_REST)
+    usual = float(np.median(pump[inside]))
+    levels = pump_levels(leg, pump, usual)
+    resting = np.flatnonzero(np.abs(pump[leg.samples] - levels) <= PUMP_REST)
     turn = float(depth[leg.first + resting[-1]]) if resting.size else float(depth[leg.last])
     shallow, deep = leg.band
     turn = max(turn, deep) if leg.phase == "dive" else min(turn, shallow)
     return Target(
         leg=leg,
         pitch=float(np.mean(pitch[inside])),
-        pump=position,
+        pump=usual,
         turn_depth=turn,
-        pieces=_pieces(leg, depth, wanted, pump_levels(leg, pump, position)),
+        pieces=_pieces(leg, depth, wanted, levels, turn),
     )
 
 
@@ -259,8 +260,11 @@ def pump_levels(leg: Leg, pump: Array, usual: float) -> Array:
     )
 
 
-def _pieces(leg: Leg, depth: Array, wanted: Array | None, levels: Array) -> tuple[Piece, ...]:
-    """Parts of a leg within which heading target and pump stay where they are."""
+def _pieces(
+    leg: Leg, depth: Array, wanted: Array | None, levels: Array, turn: float
+) -> tuple[Piece, ...]:
+    """Parts of a leg, before it begins to turn at the depth `turn`, within which heading target
+    and pump stay where they are."""
     pieces: list[Piece] = []
     begin = leg.first
 
@@ -276,7 +280,7 @@ def _pieces(leg: Leg, depth: Array, wanted: Array | None, levels: Array) -> tupl
         low, high = min(low, headings[k]), max(high, headings[k])
         moved = abs(levels[k - leg.first] - levels[begin - leg.first]) > PUMP_REST
         far = abs(depth[k] - depth[begin]) >= LEAST_PIECE
-        left = abs(depth[leg.last] - depth[k]) >= LEAST_PIECE
+        left = (turn - depth[k] if leg.phase == "dive" else depth[k] - turn) >= LEAST_PIECE
         if (moved or high - low > TOLERANCE) and far and left:
             pieces.append(piece(k - 1))
             begin, low, high = k, headings[k], headings[k]

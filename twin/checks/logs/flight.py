@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from twin.checks.agreement import file_timestep
 from twin.checks.logs.dive import Dive, Piece, Target
 from twin.errors import InputError, SimulationUnstable
-from twin.mission import Mission
+from twin.mission import Mission, guidance
 from twin.mission.segments import SawTooth
+from twin.physics.mujoco_model import state
 from twin.physics.quiet import quiet_mujoco
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
@@ -56,22 +57,20 @@ def fly_dives(vehicle: Vehicle, dives: Sequence[Dive]) -> list[Trajectory | Simu
 
 def _fly(vehicle: Vehicle, dive: Dive) -> Trajectory:
     """One dive, until it is flown or the twin has taken far longer than the log."""
-    simulation = Simulation(scenario_of(vehicle, dive))
-    patience = PATIENCE * dive.period * (dive.targets[-1].leg.last - dive.targets[0].leg.first)
+    logged = dive.period * (dive.targets[-1].leg.last - dive.targets[0].leg.first)
+    simulation = Simulation(scenario_of(vehicle, dive, PATIENCE * logged))
     steps = max(1, round(LOOK / simulation.model.opt.timestep))
-    while not (simulation.flown or simulation.failed) and simulation.data.time < patience:
+    for _ in range(-(-simulation.steps // steps)):
+        if simulation.failed or state(simulation.data)["guidance"][guidance.DONE]:
+            break
         simulation.step(steps)
     return simulation.trajectory(dive.row)
 
 
-def scenario_of(
-    vehicle: Vehicle, dive: Dive, *, plan: bool = True, duration: float | None = None
-) -> Scenario:
-    """A dive as the twin flies it: its targets as a mission, its water, its start.
+def scenario_of(vehicle: Vehicle, dive: Dive, duration: float, *, plan: bool = True) -> Scenario:
+    """A dive as the twin flies it, for `duration` [s]: its targets as a mission, water, start.
 
-    Args:
-      plan: False leaves the mission out, for a controller that flies it.
-      duration: [s], then needed; None: until the mission is flown.
+    Without `plan` the mission is left out, for a controller that flies it.
     """
     first = dive.targets[0]
     leg = first.leg
