@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, StoreError, unknown_name
-from twin.records.schema import SIMULATED, VARIABLES
+from twin.records.schema import SIMULATED, VARIABLES, WITH_FLOOR
 
 Array = NDArray[np.float64]
 Channels = Mapping[str, Array]
@@ -98,8 +98,8 @@ _FORCES = (
 def _gravity_sine(c: Channels, samples: int) -> Array:
     """Sine of the pitch from the direction of the mean specific force, nose up.
 
-    A glider hardly accelerates, so its accelerometer is an inclinometer without the slow errors of
-    an attitude filter.
+    A glider hardly accelerates, so its accelerometer is an inclinometer without the errors that the
+    gyros add to an attitude filter; the bias of the accelerometer is in both.
     """
     x, y, z = (trailing_mean(c[name], samples) for name in _FORCES)
     size = np.sqrt(x**2 + y**2 + z**2)
@@ -277,7 +277,7 @@ def is_known(name: str) -> bool:
 def is_part_channel(name: str) -> bool:
     """Whether it is the reading or the command of a part that the table does not know."""
     kind, _, part = name.partition("_")
-    return kind in _PART_GROUPS and bool(part) and name not in SIMULATED
+    return kind in _PART_GROUPS and bool(part) and name not in (*SIMULATED, *WITH_FLOOR)
 
 
 def features_of(sensor: str, features: Iterable[str] = tuple(FEATURES)) -> tuple[str, ...]:

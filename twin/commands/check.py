@@ -68,7 +68,8 @@ class Check(JsonOption):
             console.note(text)
         console.answer(**found.describe())
         if self.page is not None:
-            command = f"twin check --logs {store} --vehicle {self.vehicle}"
+            rows = "" if self.missions is None else f" --missions {self.missions}"
+            command = f"twin check --logs {store} --vehicle {self.vehicle}{rows}"
             path = build_page(self.page, found, command)
             console.say(f"page: {path}")
             console.answer(page=path)

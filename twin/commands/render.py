@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -9,7 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from twin.cli.console import Console, JsonOption
-from twin.errors import InputError
+from twin.errors import FloorError, InputError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +46,8 @@ class Render(JsonOption):
     exaggeration: float | None = None
     """vertical over horizontal scale; default: chosen to fit"""
     floor: float | None = None
-    """depth of the drawn sea floor [m]; default: a little below the deepest point"""
+    """depth [m] at which the picture ends below; default: so that it shows the mission's sea floor,
+    or for a mission without one a little below the deepest point, on a made-up floor"""
     hud: bool = True
     """readouts, labels and legend"""
     inset: bool = True
@@ -89,7 +91,8 @@ class Render(JsonOption):
         )
         if self.time is not None and suffix not in STILL_FORMATS:
             raise InputError("--time is for a .png; for a video give --start and --end")
-        subject = read_subject(
+        read = functools.partial(
+            read_subject,
             self.store,
             self.mission,
             vehicle=self.vehicle,
@@ -97,6 +100,11 @@ class Render(JsonOption):
             names=self.only,
             title=self.title,
         )
+        try:
+            subject = read()
+        except FloorError as error:
+            console.warn(f"{error}; the picture has a made-up sea floor in place of the mission's")
+            subject = read(floor=False)
         colours = len(OTHER_TRACKS)
         if len(subject.tracks) > colours:
             console.note(

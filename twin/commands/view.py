@@ -30,6 +30,8 @@ class View:
     suits the vehicle"""
     current: str = "none"
     """live: current, as in `twin simulate`"""
+    floor: str = "none"
+    """live: sea floor of a depth, as in `twin simulate`"""
     vehicle: str | None = None
     """vehicle by name or MJCF file; default: the store's own, live the shipped glider"""
     camera: Literal["orbit", "side", "map", "chase"] = "orbit"
@@ -91,18 +93,31 @@ class View:
         from twin.mission.shipped import load_mission_for
         from twin.physics.scenario import Scenario
         from twin.physics.simulation import simulate
+        from twin.physics.tables import floor_table
         from twin.render.film import Subject
         from twin.render.flight import Live
         from twin.vehicle.vehicle import load_vehicle
         from twin.water.current.spec import parse_current
+        from twin.water.floor import parse_floor
 
         if self.tracks is not None:
             raise InputError("--tracks needs a store: dead-reckoned tracks belong to its missions")
         vehicle = load_vehicle(self.vehicle or "glider")
         plan = load_mission_for(vehicle, self.plan)
-        scenario = Scenario(vehicle=vehicle, plan=plan, current=parse_current(self.current))
+        scenario = Scenario(
+            vehicle=vehicle,
+            plan=plan,
+            current=parse_current(self.current),
+            floor=parse_floor(self.floor),
+        )
         title = f"Mission {plan.name}, live"
-        subject = Subject(trajectory=simulate(scenario), vehicle=vehicle, title=title)
+        floor = floor_table(scenario, scenario.run_time())
+        subject = Subject(
+            trajectory=simulate(scenario),
+            vehicle=vehicle,
+            title=title,
+            floor=floor if floor.size else None,
+        )
         return subject, Live(scenario)
 
 

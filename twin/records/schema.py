@@ -180,6 +180,7 @@ _TABLE: tuple[Variable, ...] = (
         "m",
         "height above the sea floor by the altimeter; NaN without an echo",
         "height_above_sea_floor",
+        gaps=True,
     ),
     Variable("measured_shift", "m", "battery position by its encoder"),
     Variable("measured_rotation", "degree", "battery rotation by its encoder"),

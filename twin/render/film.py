@@ -44,6 +44,8 @@ class Subject:
     tracks: tuple[NamedTrack, ...] = ()
     """Dead-reckoned tracks beside the true one"""
     title: str = ""
+    floor: Array | None = None
+    """Table of the mission's sea floor; None: what is drawn is decoration"""
 
 
 def still(subject: Subject, shot: Shot, at: float | None = None) -> Pixels:
@@ -110,7 +112,13 @@ def default_workers() -> int:
 
 def _painter(subject: Subject, shot: Shot, times: Array) -> Painter:
     return Painter(
-        subject.trajectory, subject.vehicle, shot, times, subject.tracks, title=subject.title
+        subject.trajectory,
+        subject.vehicle,
+        shot,
+        times,
+        subject.tracks,
+        title=subject.title,
+        floor=subject.floor,
     )
 
 

@@ -8,12 +8,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.render import camera, sea
+from twin.render import camera, sea, seabed
 from twin.render.arrows import LADDER_STEP, ladder_arrow
 from twin.render.playback import Poses
-from twin.render.props import DRIFT, LEVEL, VEHICLE, WATER
+from twin.render.props import DRIFT, LEVEL, SEABED, VEHICLE, WATER
 from twin.render.shapes import Shape
 from twin.render.stage import Stage
+from twin.water.floor.lookup import floor_depth
 
 Array = NDArray[np.float64]
 Reshape = Callable[[int, Shape], None]
@@ -38,7 +39,9 @@ class Motion:
             model.joint(joint).name.removeprefix(VEHICLE): int(model.jnt_qposadr[joint])
             for joint in range(model.njnt)
         }
-        self._mocap = {name: int(model.body(name).mocapid[0]) for name in (WATER, LEVEL, DRIFT)}
+        self._mocap = {
+            name: int(model.body(name).mocapid[0]) for name in (WATER, LEVEL, SEABED, DRIFT)
+        }
 
     def place(self, poses: Poses, index: int, drift: Array) -> Array:
         """Show a row of `poses`; returns the glider's display point, shape (3,).
@@ -58,6 +61,7 @@ class Motion:
         data.mocap_pos[self._mocap[WATER]] = -shift
         data.mocap_pos[self._mocap[LEVEL]] = [0.0, 0.0, -shift[2]]
         data.mocap_pos[self._mocap[DRIFT]] = drift
+        self._place_ground(poses.position[index])
         self._reveal(poses, index, here)
         self._place_arrows(poses, index)
         if stage.bands_follow:
@@ -67,6 +71,16 @@ class Motion:
         mujoco.mj_kinematics(stage.model, data)
         mujoco.mj_camlight(stage.model, data)
         return here - shift
+
+    def _place_ground(self, position: Array) -> None:
+        """Put the floor under the glider at `position` NED [m], fading with its distance."""
+        stage = self._stage
+        if stage.floor is None or not stage.ground:
+            return
+        altitude = float(floor_depth(stage.floor, position[0], position[1]) - position[2])
+        self._data.mocap_pos[self._mocap[SEABED]] = [0.0, 0.0, -altitude]
+        alpha = self._alpha[stage.ground] * seabed.clearness(altitude)
+        stage.model.geom_rgba[stage.ground, 3] = alpha
 
     def _turn(self, poses: Poses, index: int) -> None:
         """Turn fins and propellers about their axes on the hull; a picture has the true angle."""

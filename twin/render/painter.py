@@ -48,8 +48,10 @@ class Painter:
         times: Array,
         tracks: Sequence[NamedTrack] = (),
         title: str = "",
+        floor: Array | None = None,
     ):
-        """`times` [s], shape (frames,), are the mission times of the frames.
+        """`times` [s], shape (frames,), are the mission times of the frames; `floor` is the table
+        of the mission's sea floor.
 
         Raises:
           InputError: the shot does not fit the trajectory.
@@ -57,7 +59,7 @@ class Painter:
         """
         self.shot = shot
         self.poses: Poses = poses(trajectory, times)
-        self.stage: Stage = build(trajectory, vehicle, shot, tracks)
+        self.stage: Stage = build(trajectory, vehicle, shot, tracks, floor)
         self._canvas = Canvas(width=shot.width, height=shot.height)
         self._frame = frame_of(shot)
         close_up = shot.inset and not self.stage.chase

@@ -1,9 +1,9 @@
 """Props: the MuJoCo spec of a scene, and how meshes are put into it.
 
 Everything that belongs to the water hangs on mocap bodies (`water`; `level` for what follows the
-glider horizontally; `drift` for particles), so that the chase camera can move the sea past the
-glider instead of the glider through kilometres, where the graphics' single precision would make it
-shake.
+glider horizontally; `seabed` for the floor under it; `drift` for particles), so that the chase
+camera can move the sea past the glider instead of the glider through kilometres, where the
+graphics' single precision would make it shake.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ VEHICLE = "vehicle/"
 """Prefix of the attached glider's names"""
 BACKDROP_GROUP, CLOSE_UP_GROUP, WATER_GROUP = 0, 3, 5
 """Geom groups; the glider's own are 1 and 2, its fluid geoms 4 stay hidden."""
-WORLD, WATER, LEVEL, DRIFT = "world", "water", "level", "drift"
+WORLD, WATER, LEVEL, SEABED, DRIFT = "world", "water", "level", "seabed", "drift"
 """Bodies that props hang on"""
 AMBIENT, HEADLIGHT, SUN = 0.36, 0.40, 0.58
 """Light from everywhere, from the camera and from above, over full light"""
@@ -70,7 +70,7 @@ class Props:
             self.spec.add_material(name=name, emission=emission, specular=specular, shininess=0.4)
         self._attach(mujoco.MjSpec.from_string(vehicle_xml))
         self._bodies = {WORLD: self.spec.worldbody}
-        for name in (WATER, LEVEL, DRIFT):
+        for name in (WATER, LEVEL, SEABED, DRIFT):
             self._bodies[name] = self.spec.worldbody.add_body(name=name, mocap=True)
 
     def add(

@@ -28,6 +28,8 @@ RELIEF = 26
 """Grid cells of sea floor and surface along each side"""
 RELIEF_SHARE = 0.05
 """Largest height of the floor's relief over the block's depth"""
+SHADOW_LIFT = 0.03
+"""[display units] of a shadow over the ground that it falls on"""
 WAVE_SHARE = 0.0035
 """Height of the drawn waves over the block's length"""
 OPEN_FADE = 90.0
@@ -97,8 +99,11 @@ def backdrop_colour(elevation: Array, depth: float | None) -> Array:
     return np.asarray(dim * seen * (1.0 + 0.25 * np.clip(rise, 0.0, None)))
 
 
-def add_block(props: Props, layout: Layout, path: Array) -> None:
-    """Walls coloured by depth with ticks, surface, floor and the shadow of `path` (n, 3) NED."""
+def add_block(props: Props, layout: Layout, path: Array | None) -> None:
+    """Walls coloured by depth with ticks, and the surface.
+
+    With a `path` (n, 3) NED also a decorative floor and the path's shadow on it.
+    """
     corners = layout.corners()
     bottom = float(corners[4, 2])
     walls = [(corners[i], corners[(i + 1) % 4]) for i in range(4)]
@@ -117,17 +122,20 @@ def add_block(props: Props, layout: Layout, path: Array) -> None:
     props.add("depth_lines", shapes.merge(lines), PALE, alpha=0.38)
     rims = [_wall(a, b, 0.0, -2 * width, lift=0.02) for a, b in walls]
     props.add("rim", shapes.merge(rims), np.ones(3), alpha=0.75)
-    _add_floor(props, layout, palette.SAND)
     _add_surface(props, layout)
-    shadow = _shadow(layout, path)
-    if shadow is not None:
-        props.add("shadow", shadow, palette.SAND * 0.22, alpha=0.75)
+    if path is None:
+        return
+    _add_floor(props, layout, palette.SAND)
+    fallen = shadow(layout, path, layout.corners()[4, 2] * (1.0 - 1.2 * RELIEF_SHARE))
+    if fallen is not None:
+        props.add("shadow", fallen, palette.SAND * 0.22, alpha=0.75)
 
 
-def add_chart(props: Props, layout: Layout) -> None:
-    """The map's ground: a floor in the colour of deep water, and a grid of round metres."""
+def add_chart(props: Props, layout: Layout, *, ground: bool = True) -> None:
+    """A grid of round metres, and as `ground` a floor in the colour of deep water."""
     corners = layout.corners()
-    _add_floor(props, layout, palette.water_colour(0.62))
+    if ground:
+        _add_floor(props, layout, palette.water_colour(0.62))
     width = 0.0013 * float((layout.size * layout.factors)[:2].max())
     height = float(corners[4, 2]) * (1.0 - 1.5 * RELIEF_SHARE)
     step = grid_step(layout)
@@ -144,19 +152,26 @@ def add_chart(props: Props, layout: Layout) -> None:
     props.add("rim", shapes.merge(rim), np.ones(3), alpha=0.6)
 
 
-def add_open_water(props: Props, layout: Layout) -> None:
-    """Surface and floor as rings around the glider that fade with distance."""
-    floor = -float(layout.high[2])
+def fading_rings() -> list[tuple[float, float, float]]:
+    """Inner and outer radius [m] and opacity of rings around the glider that fade out."""
     radii = OPEN_FADE * np.linspace(0.0, 1.0, FADES + 1) ** 1.4
-    for i in range(FADES):
-        fade = (1.0 - (i + 0.5) / FADES) ** 1.3
-        inner, outer = max(float(radii[i]), 0.01), float(radii[i + 1])
+    return [
+        (max(float(radii[i]), 0.01), float(radii[i + 1]), (1.0 - (i + 0.5) / FADES) ** 1.3)
+        for i in range(FADES)
+    ]
+
+
+def add_open_water(props: Props, layout: Layout, *, ground: bool = True) -> None:
+    """Surface, and as `ground` a floor, as rings around the glider that fade with distance."""
+    floor = -float(layout.high[2])
+    for i, (inner, outer, fade) in enumerate(fading_rings()):
         below = shapes.ring(inner, outer, 0.0, up=False)
         props.add(f"surface_{i}", below, np.array([0.75, 0.97, 1.0]), alpha=0.55 * fade, body=LEVEL)
         above = shapes.ring(inner, outer, 0.0, up=True)
         props.add(f"surface_above_{i}", above, ABOVE, alpha=0.30 + 0.35 * (1 - fade), body=LEVEL)
-        ring = shapes.ring(inner, outer, floor, up=True)
-        props.add(f"floor_{i}", ring, palette.SAND * 0.8, alpha=fade, body=LEVEL)
+        if ground:
+            ring = shapes.ring(inner, outer, floor, up=True)
+            props.add(f"floor_{i}", ring, palette.SAND * 0.8, alpha=fade, body=LEVEL)
 
 
 def add_snow(props: Props) -> str:
@@ -193,23 +208,23 @@ def _add_floor(props: Props, layout: Layout, colour: Array) -> None:
     bottom = float(layout.corners()[4, 2])
     fade = np.sin(np.pi * np.linspace(0.0, 1.0, RELIEF + 1)) ** 0.5
     relief = RELIEF_SHARE * abs(bottom) * np.outer(fade, fade)
-    sheet = _sheet(layout, bottom + relief * _terrain(RELIEF + 1, seed=7))
-    props.add("floor", sheet, colour, material="matte")
+    ground = sheet(layout, bottom + relief * _terrain(RELIEF + 1, seed=7))
+    props.add("floor", ground, colour, material="matte")
 
 
 def _add_surface(props: Props, layout: Layout) -> None:
     """The sea surface, seen from above and from below."""
     length = float((layout.size * layout.factors)[:2].max())
-    above = _sheet(layout, WAVE_SHARE * length * _terrain(RELIEF + 1, seed=11, rough=0.9))
+    above = sheet(layout, WAVE_SHARE * length * _terrain(RELIEF + 1, seed=11, rough=0.9))
     props.add("surface", above, palette.GLASS, alpha=0.17, material="lit")
     below = dataclasses.replace(above, faces=above.faces[:, ::-1], normals=-above.normals)
     props.add("surface_below", below, palette.GLASS, alpha=0.22, material="lit")
 
 
-def _shadow(layout: Layout, path: Array, width: float = 0.1) -> Shape | None:
-    """The path's projection on the floor, a level band; None for a path that goes nowhere."""
+def shadow(layout: Layout, path: Array, height: Array | float, width: float = 0.1) -> Shape | None:
+    """The projection of a path (n, 3) at display heights (n,), a band; None if it goes nowhere."""
     nodes = layout.display(path)
-    nodes[:, 2] = layout.corners()[4, 2] * (1.0 - 1.2 * RELIEF_SHARE)
+    nodes[:, 2] = height
     nodes = nodes[simplify(nodes, width / 2)]
     if np.ptp(nodes[:, :2], axis=0).max() < width:
         return None
@@ -240,7 +255,7 @@ def _level_strip(ends: Array, width: float, height: float) -> Shape:
     return shapes.quad(np.column_stack([corners, np.full(4, height)]))
 
 
-def _sheet(layout: Layout, height: Array) -> Shape:
+def sheet(layout: Layout, height: Array) -> Shape:
     """A sheet over the block, `height` (n, n) in display units."""
     count = len(height)
     # Block y runs to the right of x, display y to the left: count it from the far side.

@@ -52,7 +52,8 @@ class Shot:
     """Vertical scale over horizontal scale; None chooses one. The chase camera has always 1."""
 
     floor: float | None = None
-    """[m] Depth of the drawn sea floor; None puts it a little below the deepest point."""
+    """[m] Depth at which the picture ends below; None: so that it shows the mission's sea floor, or
+    without one a little below the deepest point."""
 
     hud: bool = True
     """Draw the strip of readouts, the labels and the legend."""

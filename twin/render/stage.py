@@ -14,7 +14,7 @@ from twin.errors import InputError
 from twin.frames import flip_vector
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
-from twin.render import arrows, palette, sea, shapes
+from twin.render import arrows, palette, sea, seabed, shapes
 from twin.render.arrows import Profile
 from twin.render.canvas import frame_of
 from twin.render.playback import Poses, optional, signal
@@ -97,6 +97,10 @@ class Stage:
     """Their colour follows the glider's depth"""
     snow: bool
     """Particles are there"""
+    floor: Array | None
+    """Table of the mission's sea floor; None: what is drawn is decoration"""
+    ground: list[int]
+    """Geom ids of the floor that follows the glider, chase camera"""
     arrows: list[Reshaped]
     """The current beside the glider, chase camera"""
     hull_length: float
@@ -112,9 +116,13 @@ class Stage:
 
 
 def build(
-    trajectory: Trajectory, vehicle: Vehicle, shot: Shot, tracks: Sequence[NamedTrack] = ()
+    trajectory: Trajectory,
+    vehicle: Vehicle,
+    shot: Shot,
+    tracks: Sequence[NamedTrack] = (),
+    floor: Array | None = None,
 ) -> Stage:
-    """Build and compile the scene of a shot.
+    """Build and compile the scene of a shot; `floor` is the table of the mission's sea floor.
 
     Raises:
       InputError: the shot's part or colour does not fit the trajectory.
@@ -126,14 +134,20 @@ def build(
     points = np.stack([signal(trajectory, n) for n in ("north", "east", "depth")], axis=-1)
     true = Path(name="truth", time=trajectory.time[shown], points=points[shown], colour=None)
     paths = [true, *(_beside(track, i, true) for i, track in enumerate(tracks))]
-    layout = plan(
-        [path.points for path in paths],
-        hull_length=vehicle.hull_length,
-        floor=shot.floor,
-        exaggeration=shot.exaggeration,
-        camera=shot.camera,
-        frame=frame_of(shot),
-    )
+
+    def lay_out(bottom: float | None) -> Layout:
+        return plan(
+            [path.points for path in paths],
+            hull_length=vehicle.hull_length,
+            floor=bottom,
+            exaggeration=shot.exaggeration,
+            camera=shot.camera,
+            frame=frame_of(shot),
+        )
+
+    layout = lay_out(shot.floor)
+    if floor is not None and shot.floor is None:
+        layout = lay_out(seabed.block_depth(floor, layout))
     velocity = [optional(trajectory, f"current_{n}", 0.0)[shown] for n in ("north", "east")]
     current = arrows.profile(true.points[:, 2], np.stack(velocity, axis=-1))
     values, scale = track_values(trajectory, shot.colour, shown, tracks)
@@ -145,12 +159,18 @@ def build(
     bands = sea.add_backdrop(props, "backdrop", BACKDROP_GROUP, radius, light=chase, bands=count)
     if not chase and shot.inset:
         bands = sea.add_backdrop(props, "close_up", CLOSE_UP_GROUP, radius, light=True)
+    ground: list[str] = []
     if chase:
-        sea.add_open_water(props, layout)
+        sea.add_open_water(props, layout, ground=floor is None)
+        ground = [] if floor is None else seabed.add_open(props)
     elif shot.camera == "map":
-        sea.add_chart(props, layout)
+        sea.add_chart(props, layout, ground=floor is None)
+        if floor is not None:
+            seabed.add_chart(props, layout, floor)
     else:
-        sea.add_block(props, layout, true.points)
+        sea.add_block(props, layout, true.points if floor is None else None)
+        if floor is not None:
+            seabed.add_block(props, layout, floor, true.points, cut=shot.camera == "side")
     ladder: list[str] = []
     if chase:
         ladder = arrows.add_ladder(props)
@@ -175,6 +195,8 @@ def build(
         bands=[model.geom(name).id for name in bands],
         bands_follow=chase or shot.inset,
         snow=snow,
+        floor=floor,
+        ground=[model.geom(name).id for name in ground],
         arrows=[_reshaped(model, name) for name in ladder],
         hull_length=vehicle.hull_length,
         turned=_turned(model, vehicle),

@@ -263,8 +263,8 @@ def test_impossible_workers_are_refused(tmp_path: Path, recipe: Recipes, workers
 def test_an_unstable_mission_is_recorded_replaced_and_counted(
     tmp_path: Path, recipe: Recipes
 ) -> None:
-    """Negative pitch damping tumbles the glider out of the finite numbers."""
-    made = recipe(changes={"vehicle.k_q": "choice(1, -40)"})
+    """Pitch damping too stiff for the step tumbles the glider."""
+    made = recipe(changes={"vehicle.k_q": "choice(1, 400)"})
     store = tmp_path / "missions.zarr"
     heard: list[int] = []
     summary = generate(made, store, workers=1, watch=lambda hours, failed: heard.append(failed))
@@ -273,7 +273,7 @@ def test_an_unstable_mission_is_recorded_replaced_and_counted(
     assert summary.failed == len(failures) == sum(heard) > 0
     assert run.array("attempt").sum() == len(failures)
     for mission, failure in failures:
-        assert failure.values["vehicle.k_q"] == -40.0
+        assert failure.values["vehicle.k_q"] == 400.0
         assert failure.time_s is not None
         assert f"at {failure.time_s:.1f} s" in failure.reason
         warn = mujoco.get_mju_user_warning()

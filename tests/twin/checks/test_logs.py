@@ -70,6 +70,21 @@ def test_a_vehicle_flies_as_its_own_log(log: Path, vehicle: Vehicle) -> None:
         assert phase.twin.oscillation is None
 
 
+def test_the_twin_turns_as_its_own_log_by_its_part(log: Path, vehicle: Vehicle) -> None:
+    dive = check_logs(log, vehicle).phases["dive"]
+    assert dive.same_part
+    assert dive.twin is not None
+    assert dive.log.turn_per_actuator == pytest.approx(0.043, rel=0.1)
+    assert dive.twin.turn_per_actuator == pytest.approx(dive.log.turn_per_actuator, rel=0.1)
+    loose = vehicle.replace(
+        yaw_moment=(vehicle.flow_frame.yaw_moment[0], 0.5 * vehicle.flow_frame.yaw_moment[1])
+    )
+    turned = check_logs(log, loose).phases["dive"].twin
+    assert turned is not None
+    assert turned.turn_per_actuator is not None
+    assert abs(turned.turn_per_actuator / dive.twin.turn_per_actuator - 1.0) > 0.1
+
+
 def test_another_drag_is_seen(log: Path, vehicle: Vehicle) -> None:
     draggy = vehicle.replace(drag=tuple(1.5 * k for k in vehicle.flow_frame.drag))
     said = check_logs(log, draggy).describe()
@@ -299,7 +314,7 @@ def test_real_logs_turn_the_other_way_in_climbs(tmp_path: Path) -> None:
     folder = SHARED / "seaexplorer_pyglider"
     dataset, _ = import_logs("seaexplorer", [folder / "sea046_M45_gli.csv.gz"])
     store = write_store(dataset, tmp_path / "sea046.zarr")
-    said = check_logs(store, "slocum").describe()["phases"]
+    said = check_logs(store, "seaexplorer").describe()["phases"]
     dive, climb = (said[name]["log"]["turn_per_actuator"] for name in ("dive", "climb"))
     assert 0.01 < dive < 0.03
     assert -0.04 < climb < -0.01

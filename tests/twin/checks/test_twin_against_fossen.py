@@ -33,7 +33,7 @@ def test_random_manoeuvres_agree():
 
 
 def test_a_light_vehicle_agrees_as_well_as_its_battery_moves_slowly():
-    """docs/physics.md: at most 0.27 deg for ROGUE at any step, 0.068 deg with a slow battery.
+    """docs/physics.md: at most 0.30 deg for ROGUE at any step, 0.068 deg with a slow battery.
 
     The Fossen model leaves out the battery's reaction. Manoeuvre 2 is the one that differs most.
     """
@@ -43,7 +43,7 @@ def test_a_light_vehicle_agrees_as_well_as_its_battery_moves_slowly():
     )
     for timestep in (None, 0.01):
         (quick,) = check.check_manoeuvres(vehicle, count=1, seed=2, timestep=timestep)
-        assert quick.attitude_deg < 0.28
+        assert quick.attitude_deg < 0.31
         assert quick.speed_m_s <= check.SPEED_LIMIT
         assert quick.position_percent <= check.POSITION_LIMIT
     (gentle,) = check.check_manoeuvres(slow, count=1, seed=2, timestep=0.01)

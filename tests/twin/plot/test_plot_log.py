@@ -154,3 +154,32 @@ def test_a_caption_lies_above_everything(by_hand: bool) -> None:
     if by_hand:
         assert figure.legends[0].get_window_extent().y1 <= caption.y0 + 2.0
     assert axes.get_window_extent().y1 <= caption.y0
+
+
+def test_the_twin_is_drawn_over_the_log_on_its_clock() -> None:
+    log = logged(measured_fin=np.zeros(900))
+    time = np.arange(100.0, 700.0, 1.0)
+    twin = Trajectory(
+        time=time,
+        signals={
+            "measured_depth": 10.0 + time / 10.0,
+            "measured_pitch": np.full(len(time), -40.0),
+            "measured_heading": np.full(len(time), 5.0),
+            "measured_rotation": np.full(len(time), 12.0),
+        },
+        states=np.zeros((0, 0)),
+    )
+    figure = log_figure(log, beside=twin)
+    lines = {
+        axes.get_title(loc="left"): {line.get_label(): line for line in axes.get_lines()}
+        for axes in figure.axes
+    }
+    assert lines["depth"]["twin"].get_xdata()[0] == pytest.approx(100.0 / 60.0)
+    assert lines["depth"]["log"].get_ydata()[0] == pytest.approx(log["measured_depth"][0])
+    assert set(lines["pitch"]) == {"log", "twin"}
+    assert "log" not in lines["battery rotation"]
+    assert "twin" not in lines["rudder"]
+    pitch = next(a for a in figure.axes if a.get_title(loc="left") == "pitch")
+    assert pitch.get_ylim()[0] < -40.0
+    heading = lines["heading from true north"]
+    assert abs(heading["twin"].get_ydata()[0] - np.nanmean(heading["log"].get_ydata())) < 90.0

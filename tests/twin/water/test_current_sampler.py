@@ -22,8 +22,7 @@ def table_program() -> np.ndarray:
 
 def series_program() -> np.ndarray:
     random = np.random.default_rng(21)
-    time = 100.0 * np.arange(500)
-    return layout.program([GaussMarkov.record(500, time, random.normal(0, 0.1, (500, 3)))])
+    return layout.program([GaussMarkov.record(80.0, random.normal(0, 0.1, (500, 3)))])
 
 
 def grid_program(components: int = 3, curvature: float = 1.8e-7) -> np.ndarray:

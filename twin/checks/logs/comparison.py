@@ -10,14 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twin.checks.logs.calibrated import Calibrated, Uncalibrated
 from twin.checks.logs.dive import Dive, read_dive
-from twin.checks.logs.figures import PhaseFigures, phase_figures
-from twin.checks.logs.flight import PATIENCE, fly_dives
+from twin.checks.logs.figures import PhaseFigures, phase_figures, turn_per_actuator
+from twin.checks.logs.flight import PATIENCE, fly_dives, legs_flown
 from twin.checks.logs.legs import LEAST_RANGE, PHASES, Phase
 from twin.checks.logs.samples import angle_of_attack, flown_samples, logged_samples
 from twin.checks.logs.steering import Turning, turning_of
+from twin.checks.logs.turns import fly_turns
 from twin.errors import SimulationUnstable, StoreError, VehicleError
 from twin.lazy import resolve
 from twin.records.logs import LogStore
@@ -25,6 +27,8 @@ from twin.records.reader import MissionStore
 from twin.records.trajectory import Trajectory
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.vehicle import Vehicle, load_vehicle
+
+Array = NDArray[np.float64]
 
 DEPTH_RATE_LIMIT = 0.05
 """Relative, of the depth rate in each phase"""
@@ -66,7 +70,8 @@ class PhaseComparison:
             "speed_from": self.speed_from,
             "ratio": ratio,
             "deviation": {
-                name: _difference(twin[name], log[name]) for name in ("pitch_deg", "heading_sd_deg")
+                name: _difference(twin[name], log[name])
+                for name in ("pitch_deg", "heading_sd_deg", "heading_bias_deg")
             },
             "limit_cycle": {
                 name: None if one is None else dataclasses.asdict(one)
@@ -150,7 +155,8 @@ def check_logs(
       SimulationUnstable: the twin went unstable in every dive.
     """
     hull = _hull(vehicle)
-    _check_vehicle(hull.vehicle)
+    flown = _flown_vehicle(hull)
+    _check_vehicle(flown)
     _check_logged(store)
     with LogStore(store) as logs:
         turning = turning_of(hull.vehicle, _Present(logs))
@@ -166,12 +172,12 @@ def check_logs(
                 f"{LEAST_RANGE:g} m with pitch and pumped volume"
             )
         notes = _notes(logs, dives, turning, hull.vehicle)
-    flights = fly_dives(hull.vehicle, dives)
+    flights = fly_dives(flown, dives)
     if all(isinstance(flight, SimulationUnstable) for flight in flights):
         raise flights[0]  # type: ignore[misc]
-    phases, more = _phases(hull.vehicle, dives, flights, turning)
+    phases, more = _phases(flown, dives, flights, turning)
     return LogCheck(
-        vehicle=hull.vehicle,
+        vehicle=flown,
         store=Path(store),
         dives=tuple(dives),
         flights=tuple(flights),
@@ -192,6 +198,16 @@ def _hull(vehicle: str | Path | Vehicle | Calibrated) -> Calibrated:
     # looked up when it is needed: identification may check what it found by these very logs
     calibrated: Calibrated = resolve("twin.identify.calibration:load_calibration")(vehicle)
     return calibrated
+
+
+def _flown_vehicle(hull: Calibrated) -> Vehicle:
+    """The vehicle with the expansion that was identified, where its own fields have none."""
+    vehicle = hull.vehicle
+    if vehicle.hull_thermal_expansion or not hull.thermal_expansion:
+        return vehicle
+    return vehicle.replace(
+        hull_thermal_expansion=hull.thermal_expansion, hull_thermal_lag=hull.thermal_lag
+    )
 
 
 class _Present:
@@ -253,14 +269,25 @@ def _phases(
         if isinstance(flight, Trajectory)
     ]
     phases: dict[Phase, PhaseComparison] = {}
-    notes = []
+    turned, notes = _turned(vehicle, flown, turning)
     for phase in PHASES:
         log = phase_figures([s for dive, _ in flown for s in logged_samples(dive, phase, pump)])
         if log is None:
             notes.append(f"no whole {phase} in the log: nothing is said of that phase")
             continue
-        legs = [s for dive, f in flown for s in flown_samples(dive, f, phase, vehicle, turning)]
+        legs = [
+            s
+            for dive, f in flown
+            for s in flown_samples(dive, f, legs_flown(dive, f), phase, vehicle, turning)
+        ]
         mine = phase_figures(legs)
+        if mine is not None and turned:
+            legs = [
+                s
+                for dive, f, n in turned
+                for s in flown_samples(dive, f, n, phase, vehicle, turning)
+            ]
+            mine = dataclasses.replace(mine, turn_per_actuator=turn_per_actuator(legs))
         angles = [a for d, f in flown if (a := angle_of_attack(d, f, phase)) is not None]
         speed_from = None if log.speed is None else "measured"
         if log.speed is None and angles:
@@ -280,6 +307,20 @@ def _phases(
     return phases, notes
 
 
+def _turned(
+    vehicle: Vehicle, flown: Sequence[tuple[Dive, Trajectory]], turning: Turning | None
+) -> tuple[list[tuple[Dive, Trajectory, Array]], list[str]]:
+    """The twin's flights on the log's own turns, where the same kind of part turns both."""
+    found, notes = [], []
+    for dive, flight in flown:
+        if turning is not None and turning.same and dive.turning is not None:
+            try:
+                found.append((dive, *fly_turns(vehicle, dive, flight, turning)))
+            except SimulationUnstable as error:
+                notes.append(f"on the log's own turns: {error}")
+    return found, notes
+
+
 def _notes(
     logs: LogStore, dives: Sequence[Dive], turning: Turning | None, vehicle: Vehicle
 ) -> list[str]:
@@ -288,6 +329,12 @@ def _notes(
     notes = []
     if logs.simulated:
         notes.append("the log says itself that it is of a simulation")
+    names = list(dict.fromkeys(logs.deployments[dive.row] for dive in dives))
+    if len(names) > 1:
+        notes.append(
+            f"the dives are of {len(names)} deployments ({', '.join(names)}): one vehicle file "
+            "fits them only if one vehicle made them; choose with --missions"
+        )
     if "measured_heading" not in there:
         notes.append("the log has no heading: the twin holds its own, and turns are not compared")
     elif "commanded_heading" not in there:

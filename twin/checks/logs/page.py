@@ -26,6 +26,7 @@ UNITS = {
     "pitch_deg": "pitch [deg]",
     "turn_per_actuator": "turn rate per actuator [deg/s per deg]",
     "heading_sd_deg": "heading about its target [deg]",
+    "heading_bias_deg": "heading less its target, mean [deg]",
 }
 """How people read the figures"""
 

@@ -53,11 +53,18 @@ def logged_samples(dive: Dive, phase: Phase, pump: str) -> list[Samples]:
 
 
 def flown_samples(
-    dive: Dive, trajectory: Trajectory, phase: Phase, vehicle: Vehicle, turning: Turning | None
+    dive: Dive,
+    trajectory: Trajectory,
+    number: Array,
+    phase: Phase,
+    vehicle: Vehicle,
+    turning: Turning | None,
 ) -> list[Samples]:
-    """The same legs as the twin flew them; without those that it did not come to."""
+    """The same legs as the twin flew them; without those that it did not come to.
+
+    `number` is the leg that it flew at each sample, (time,).
+    """
     pump = vehicle.steering["buoyancy"]
-    number = legs_flown(dive, trajectory)
     period = float(np.median(np.diff(trajectory.time)))
     found = []
     for k, target in enumerate(dive.targets):
