@@ -39,6 +39,12 @@ class Identify(JsonOption):
     """write the calibrated vehicle here (.xml)"""
     overwrite: bool = False
     """replace an existing --out"""
+    export: Path | None = None
+    """write the figures for other flight models here too: .m for a Seaglider's basestation (hd_a,
+    hd_b, hd_c, volmax, vbdbias, abs_compress, therm_expan), .json for gliderflight (Cd0, Vg, mg,
+    epsilon, ah, Cd1)"""
+    start: Path | None = None
+    """such a file (.m or .json) with the figures to start from, in place of the vehicle's"""
     plot: Path | None = None
     """write a figure of the residuals here (.png, .pdf or .svg)"""
     model: Literal["flight", "steady", "twin"] = "flight"
@@ -66,6 +72,7 @@ class Identify(JsonOption):
         from twin.commands.simulate import check_plot_path
         from twin.errors import InputError
         from twin.identify import identify, load_calibration, load_logs
+        from twin.identify.conventions import read_figures, write_figures
         from twin.identify.start import start_vehicle
         from twin.identify.unknowns import with_known
 
@@ -74,7 +81,12 @@ class Identify(JsonOption):
             raise InputError(f"--out {str(self.out)!r} must end in .xml")
         if self.out is not None and self.out.exists() and not self.overwrite:
             raise InputError(f"{self.out} exists already; use --overwrite or another --out")
-        for option, target in (("out", self.out), ("plot", self.plot)):
+        if self.export is not None and self.export.suffix not in (".m", ".json"):
+            raise InputError(
+                f"--export {str(self.export)!r} must end in .m (basestation) or .json "
+                "(gliderflight)"
+            )
+        for option, target in (("out", self.out), ("plot", self.plot), ("export", self.export)):
             folder = None if target is None else target.absolute().parent
             if folder is not None and not (folder.is_dir() and os.access(folder, os.W_OK)):
                 raise InputError(
@@ -88,6 +100,8 @@ class Identify(JsonOption):
         offset = None if self.pitch_offset is None else math.radians(self.pitch_offset)
         started = self.vehicle if self.vehicle is not None else start_vehicle(self.store)
         nominal = load_calibration(started, pitch_scale=self.pitch_scale, pitch_offset=offset)
+        if self.start is not None:
+            nominal = read_figures(self.start, nominal)
         known = parse_known(self.known)
         nominal = with_known(nominal, known)
         logs = load_logs(self.store, parse_rows(self.missions))
@@ -140,6 +154,9 @@ class Identify(JsonOption):
                 overwrite=self.overwrite,
             )
             console.say(f"vehicle: {self.out}")
+        if self.export is not None:
+            kind = write_figures(found.calibration, self.export)
+            console.say(f"figures of {kind}: {self.export}")
         if self.plot is not None:
             from twin.identify.figure import residual_figure
 

@@ -35,7 +35,8 @@ class Parameter:
     """What it needs: "temperature" or "fixes" in the log, "pressure" enough to tell hulls apart,
     the position of a part ("rotation", "fin"), or the user's "request". Lift, induced
     drag and pitch offset all turn into drag and trim when a log holds one pitch, and then take up
-    what the model lacks: with a current between fixes lift can be told, the others are when asked for (docs/real.md)."""
+    what the model lacks: with a current between fixes lift can be told, the others are estimated
+    when asked for (docs/real.md)."""
     get: Callable[[Calibration], float]
     set: Callable[[Calibration, float], Calibration]
 

@@ -12,6 +12,7 @@ from twin.checks.agreement import file_timestep
 from twin.checks.logs.dive import Dive, Piece, Target
 from twin.errors import InputError, SimulationUnstable
 from twin.mission import Mission, guidance
+from twin.mission.glide import steady_glide
 from twin.mission.segments import SawTooth
 from twin.physics.mujoco_model import state
 from twin.physics.quiet import quiet_mujoco
@@ -78,6 +79,13 @@ def scenario_of(vehicle: Vehicle, dive: Dive, duration: float, *, plan: bool = T
     heading = 0.0 if dive.heading is None else math.radians(dive.heading[leg.first] % 360.0)
     pump = vehicle.steered("buoyancy")
     assert pump is not None
+    actuators = {pump.name: _within(vehicle, first.pieces[0].pump, dive.row)}
+    slide = vehicle.steered("pitch")
+    if slide is not None:
+        # where the vehicle has it before it dives: an encoder's zero may be far from any trim
+        net = vehicle.net_mass_for_pump(actuators[pump.name])
+        place = steady_glide(vehicle, math.radians(first.pitch), net).shift
+        actuators[slide.name] = min(max(place, slide.low), slide.high)
     timestep = file_timestep(vehicle)
     return Scenario(
         vehicle=vehicle,
@@ -88,7 +96,7 @@ def scenario_of(vehicle: Vehicle, dive: Dive, duration: float, *, plan: bool = T
             depth=begin,
             heading=heading,
             pitch=math.radians(first.pitch),
-            actuators={pump.name: _within(vehicle, first.pieces[0].pump, dive.row)},
+            actuators=actuators,
         ),
         sample_period=max(round(SAMPLE_PERIOD / timestep), 1) * timestep,
     )

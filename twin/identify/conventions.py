@@ -1,0 +1,255 @@
+"""Conventions: the figures of an identified glider as other flight models call them, both ways.
+
+Seaglider basestation (Eriksen et al. 2001, IEEE J. Oceanic Eng. 26(4); basestation3): with the
+dynamic pressure q = rho0 V^2 / 2, the glider's length l and the angle of attack a in degrees,
+
+    lift = q l^2 hd_a a,    drag = q l^2 (hd_b q^hd_s + hd_c a^2),
+    volume = (volmax - vbd at volmax + vbd - vbdbias) exp(therm_expan (T - temp_ref)
+        - abs_compress P),
+
+volumes in cm3, pressure in dbar. Drag falls with speed there; ours does not, so that the two agree
+at one speed, which the file names. `volmax` is the volume with all oil outside: at the pump's end.
+
+gliderflight (Merckelbach et al. 2010, 2019): q = rho U^2 / 2, area S = 0.1 m2, a in radian,
+
+    lift = q S (aw + ah) a,    drag = q S (Cd0 + Cd1 a^2),
+    volume = Vg (1 - epsilon P) + pumped volume,
+
+with epsilon in 1e-10 / Pa, and aw of the wings alone, 3.7 per radian by their shape.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from twin.errors import InputError, unknown_name
+from twin.identify.calibration import REFERENCE_TEMPERATURE, Calibration
+from twin.identify.pitch import pump_of
+from twin.identify.unknowns import choose
+from twin.vehicle.vehicle import CUBIC_CM
+
+DEGREE = math.pi / 180.0
+DBAR = 1e4
+"""[Pa]"""
+HD_S, TEMP_REF = -0.25, 15.0
+"""Of the basestation's defaults: power of the dynamic pressure in the drag, [degree_Celsius]."""
+SPEED = 0.3
+"""[m/s] at which the basestation's drag is taken to be ours where no other is given"""
+AREA = 0.1
+"""[m2] S of gliderflight"""
+ASPECT, SWEEP = 7.0, 43.0 * DEGREE
+"""Of a Slocum's wings, as gliderflight has them"""
+WING = 2.0 * math.pi * ASPECT / (2.0 + math.sqrt(ASPECT**2 * (1.0 + math.tan(SWEEP) ** 2) + 4.0))
+"""[1/rad] aw: lift slope of such wings (Merckelbach et al. 2010)"""
+
+Figures = dict[str, float]
+
+
+def to_basestation(calibration: Calibration, speed: float = SPEED) -> Figures:
+    """As `sg_calib_constants.m` calls them; the drag agrees at `speed` [m/s]."""
+    vehicle = calibration.vehicle
+    density, length = vehicle.reference_density, vehicle.hull_length
+    law = vehicle.flow_frame
+    pressure = 0.5 * density * speed**2
+    size = 0.5 * density * length**2
+    warmer = 1.0 + calibration.thermal_expansion * (TEMP_REF - REFERENCE_TEMPERATURE)
+    pump = pump_of(calibration)
+    neutral = (vehicle.neutral_volume / CUBIC_CM - pump.neutral) * warmer
+    return {
+        "mass": vehicle.mass,
+        "rho0": density,
+        "glider_length": length,
+        "hd_a": law.lift[1] * DEGREE / size,
+        "hd_b": law.drag[0] / (size * pressure**HD_S),
+        "hd_c": law.drag[1] * DEGREE**2 / size,
+        "hd_s": HD_S,
+        "volmax": neutral + pump.high,
+        "vbdbias": 0.0,
+        "abs_compress": vehicle.hull_compressibility * DBAR,
+        "therm_expan": calibration.thermal_expansion,
+        "temp_ref": TEMP_REF,
+        "vbd_at_volmax": pump.high,
+        "speed": speed,
+    }
+
+
+def from_basestation(figures: Mapping[str, float], calibration: Calibration) -> Calibration:
+    """The calibration with a basestation's figures; those that are not given stay."""
+    mine = {**to_basestation(calibration, figures.get("speed", SPEED)), **figures}
+    density, length = mine["rho0"], mine["glider_length"]
+    size = 0.5 * density * length**2
+    pressure = 0.5 * density * mine["speed"] ** 2
+    warmer = 1.0 + mine["therm_expan"] * (mine["temp_ref"] - REFERENCE_TEMPERATURE)
+    pump = pump_of(calibration)
+    volume = (mine["volmax"] - mine["vbd_at_volmax"] - mine["vbdbias"]) / warmer + pump.neutral
+    return _with(
+        calibration,
+        mass=mine["mass"],
+        volume=volume * CUBIC_CM,
+        drag=(
+            mine["hd_b"] * size * pressure ** mine["hd_s"],
+            mine["hd_c"] * size / DEGREE**2,
+        ),
+        lift=mine["hd_a"] * size / DEGREE,
+        compressibility=mine["abs_compress"] / DBAR,
+    ).replace(thermal_expansion=mine["therm_expan"])
+
+
+def to_gliderflight(calibration: Calibration) -> Figures:
+    """As gliderflight's `define` takes them."""
+    vehicle = calibration.vehicle
+    law = vehicle.flow_frame
+    size = 0.5 * vehicle.reference_density * AREA
+    pump = pump_of(calibration)
+    return {
+        "Cd0": law.drag[0] / size,
+        "Vg": vehicle.neutral_volume - CUBIC_CM * pump.neutral,
+        "mg": vehicle.mass,
+        "epsilon": vehicle.hull_compressibility / 1e-10,
+        "ah": law.lift[1] / size - WING,
+        "Cd1": law.drag[1] / size,
+        "aw": WING,
+        "S": AREA,
+    }
+
+
+def from_gliderflight(figures: Mapping[str, float], calibration: Calibration) -> Calibration:
+    """The calibration with gliderflight's figures; those that are not given stay."""
+    mine = {**to_gliderflight(calibration), **figures}
+    volume = mine["Vg"] + CUBIC_CM * pump_of(calibration).neutral
+    size = 0.5 * (mine["mg"] / volume) * mine["S"]
+    return _with(
+        calibration,
+        mass=mine["mg"],
+        volume=volume,
+        drag=(mine["Cd0"] * size, mine["Cd1"] * size),
+        lift=(mine["aw"] + mine["ah"]) * size,
+        compressibility=1e-10 * mine["epsilon"],
+    )
+
+
+def _with(
+    calibration: Calibration,
+    *,
+    mass: float,
+    volume: float,
+    drag: tuple[float, float],
+    lift: float,
+    compressibility: float,
+) -> Calibration:
+    (of_mass,) = choose(["mass"])
+    (of_drag,) = choose(["drag"])
+    if mass != calibration.vehicle.mass:
+        calibration = of_mass.set(calibration, mass)
+    calibration = of_drag.set(calibration, drag[0])
+    vehicle = calibration.vehicle
+    changed = vehicle.replace(
+        reference_density=vehicle.mass / volume,
+        drag=drag,
+        lift=(vehicle.flow_frame.lift[0], lift),
+        hull_compressibility=compressibility,
+    )
+    return calibration.replace(vehicle=changed)
+
+
+KINDS: dict[
+    str,
+    tuple[
+        Callable[[Calibration], Figures],
+        Callable[[Mapping[str, float], Calibration], Calibration],
+    ],
+] = {
+    "basestation": (to_basestation, from_basestation),
+    "gliderflight": (to_gliderflight, from_gliderflight),
+}
+"""Both ways, by name"""
+MARKS = {"basestation": "hd_a", "gliderflight": "Cd0"}
+"""The figure by which a file is told"""
+
+
+def write_figures(calibration: Calibration, path: Path) -> str:
+    """Write them: `.m` for a basestation, `.json` for gliderflight. Returns the kind.
+
+    Raises:
+      InputError: another ending, or the disk refuses.
+    """
+    if path.suffix == ".m":
+        kind, figures = "basestation", to_basestation(calibration)
+        lines = ["% identified; drag as at the speed [m/s], volmax with the vbd [cc] at its end"]
+        lines += [f"{name} = {value:.10g};" for name, value in figures.items()]
+        text = "\n".join(lines) + "\n"
+    elif path.suffix == ".json":
+        kind, figures = "gliderflight", to_gliderflight(calibration)
+        text = json.dumps(figures, indent=2) + "\n"
+    else:
+        raise InputError(
+            f"{path}: figures end in .m (basestation: hd_a, hd_b, hd_c, volmax) or .json "
+            "(gliderflight: Cd0, Vg, mg)"
+        )
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+    return kind
+
+
+def read_figures(path: Path, calibration: Calibration) -> Calibration:
+    """The calibration with the figures of a file of either kind.
+
+    A basestation's file may hold any other assignments and comments of MATLAB; of its numbers the
+    figures of `to_basestation` are taken. A gliderflight file is JSON, and a name that is none of
+    its figures is refused.
+
+    Raises:
+      InputError: no such file, no figure in it, an unknown name in JSON, or a value that is none.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+    if path.suffix == ".json":
+        kind, given = "gliderflight", _json(path, text)
+        known = to_gliderflight(calibration)
+        for name in given:
+            if name not in known:
+                raise InputError(f"{path}: {unknown_name('figure', name, list(known))}")
+    else:
+        kind = "basestation"
+        known = to_basestation(calibration)
+        found = re.findall(r"^\s*(\w+)\s*=\s*([-+0-9.eE]+)\s*;?", text, flags=re.MULTILINE)
+        given = {name: _number(path, name, value) for name, value in found if name in known}
+    if MARKS[kind] not in given:
+        raise InputError(
+            f"{path} holds no {MARKS[kind]}: it is no file of {kind}'s figures ({', '.join(known)})"
+        )
+    for name in given:
+        if name in POSITIVE and not given[name] > 0.0:
+            raise InputError(f"{path}: {name} = {given[name]:g} must be above 0")
+    return KINDS[kind][1](given, calibration)
+
+
+POSITIVE = ("mass", "rho0", "glider_length", "hd_b", "volmax", "speed", "Cd0", "Vg", "mg", "S")
+
+
+def _json(path: Path, text: str) -> Figures:
+    try:
+        loaded = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path} is not JSON: {error}") from error
+    if not isinstance(loaded, dict):
+        raise InputError(f"{path} must be a JSON object of numbers")
+    return {str(name): _number(path, str(name), value) for name, value in loaded.items()}
+
+
+def _number(path: Path, name: str, value: object) -> float:
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError(f"{path}: {name} = {value!r} must be a finite number")
+    return number
