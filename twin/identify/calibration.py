@@ -152,6 +152,10 @@ def load_calibration(
     """
     loaded = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     calibration = Calibration(vehicle=loaded, water_density=loaded.reference_density)
+    if loaded.hull_thermal_expansion > 0.0:
+        calibration = calibration.replace(
+            thermal_expansion=loaded.hull_thermal_expansion, thermal_lag=loaded.hull_thermal_lag
+        )
     numerics = {
         element.get("name"): element.get("data", "")
         for element in ElementTree.fromstring(loaded.xml).iterfind("./custom/numeric")

@@ -22,6 +22,7 @@ from twin.mission.turning import turn_factor
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.physics.start import Start
+from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
 from twin.water.density import DensityProfile
 
@@ -148,9 +149,7 @@ def _flight(vehicle: Vehicle, phases: Sequence[Phase]) -> list[str]:
         )
     except SimulationUnstable as error:
         return [f"it does not fly a dive and a climb: {error}"]
-    return [
-        *_held(flown["true_depth"], flown["true_heading"], flown["true_pitch"], phases, vehicle)
-    ]
+    return _held(flown, START_DEPTH + deepest, phases, vehicle)
 
 
 def _start(vehicle: Vehicle, dive: Phase) -> Start:
@@ -165,15 +164,17 @@ def _start(vehicle: Vehicle, dive: Phase) -> Start:
 
 
 def _held(
-    depth: Array, heading: Array, pitch: Array, phases: Sequence[Phase], vehicle: Vehicle
+    flown: Trajectory, deepest: float, phases: Sequence[Phase], vehicle: Vehicle
 ) -> list[str]:
+    depth, heading, pitch = (flown[f"true_{name}"] for name in ("depth", "heading", "pitch"))
     bottom = int(np.argmax(depth))
+    turned = int(np.argmax(depth >= deepest))  # from there on it pumps, and glides on for minutes
     end = bottom + int(np.argmax(depth[bottom:] < 6.0)) if (depth[bottom:] < 6.0).any() else 0
     if end <= bottom:
         return ["it does not come up from its dive"]
     found = []
     for phase in phases:
-        first, last = (bottom, end) if phase.pitch > 0.0 else (0, bottom)
+        first, last = (bottom, end) if phase.pitch > 0.0 else (0, turned)
         judged = slice(int(last - PART * (last - first)), last - round(30.0 / SAMPLE))
         wanted = [("pitch", math.degrees(phase.pitch), pitch[judged])]
         if vehicle.steered("heading") is not None:

@@ -57,6 +57,9 @@ MOST_ROLL = math.radians(60.0)
 """[rad] beyond which no glide is linear"""
 START_YAW, START_DAMPING = (-2.0, -1.0, 0.0, 1.0), (0.0, 1.0)
 """Spreads of yaw moment and damping from the vehicle file's at which the search looks."""
+FARTHEST = 3.0
+"""Spreads from the vehicle file's that a positive coefficient may go: where a turn says only a ratio
+of two, damping would grow until no time step holds it."""
 STEP = 1e-3
 """Spreads of the finite differences."""
 PASSES = 3
@@ -560,11 +563,19 @@ def turned(logs: Sequence[Log], calibration: Calibration) -> Turns | None:
     if channel != "rotation" or not there:
         parameters = tuple(p for p in parameters if not p.name.startswith("roll_moment"))
     problem = TurnProblem(groups, calibration, parameters)
+    factors = [p.logarithmic for p in parameters] + [False] * len(BIASES)
+    farthest = np.where(factors, FARTHEST, np.inf)
     x = problem.best_start()
     scales = problem.reweight(x)
     for _ in range(PASSES):
         found = least_squares(
-            problem.residual, x, jac=problem.jacobian, x_scale="jac", max_nfev=15, xtol=1e-4
+            problem.residual,
+            x,
+            jac=problem.jacobian,
+            bounds=(-farthest, farthest),
+            x_scale="jac",
+            max_nfev=15,
+            xtol=1e-4,
         )
         x = found.x
         scales = problem.reweight(x)

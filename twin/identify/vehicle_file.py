@@ -19,7 +19,13 @@ import numpy as np
 
 from twin.errors import InputError, VehicleError
 from twin.frames import flip_vector
-from twin.identify.calibration import HULL_NUMERIC, PUMP_NUMERIC, SENSOR_NUMERIC, Calibration
+from twin.identify.calibration import (
+    HULL_NUMERIC,
+    PUMP_NUMERIC,
+    REFERENCE_TEMPERATURE,
+    SENSOR_NUMERIC,
+    Calibration,
+)
 from twin.vehicle.parts import Fin, Pump
 from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
@@ -31,12 +37,13 @@ COEFFICIENTS = (
 )  # fmt: skip
 """Of the hull law, each a `<numeric>` of its name."""
 LOOPS = ("pitch_pid", "heading_pid")
+SWELLING = ("hull_thermal_expansion", "hull_thermal_lag", "hull_reference_temperature")
 WRITTEN: dict[str, Callable[[Vehicle], Any]] = {
     "reference_density": lambda v: v.reference_density,
     "hull_compressibility": lambda v: v.hull_compressibility,
     "mass": lambda v: v.mass,
     **{name: attrgetter(f"law.{name}") for name in COEFFICIENTS},
-    **{name: attrgetter(name) for name in LOOPS},
+    **{name: attrgetter(name) for name in (*LOOPS, *SWELLING)},
     "neutral_x of the battery": lambda v: v.battery.neutral_x,
     "eccentricity of the battery": lambda v: v.battery.eccentricity,
     "static_cg": lambda v: v.static_cg,
@@ -55,11 +62,19 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
     Raises:
       VehicleError: the file has the elements in a form that cannot be edited.
     """
-    vehicle = calibration.vehicle
+    # the hull that is flown swells as the one that was identified
+    vehicle = calibration.vehicle.replace(
+        hull_thermal_expansion=calibration.thermal_expansion,
+        hull_thermal_lag=calibration.thermal_lag,
+        hull_reference_temperature=REFERENCE_TEMPERATURE,
+    )
     xml = vehicle.xml
     original = parse_vehicle(xml, vehicle.path)
     xml = _numeric(xml, "reference_density", [vehicle.reference_density], vehicle)
     xml = _numeric(xml, "hull_compressibility", [vehicle.hull_compressibility], vehicle)
+    for name in SWELLING:
+        if getattr(vehicle, name) != getattr(original, name):
+            xml = _numeric(xml, name, [getattr(vehicle, name)], vehicle)
     for name in COEFFICIENTS:
         mine = getattr(vehicle.flow_frame, name)
         if mine != getattr(original.flow_frame, name):
@@ -96,7 +111,7 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
     note = quoteattr(json.dumps(dict(provenance), sort_keys=True))
     added = (
         "    <!-- identified: water in a log without CTD [kg/m3], thermal expansion [1/K] and\n"
-        "         thermal lag [s] of the hull; read by identification only -->\n"
+        "         thermal lag [s] of the hull, as identification reads them -->\n"
         f'    <numeric name="{HULL_NUMERIC}" data="{_text(hull)}"/>\n'
         "    <!-- identified: true pitch = scale * measured + offset [rad]; true less measured\n"
         "         heading [rad]: mean, cos, sin, cos and sin of twice the heading -->\n"
