@@ -16,6 +16,7 @@ from twin.errors import InputError, MissionError, NoSteadyState, SimulationUnsta
 from twin.fossen.model import FossenModel
 from twin.identify.calibration import Calibration
 from twin.identify.gains import Phase, loop_modes, plane_of, trimmed, way_of
+from twin.identify.stiffness import largest_step
 from twin.mission import Mission
 from twin.mission.segments import SawTooth
 from twin.mission.turning import turn_factor
@@ -144,6 +145,7 @@ def _flight(vehicle: Vehicle, phases: Sequence[Phase]) -> list[str]:
                 plan=plan,
                 density=DensityProfile(depth=depth, values=density),
                 sample_period=SAMPLE,
+                timestep=largest_step(vehicle),
                 start=_start(vehicle, dive),
             )
         )

@@ -57,9 +57,9 @@ MOST_ROLL = math.radians(60.0)
 """[rad] beyond which no glide is linear"""
 START_YAW, START_DAMPING = (-2.0, -1.0, 0.0, 1.0), (0.0, 1.0)
 """Spreads of yaw moment and damping from the vehicle file's at which the search looks."""
-FARTHEST = 3.0
-"""Spreads from the vehicle file's that a positive coefficient may go: where a turn says only a ratio
-of two, damping would grow until no time step holds it."""
+FARTHEST = 4.0
+"""Spreads from the vehicle file's that a positive coefficient may go: where a turn says only a
+ratio of two, damping would grow until no time step holds it."""
 STEP = 1e-3
 """Spreads of the finite differences."""
 PASSES = 3

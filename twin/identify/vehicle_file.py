@@ -26,6 +26,7 @@ from twin.identify.calibration import (
     SENSOR_NUMERIC,
     Calibration,
 )
+from twin.identify.stiffness import file_step, largest_step
 from twin.vehicle.parts import Fin, Pump
 from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
@@ -72,6 +73,10 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
     original = parse_vehicle(xml, vehicle.path)
     xml = _numeric(xml, "reference_density", [vehicle.reference_density], vehicle)
     xml = _numeric(xml, "hull_compressibility", [vehicle.hull_compressibility], vehicle)
+    step = largest_step(vehicle)
+    if step != file_step(vehicle):
+        head = r'(<option\b[^>]*\btimestep=")[^"]*(")'
+        xml = _substitute(xml, head, _text([step]), "<option timestep>", vehicle)
     for name in SWELLING:
         if getattr(vehicle, name) != getattr(original, name):
             xml = _numeric(xml, name, [getattr(vehicle, name)], vehicle)

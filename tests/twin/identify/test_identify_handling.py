@@ -19,13 +19,15 @@ from twin.identify.lateral import Glide, exponential, linearised
 from twin.identify.pitch import PITCHING, righting_arm, with_righting_arm
 from twin.identify.proof import failures
 from twin.identify.start import start_vehicle
+from twin.identify.stiffness import file_step, largest_step
 from twin.identify.turning import TURNING, munk_moment
+from twin.identify.vehicle_file import vehicle_xml
 from twin.mission import Mission
 from twin.mission.segments import SawTooth
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.records.store import write_store
-from twin.vehicle.vehicle import load_vehicle
+from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
 _SPEC = importlib.util.spec_from_file_location(
     "identify_logs", Path(__file__).with_name("identify_logs.py")
@@ -266,3 +268,21 @@ def test_a_log_of_no_known_kind_asks_for_the_vehicle(tmp_path, store):
 
 def test_a_simulated_store_starts_from_a_file_of_its_own(store):
     assert start_vehicle(store).flow_frame.yaw_moment_lift == (0.0,)
+
+
+def test_strong_yaw_damping_shortens_the_step_that_is_written():
+    calibration = load_calibration("seaglider")
+    assert largest_step(calibration.vehicle) == file_step(calibration.vehicle) == 0.05
+    constant, _ = calibration.vehicle.flow_frame.yaw_moment
+    stiff = calibration.vehicle.replace(yaw_moment=(constant, -3000.0))
+    assert largest_step(stiff) == 0.02
+    xml = vehicle_xml(calibration.replace(vehicle=stiff), {})
+    assert file_step(parse_vehicle(xml, stiff.path)) == 0.02
+
+
+def test_the_written_hull_swells_as_the_identified_one():
+    calibration = load_calibration("seaglider").replace(thermal_expansion=5e-5, thermal_lag=300.0)
+    again = parse_vehicle(vehicle_xml(calibration, {}), calibration.vehicle.path)
+    assert again.hull_thermal_expansion == pytest.approx(5e-5)
+    assert again.hull_thermal_lag == pytest.approx(300.0)
+    assert again.hull_reference_temperature == 10.0
