@@ -27,7 +27,7 @@ from twin.water.current.base import Current
 from twin.water.current.origin import Origin
 from twin.water.current.spec import parse_current
 from twin.water.density import DensityProfile
-from twin.water.density_spec import parse_density
+from twin.water.density_spec import GRID, parse_density
 from twin.water.floor import Floor, parse_floor
 from twin.water.floor.lookup import floor_depths
 
@@ -69,7 +69,8 @@ def simulate(
         suits the vehicle when there is no controller either.
       current: as text, such as "uniform:0.1,-0.05" (north, east [m/s]), or an object; parts are
         added with +.
-      density: "constant", "thermocline", a CSV file, or a DensityProfile.
+      density: "constant", "thermocline", "grid" (temperature and salinity of the current's file
+        at the start), a CSV file, or a DensityProfile.
       ballast_at: [m] of this water where the vehicle is neutral; None takes water of the reference
         density at the surface.
       mass: [kg] of the whole vehicle, whose hull keeps its volume; None takes the file's.
@@ -121,12 +122,7 @@ def simulate(
             sample_period=sample_period,
         )
         if isinstance(density, str | Path):
-            profile = parse_density(
-                str(density),
-                latitude=scenario.place.latitude_deg,
-                longitude=scenario.place.longitude_deg,
-            )
-            scenario = dataclasses.replace(scenario, density=profile)
+            scenario = in_water(scenario, str(density))
     else:
         _refuse_beside(scenario, locals())
     if isinstance(scenario.plan, Mission):
@@ -144,6 +140,30 @@ def simulate(
     if suite is None:
         return trajectory
     return with_sensors(trajectory, scenario, suite, seed=seed, bottom_depth=bottom_depth)
+
+
+def in_water(scenario: Scenario, density: str) -> Scenario:
+    """The scenario in the water column of a name or file, at the place where it begins.
+
+    Raises:
+      InputError: as `parse_density`; or "grid" where no current's file has temperature and
+        salinity.
+    """
+    place = scenario.place
+    at = {"latitude": place.latitude_deg, "longitude": place.longitude_deg}
+    if density != GRID:
+        return dataclasses.replace(scenario, density=parse_density(density, **at))
+    from twin.water.current.hydrography import column
+
+    found = column(scenario.current, place)
+    if found is None:
+        raise InputError(
+            "density 'grid' is that of the current's file: give --current grid:FILE of a file that "
+            "has sea water temperature and salinity (thetao and so) too"
+        )
+    depth, temperature, salinity = found
+    profile = DensityProfile.from_temperature_salinity(depth, temperature, salinity, **at)
+    return dataclasses.replace(scenario, density=profile)
 
 
 def with_sensors(

@@ -15,6 +15,7 @@ from twin.errors import StoreError
 from twin.physics.quiet import quiet_mujoco
 from twin.records.schema import VARIABLES
 from twin.records.sharded import DTYPE, stored_values
+from twin.version import PHYSICS_VERSION, __version__
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +44,7 @@ def replay_mission(run: GeneratedStore, mission: int) -> Comparison:
     Raises:
       StoreError: no such mission, or its data cannot be read.
     """
+    _check_physics(run)
     run.check_mission(mission)
     flight = fly(
         run.parameters(mission),
@@ -77,12 +79,24 @@ def replay_mission(run: GeneratedStore, mission: int) -> Comparison:
     )
 
 
+def _check_physics(run: GeneratedStore) -> None:
+    """Raise StoreError when the store's missions flew by another physics."""
+    theirs = str(run.settings["versions"].get("physics", 1))
+    if theirs != str(PHYSICS_VERSION):
+        raise StoreError(
+            f"the missions of {run.path} flew by version {theirs} of the physics, and this "
+            f"glider-twin {__version__} flies version {PHYSICS_VERSION}: they cannot fly again "
+            "the same. The store stays readable; to replay it, install the program that made it"
+        )
+
+
 def replay_failure(run: GeneratedStore, mission: int, attempt: int) -> tuple[str, str]:
     """Fly a failed attempt again; what it said then and what it says now.
 
     Raises:
       StoreError: the store knows no such failure.
     """
+    _check_physics(run)
     known = {(m, failure.attempt): failure for m, failure in run.failures()}
     if (mission, attempt) not in known:
         listing = ", ".join(f"{m} ({a})" for m, a in sorted(known)) or "none"

@@ -30,7 +30,7 @@ from twin.records import attributes
 from twin.records.schema import SCHEMA_VERSION
 from twin.sensors import SUITE_PRESETS, SensorSuite
 from twin.vehicle.vehicle import Vehicle, load_vehicle
-from twin.version import __version__
+from twin.version import PHYSICS_VERSION, __version__
 
 DEFAULT_HOURS = 10.0
 """[h], as much as the paper's training set"""
@@ -200,6 +200,7 @@ def versions() -> dict[str, str]:
     """What can change a bit of a result."""
     return {
         "glider-twin": __version__,
+        "physics": str(PHYSICS_VERSION),
         "python": platform.python_version(),
         "machine": platform.machine(),
         "mujoco": mujoco.__version__,

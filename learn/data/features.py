@@ -98,8 +98,8 @@ _FORCES = (
 def _gravity_sine(c: Channels, samples: int) -> Array:
     """Sine of the pitch from the direction of the mean specific force, nose up.
 
-    A glider hardly accelerates, so its accelerometer is an inclinometer without the slow errors of
-    an attitude filter.
+    A glider hardly accelerates, so its accelerometer is an inclinometer without the errors that the
+    gyros add to an attitude filter; the bias of the accelerometer is in both.
     """
     x, y, z = (trailing_mean(c[name], samples) for name in _FORCES)
     size = np.sqrt(x**2 + y**2 + z**2)

@@ -32,8 +32,9 @@ class Simulate(JsonOption):
     grid:FILE.nc,lat=49,lon=-16,time=2000-01-05; parts are added with +; docs/currents.md lists
     all kinds and settings"""
     density: str = "constant"
-    """constant, thermocline, or a CSV file with depth [m] and density [kg/m3] columns, or depth,
-    temperature [degC] and salinity, whose density is that of the start's latitude and longitude"""
+    """constant, thermocline, grid (the current's file, where it has temperature and salinity), or
+    a CSV file with depth [m] and density [kg/m3] columns, or depth, temperature [degC] and
+    salinity, whose density is that of the start's latitude and longitude"""
     ballast_at: float | None = None
     """depth [m] of this water at which the vehicle is neutral; default: neutral in water of the
     reference density at the surface"""
@@ -167,15 +168,13 @@ class Simulate(JsonOption):
             )
 
     def _scenario(self) -> Scenario:
-        import dataclasses
-
+        from twin.facade import in_water
         from twin.mission.shipped import load_mission_for
         from twin.physics.ballast import weighed
         from twin.physics.scenario import Scenario
         from twin.physics.start import parse_place
         from twin.vehicle.vehicle import load_vehicle
         from twin.water.current.spec import parse_current
-        from twin.water.density_spec import parse_density
         from twin.water.floor import parse_floor
 
         vehicle = load_vehicle(self.vehicle)
@@ -199,11 +198,7 @@ class Simulate(JsonOption):
             integrator=self.integrator,
             sample_period=self.sample_period,
         )
-        place = scenario.place
-        density = parse_density(
-            self.density, latitude=place.latitude_deg, longitude=place.longitude_deg
-        )
-        return dataclasses.replace(scenario, density=density)
+        return in_water(scenario, self.density)
 
     def _write(self, scenario: Scenario, trajectory: Trajectory) -> None:
         from twin.facade import provenance_of

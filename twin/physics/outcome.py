@@ -16,7 +16,6 @@ from twin.physics.obstacles import has_contacts
 from twin.physics.scenario import Scenario
 from twin.records.place import START_LATITUDE, START_LONGITUDE, START_TIME
 from twin.records.trajectory import Trajectory
-from twin.water.density import DensityProfile
 
 HYDROGRAPHY = ("true_temperature", "true_salinity")
 """Signals of missions in water whose temperature and salinity are known"""
@@ -60,8 +59,7 @@ def trajectory_of(
         complete=not failed,
         provenance={"ended": _ending(scenario, ours, failed), **_place(scenario)},
     )
-    if scenario.density is not None:
-        trajectory.signals.update(_hydrography(scenario.density, trajectory))
+    trajectory.signals.update(_hydrography(scenario, trajectory))
     if failed:
         time = float(ours["fail_time"])
         raise SimulationUnstable(
@@ -75,9 +73,19 @@ def trajectory_of(
     return trajectory
 
 
-def _hydrography(density: DensityProfile, trajectory: Trajectory) -> dict[str, NDArray[Any]]:
-    """Temperature [degree_Celsius] and salinity [1] at the vehicle, where the profile has them."""
-    water = density.temperature_salinity(trajectory["true_depth"])
+def _hydrography(scenario: Scenario, trajectory: Trajectory) -> dict[str, NDArray[Any]]:
+    """Temperature [degree_Celsius] and salinity [1] at the vehicle, where something knows them.
+
+    Those of the density profile, in which the vehicle flies, or else of the current's file.
+    """
+    depth = trajectory["true_depth"]
+    water = None if scenario.density is None else scenario.density.temperature_salinity(depth)
+    if water is None and scenario.current is not None:
+        from twin.water.current.hydrography import along_track
+
+        north, east = trajectory["true_north"], trajectory["true_east"]
+        place = scenario.place
+        water = along_track(scenario.current, trajectory.time, north, east, depth, place)
     return {} if water is None else dict(zip(HYDROGRAPHY, water, strict=True))
 
 

@@ -26,6 +26,7 @@ from twin.records.attributes import (
     SCENARIO,
     SCHEMA,
     SETTINGS,
+    SOURCE_FORMAT,
     SPLIT,
     SPLITS,
     VEHICLE_MJCF,
@@ -48,8 +49,10 @@ LEAST_SAMPLES = 2
 """Of a mission: a rate takes two."""
 SPACING = 1e-3
 """Part of the period by which steps of time may differ: rounding of float32 after a day."""
-LOGGED_VEHICLE = "graver-2005"
-"""Shipped vehicle that stands for the vehicles of logs, whose own file nobody has."""
+LOGGED_VEHICLES = {"slocum": "slocum-200", "seaglider": "seaglider", "seaexplorer": "seaexplorer"}
+"""Shipped vehicle that stands for those of a kind of log, whose own file nobody has."""
+OTHER_LOGGED_VEHICLE = "slocum-200"
+"""Of logs of other kinds"""
 SIMULATED_VEHICLE = "glider"
 """Shipped vehicle of simulated stores that do not say theirs."""
 
@@ -127,7 +130,8 @@ class MissionStore:
           StoreError, VehicleError: the description is damaged.
         """
         if self.logged:
-            return load_vehicle(LOGGED_VEHICLE)
+            kind = str(self.attributes[SOURCE_FORMAT])
+            return load_vehicle(LOGGED_VEHICLES.get(kind, OTHER_LOGGED_VEHICLE))
         if SCENARIO in self.attributes:
             described = self.json(SCENARIO)["vehicle"]
             vehicle = parse_vehicle(described["mjcf"], Path(f"{described['name']}.xml"))

@@ -9,7 +9,9 @@ from twin.water.density import DEFAULT_LATITUDE, DEFAULT_LONGITUDE, DensityProfi
 from twin.water.table_file import column_numbers, read_table_file
 
 NAMES = ("constant", "thermocline")
-ALLOWED = (*NAMES, "a CSV file with columns depth,density")
+GRID = "grid"
+"""The column of a gridded current's file; who knows the current makes it (`twin.facade`)"""
+ALLOWED = (*NAMES, GRID, "a CSV file with columns depth,density")
 
 
 def parse_density(
@@ -33,6 +35,11 @@ def parse_density(
         return None
     if text == "thermocline":
         return DensityProfile.thermocline(latitude=latitude, longitude=longitude)
+    if text == GRID:
+        raise InputError(
+            "density 'grid' is made of a current's file: `twin simulate --density grid`, or "
+            'twin.simulate(density="grid", current=...)'
+        )
     path = Path(text)
     if path.suffix.lower() != ".csv":
         raise InputError(unknown_name("density", text, ALLOWED))

@@ -153,9 +153,10 @@ def _inertia(vehicle: Vehicle) -> Array:
 
 
 def _coupling(vehicle: Vehicle) -> Array:
-    """M_vw, (3, 3): momentum per body rate, with the battery in its neutral place."""
-    movable = vehicle.battery.position(0.0, 0.0)
-    moment = vehicle.static_mass * vehicle.static_cg + vehicle.battery.mass * movable
+    """M_vw, (3, 3): momentum per body rate, with the moving masses in their neutral places."""
+    moment = vehicle.static_mass * vehicle.static_cg
+    for moving in vehicle.masses:
+        moment = moment + moving.mass * moving.position(0.0, 0.0)
     return vehicle.added_mass[:3, 3:] - skew(moment)
 
 

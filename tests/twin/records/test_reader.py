@@ -57,7 +57,9 @@ def test_the_vehicle_is_the_one_that_the_store_describes(tmp_path: Path) -> None
     plain = MissionStore(written(tmp_path / "plain.zarr")).vehicle
     assert plain.mass == load_vehicle("glider").mass
     logs = MissionStore(written(tmp_path / "logs.zarr", {"source_format": "seaglider"})).vehicle
-    assert logs.mass == load_vehicle("graver-2005").mass
+    assert logs.name == "seaglider"
+    others = MissionStore(written(tmp_path / "others.zarr", {"source_format": "og1"})).vehicle
+    assert others.name == "slocum-200"
 
 
 def test_splits_are_read_as_flags_and_as_words(tmp_path: Path) -> None:

@@ -36,6 +36,8 @@ def test_the_default_imu_is_the_3dm_gx5_25_of_its_data_sheet():
     assert imu.accel_scale == 0.0003  # 0.03 %
     assert imu.misalignment_deg == 0.05
     assert imu.correlation_time == 100.0
+    # with the IMU's own errors 0.25 deg in all: tests of attitude as one instrument
+    assert (Attitude().rms_deg, Attitude().time_constant) == (0.08, 5.0)
     assert Attitude().correlation_time == 120.0
     assert IMU_PRESETS["3DM-GX5-25"] == imu
 

@@ -7,8 +7,9 @@ import sys
 import numpy as np
 import pytest
 
+import twin
 from twin.errors import InputError
-from twin.records.schema import Variable, declare
+from twin.records.schema import VARIABLES, Variable, declare
 from twin.sensors import (
     Compass,
     Dvl,
@@ -228,3 +229,11 @@ def test_a_suite_is_a_mapping_that_survives_settings_and_pickles():
 def test_a_device_that_no_suite_knows_is_refused(sensors, message):
     with pytest.raises(InputError, match=message):
         SensorSuite(**sensors)
+
+
+def test_every_sensor_may_say_nothing_only_where_it_says_so():
+    """A whole suite over a floor out of reach: no fix, no lock and no echo are no errors."""
+    run = twin.simulate(duration=120.0, floor="depth:900", density="thermocline", sensors="field")
+    silent = {n for n, v in run.items() if n.startswith("measured_") and np.isnan(v).any()}
+    assert {"measured_altitude", "measured_gps_north"} <= silent
+    assert all(VARIABLES[name].gaps for name in silent)

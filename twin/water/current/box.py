@@ -104,11 +104,13 @@ def load_box(
     reach_m: float,
     hold_s: float,
     land: str,
+    largest: float = FASTEST_CURRENT,
 ) -> tuple[Box, float]:
     """The box within `reach_m` of the origin, and the distance [m] it reaches on every side.
 
     start: mission start; None: the file's first time. land: "nan", "zero", or "auto" (zero for
-    raw NEMO names, else missing values). The distance is infinite on sides where the file ends.
+    raw NEMO names, else missing values). largest: magnitude beyond which units must be wrong. The
+    distance is infinite on sides where the file ends.
     """
     axes = velocity.axes
     select: dict[str, np.ndarray] = {}
@@ -162,10 +164,13 @@ def load_box(
         block = _read(data[name], velocity.dimensions[component], select)
         values[..., i] = sign * block.reshape(shape)
     limit = np.max(np.abs(values), initial=0.0, where=np.isfinite(values))
-    if limit > FASTEST_CURRENT:
+    if limit > largest:
+        what = "a speed of {:g} m/s is beyond {:g} m/s: wrong units (set units=cm/s)"
+        if largest != FASTEST_CURRENT:
+            what = "a temperature or salinity of {:g} is beyond {:g}: wrong units"
         raise CurrentError(
-            f"{source}: a speed of {limit:g} m/s is beyond {FASTEST_CURRENT:g} m/s: wrong units"
-            " (set units=cm/s), or missing values without a _FillValue attribute"
+            f"{source}: {what.format(limit, largest)}, or missing values without a _FillValue"
+            " attribute"
         )
     values += 0.0  # no -0.0 from the sign change
     wet = _wet(values, source, velocity, land)

@@ -244,7 +244,7 @@ class Grid(Current):
         """The box for a mission, and this grid with everything written out (see `pinned`)."""
         from twin.water.current.velocity_file import find_velocity, open_data_set
 
-        place = self._place(origin or Origin())
+        place = self.start(origin or Origin())
         span = self.span_s or duration_s
         if duration_s > span:
             raise CurrentError(
@@ -322,10 +322,16 @@ class Grid(Current):
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
         """One layout record, in metres and seconds about the mission's start."""
         box, pinned = self.load(duration_s, origin)
-        place = pinned._place(origin)
+        place = pinned.start(origin)
+        start = parse_time(str(pinned.time)) if box.time.size else None
+        return [self.box_of(box, place, start)]
+
+    @classmethod
+    def box_of(cls, box: Box, place: Origin, start: np.datetime64 | None) -> Floats:
+        """The record of a box, in metres and seconds about a mission's start."""
         time = np.zeros(1)
         if box.time.size:
-            time = (box.time - parse_time(str(pinned.time))).astype(np.float64) * 1e-9
+            time = (box.time - start).astype(np.float64) * 1e-9
         north = east = np.zeros(1)
         curvature = 0.0
         if np.isfinite(box.latitude).all():
@@ -333,7 +339,7 @@ class Grid(Current):
             north = np.radians(box.latitude - place.latitude_deg) * place.meridian_radius
             east = np.radians(box.longitude) * place.normal_radius * cosine
             curvature = place.curvature
-        return [self.box_record(time, box.depth, north, east, box.velocity, curvature)]
+        return cls.box_record(time, box.depth, north, east, box.velocity, curvature)
 
     @classmethod
     def box_record(
@@ -357,7 +363,7 @@ class Grid(Current):
         header = [*velocity.shape, curvature]
         return cls.record(header, time, depth, north, east, velocity)
 
-    def _place(self, origin: Origin) -> Origin:
+    def start(self, origin: Origin) -> Origin:
         """Where and when the mission starts in the file."""
         if self.latitude_deg is None or self.longitude_deg is None:
             return replace(origin, time=self.time or origin.time)
