@@ -98,14 +98,18 @@ def _row(prefix: str, uncertain: Uncertainty) -> Parameter:
 
 
 def _hull_rows(vehicle: Vehicle) -> list[Parameter]:
+    squeeze = "uniform(3e-10, 7e-10)", "hull volume lost per pressure; 5e-10 is typical"
+    if vehicle.hull_compressibility:
+        why = f"beyond the file's {vehicle.hull_compressibility:g}; +-5e-11 is what logs tell apart"
+        squeeze = "uniform(-5e-11, 5e-11)", f"hull volume lost per pressure, {why}"
     rows = [
         Parameter("vehicle.cg_y_mm", "mm", "0", "uniform(-0.05, 0.05)",
                   "CG of the fixed block to starboard; 0.05 mm lists the Sea-Wing by 0.5 deg"),
         Parameter("vehicle.cg_z_mm", "mm", "0", "uniform(-0.3, 0.3)",
                   "CG of the fixed block lower than the file says, of "
                   f"{1e3 * vehicle.static_cg[2]:.2g} mm"),
-        Parameter("vehicle.compressibility", "Pa-1", "0", "uniform(3e-10, 7e-10)",
-                  "hull volume lost per pressure; 5e-10 is typical, sea water has 4.4e-10"),
+        Parameter("vehicle.compressibility", "Pa-1", "0", squeeze[0],
+                  f"{squeeze[1]}; sea water has 4.4e-10"),
     ]  # fmt: skip
     if vehicle.steered("buoyancy") is not None:
         why = "too heavy after ballasting, at the density it was ballasted for"

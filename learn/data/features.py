@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, StoreError, unknown_name
-from twin.records.schema import SIMULATED, VARIABLES
+from twin.records.schema import SIMULATED, VARIABLES, WITH_FLOOR
 
 Array = NDArray[np.float64]
 Channels = Mapping[str, Array]
@@ -277,7 +277,7 @@ def is_known(name: str) -> bool:
 def is_part_channel(name: str) -> bool:
     """Whether it is the reading or the command of a part that the table does not know."""
     kind, _, part = name.partition("_")
-    return kind in _PART_GROUPS and bool(part) and name not in SIMULATED
+    return kind in _PART_GROUPS and bool(part) and name not in (*SIMULATED, *WITH_FLOOR)
 
 
 def features_of(sensor: str, features: Iterable[str] = tuple(FEATURES)) -> tuple[str, ...]:

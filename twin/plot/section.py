@@ -34,6 +34,10 @@ COLOURS = {
 """What a section can be coloured by: label and signal."""
 
 
+FLOOR_IN_SIGHT = 1.5
+"""A sea floor within so many times the deepest point widens the axis to show it"""
+
+
 def section_figure(trajectory: Trajectory, colour: str = "speed") -> Figure:
     """Depth against time, coloured by one of COLOURS.
 
@@ -67,7 +71,13 @@ def draw_section(axes: Axes, trajectory: Trajectory, colour: str = "speed") -> N
     lines.set_clim(middle - span / 2, middle + span / 2)
     axes.add_collection(lines)
     axes.set_xlim(time[0] / seconds, time[-1] / seconds)
-    style.depth_axis(axes, float(np.nanmax(depth)))
+    deepest = float(np.nanmax(depth))
+    if "true_altitude" in trajectory:
+        (floor,) = style.thin(trajectory["true_depth"] + trajectory["true_altitude"], most=6000)
+        deepest = max(deepest, min(float(floor.max()), FLOOR_IN_SIGHT * deepest))
+        ground = np.full_like(floor, 2.0 * max(deepest, float(floor.max())))
+        axes.fill_between(time / seconds, floor, ground, color=style.GROUND, lw=0)
+    style.depth_axis(axes, deepest)
     style.label_time(axes, unit)
     bar = axes.figure.colorbar(lines, ax=axes, pad=0.02, aspect=22)
     bar.set_label(label)

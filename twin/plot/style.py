@@ -43,6 +43,8 @@ TRUTH, ESTIMATE, COMMAND, GUIDE = (
     "#8A8F98",
 )
 """Roles that keep their colour in every figure."""
+GROUND = "#C9B48A"
+"""The sea floor"""
 SEQUENTIAL_MAP = "cividis"
 
 _RC: dict[Any, Any] = {

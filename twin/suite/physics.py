@@ -239,7 +239,7 @@ class Physics(dm_mujoco.Physics):
           InputError: they do not fit; the message says how to make room.
         """
         model = self.model.ptr
-        tables = {name: table(model, name).copy() for name in ("current", "density")}
+        tables = {name: table(model, name).copy() for name in ("current", "density", "floor")}
         tables.update(changed)
         needed = sum(values.size for values in tables.values())
         if needed > room(model):
@@ -248,7 +248,8 @@ class Physics(dm_mujoco.Physics):
                 f"{room(model)}: build it with Physics.from_model(compile_model(vehicle, "
                 f"reserve={needed})), or use a coarser current"
             )
-        write_tables(model, Tables(current=tables["current"], density=tables["density"]))
+        current, density, floor = (tables[name] for name in ("current", "density", "floor"))
+        write_tables(model, Tables(current=current, density=density, floor=floor))
 
     # --- measurements -------------------------------------------------------------------------
 

@@ -185,6 +185,22 @@ def test_an_obstacle_of_the_file_stays_in_every_run():
     assert "true_altitude" not in alone  # it is no sea floor
 
 
+@pytest.mark.parametrize("name", twin.vehicle_names())
+def test_every_shipped_vehicle_meets_what_is_in_its_way(name):
+    vehicle = load_vehicle(name)
+    text = vehicle.xml.replace("<worldbody>", PLANE)
+    rock = compile_model(parse_vehicle(text, Path(f"{name}.xml")), lean=True)
+    floor = compile_model(vehicle, tables=Tables(floor=FlatFloor(depth_m=30.0).compile(0.0)))
+    for model in (rock, floor):
+        data = mujoco.MjData(model)
+        data.qpos[2] = -30.0 + 0.4 * vehicle.hull_diameter
+        data.act[:] = data.ctrl[:] = vehicle.rest
+        mujoco.mj_step(model, data, nstep=3)
+        assert data.ncon > 0
+        mujoco.mj_step(model, data, nstep=round(30.0 / model.opt.timestep))
+        assert data.qpos[2] > -30.0
+
+
 def test_a_colliding_geom_of_the_vehicle_is_its_shape():
     """A skid 1 m below the hull keeps it that much higher."""
     skid = '<geom name="skid" type="sphere" pos="0.7 0 -1" size="0.05" mass="0"/><site name="cb"'
@@ -216,6 +232,20 @@ def test_tables_with_a_floor_need_a_model_with_one():
     model = compile_model("glider", lean=True, reserve=100)
     with pytest.raises(FloorError, match="compiled without a sea floor"):
         write_tables(model, Tables(floor=FlatFloor(depth_m=50.0).compile(0.0)))
+
+
+def test_an_environment_keeps_its_floor_when_the_water_changes():
+    physics_module = pytest.importorskip("twin.suite.physics")
+    tables = Tables(floor=FlatFloor(depth_m=30.0).compile(0.0))
+    model = compile_model("glider", tables=tables, reserve=500)
+    physics = physics_module.Physics.from_model(model)
+    with physics.reset_context():
+        physics.set_current(Uniform(north=0.1, east=0.0), 100.0)
+        physics.set_start(Start(depth=29.0))
+    physics.data.ctrl[:] = [0.0, 0.0, VEHICLE.pump_for_net_mass(0.3)]
+    physics.step(600)
+    assert 29.0 < physics.depth() < 30.0
+    assert physics.data.ncon > 0
 
 
 def test_sensors_see_the_floor_and_nothing_else_beside_it():

@@ -111,6 +111,24 @@ def test_sections_run_down(trajectory):
         section_figure(trajectory, "densty")
 
 
+def test_a_section_shows_a_floor_that_is_near(trajectory):
+    deepest = float(trajectory["true_depth"].max())
+
+    def bottom_of(floor):
+        altitude = floor - trajectory["true_depth"]
+        above = dataclasses.replace(
+            trajectory, signals={**trajectory.signals, "true_altitude": altitude}
+        )
+        axes = section_figure(above).axes[0]
+        (ground,) = (c for c in axes.collections if len(c.get_facecolor()))
+        assert ground.get_paths()[0].vertices[:, 1].min() == pytest.approx(floor)
+        return axes.get_ylim()[0]
+
+    plain = section_figure(trajectory).axes[0].get_ylim()[0]
+    assert bottom_of(1.2 * deepest) == pytest.approx(1.2 * plain)
+    assert bottom_of(40.0 * deepest) == pytest.approx(1.5 * plain)  # an abyss flattens nothing
+
+
 def test_tracks_have_equal_scales_and_show_the_data(trajectory):
     figure = track_figure(trajectory, dead_reckoned(trajectory))
     axes = figure.axes[0]

@@ -329,6 +329,12 @@ def _notes(
     notes = []
     if logs.simulated:
         notes.append("the log says itself that it is of a simulation")
+    names = list(dict.fromkeys(logs.deployments[dive.row] for dive in dives))
+    if len(names) > 1:
+        notes.append(
+            f"the dives are of {len(names)} deployments ({', '.join(names)}): one vehicle file "
+            "fits them only if one vehicle made them; choose with --missions"
+        )
     if "measured_heading" not in there:
         notes.append("the log has no heading: the twin holds its own, and turns are not compared")
     elif "commanded_heading" not in there:

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.signal import savgol_filter
 
 from twin.checks.logs.calibrated import Calibrated
@@ -28,16 +29,20 @@ LEAST_PIECE = 5.0
 """[m] of depth of a piece"""
 PUMP_REST = 20.0
 """[cm3] about a leg's median within which the pump is at rest"""
+PUMP_STILL = 6
+"""samples around one that a pump at rest stays within as much"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Piece:
-    """A part of a leg with one heading target."""
+    """A part of a leg with one heading target and one position of the pump."""
 
     last: int
     """sample at which it ends"""
     heading: float | None
     """[deg] true; None: the log has no heading"""
+    pump: float
+    """[cm3]"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -48,7 +53,7 @@ class Target:
     pitch: float
     """[deg], nose up: the mean that the log flew, as a glider's own loop has a dead band"""
     pump: float
-    """[cm3]"""
+    """[cm3] where it was for most of the leg"""
     turn_depth: float
     """[m] at which its end began: where the pump left its position"""
     pieces: tuple[Piece, ...]
@@ -212,17 +217,18 @@ def _running_mean(values: Array, width: int) -> Array:
 
 def _target(leg: Leg, depth: Array, pitch: Array, pump: Array, wanted: Array | None) -> Target:
     inside = _in_band(leg, depth)
-    position = float(np.median(pump[inside]))
-    resting = np.flatnonzero(np.abs(pump[leg.samples] - position) <= PUMP_REST)
+    usual = float(np.median(pump[inside]))
+    levels = pump_levels(leg, pump, usual)
+    resting = np.flatnonzero(np.abs(pump[leg.samples] - levels) <= PUMP_REST)
     turn = float(depth[leg.first + resting[-1]]) if resting.size else float(depth[leg.last])
     shallow, deep = leg.band
     turn = max(turn, deep) if leg.phase == "dive" else min(turn, shallow)
     return Target(
         leg=leg,
         pitch=float(np.mean(pitch[inside])),
-        pump=position,
+        pump=usual,
         turn_depth=turn,
-        pieces=_pieces(leg, depth, wanted),
+        pieces=_pieces(leg, depth, wanted, levels, turn),
     )
 
 
@@ -235,22 +241,50 @@ def _in_band(leg: Leg, depth: Array) -> NDArray[np.intp]:
     return inside if inside.size else np.arange(leg.first, leg.last + 1)
 
 
-def _pieces(leg: Leg, depth: Array, wanted: Array | None) -> tuple[Piece, ...]:
-    """Parts of a leg within which the heading target wanders by TOLERANCE at most."""
-    if wanted is None:
-        return (Piece(last=leg.last, heading=None),)
+def pump_levels(leg: Leg, pump: Array, usual: float) -> Array:
+    """Where the pump of a leg was sent [cm3], at each sample of the leg.
+
+    Pumps move in steps: what moves counts as where it rests next. Less drive than `usual`, that of
+    most of the leg, is a pump on its way from the leg before.
+    """
+    values = pump[leg.samples]
+    width = PUMP_STILL + 1
+    spread = maximum_filter1d(values, width) - minimum_filter1d(values, width)
+    still = np.flatnonzero(spread <= PUMP_REST)
+    if not still.size:
+        return np.full(len(values), usual)
+    following = np.minimum(np.searchsorted(still, np.arange(len(values))), still.size - 1)
+    levels = values[still[following]]
+    return np.asarray(
+        np.minimum(levels, usual) if leg.phase == "dive" else np.maximum(levels, usual)
+    )
+
+
+def _pieces(
+    leg: Leg, depth: Array, wanted: Array | None, levels: Array, turn: float
+) -> tuple[Piece, ...]:
+    """Parts of a leg, before it begins to turn at the depth `turn`, within which heading target
+    and pump stay where they are."""
     pieces: list[Piece] = []
     begin = leg.first
-    low = high = wanted[begin]
+
+    def piece(last: int) -> Piece:
+        part = slice(begin, last + 1)
+        heading = None if wanted is None else float(np.median(wanted[part])) % 360.0
+        pump = float(np.median(levels[begin - leg.first : last + 1 - leg.first]))
+        return Piece(last=last, heading=heading, pump=pump)
+
+    headings = np.zeros(len(depth)) if wanted is None else wanted
+    low = high = headings[begin]
     for k in range(leg.first, leg.last + 1):
-        low, high = min(low, wanted[k]), max(high, wanted[k])
+        low, high = min(low, headings[k]), max(high, headings[k])
+        moved = abs(levels[k - leg.first] - levels[begin - leg.first]) > PUMP_REST
         far = abs(depth[k] - depth[begin]) >= LEAST_PIECE
-        left = abs(depth[leg.last] - depth[k]) >= LEAST_PIECE
-        if high - low > TOLERANCE and far and left:
-            pieces.append(Piece(last=k - 1, heading=float(np.median(wanted[begin:k])) % 360.0))
-            begin, low, high = k, wanted[k], wanted[k]
-    last = float(np.median(wanted[begin : leg.last + 1]))
-    return (*pieces, Piece(last=leg.last, heading=last % 360.0))
+        left = (turn - depth[k] if leg.phase == "dive" else depth[k] - turn) >= LEAST_PIECE
+        if (moved or high - low > TOLERANCE) and far and left:
+            pieces.append(piece(k - 1))
+            begin, low, high = k, headings[k], headings[k]
+    return (*pieces, piece(leg.last))
 
 
 def _per_sample(targets: tuple[Target, ...], count: int) -> Array | None:

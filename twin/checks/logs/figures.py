@@ -15,9 +15,9 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SETTLING = 60.0
-"""[s] after a change of the heading target that a vehicle needs besides the turn itself"""
-SLOWEST_TURN = 0.3
-"""[deg/s] of that turn"""
+"""[s] that a vehicle needs besides the turn itself after a change of the heading target"""
+SLOWEST_TURN = 0.1
+"""[deg/s] of that turn: a Seaglider's at 0.25 m/s"""
 NEW_TARGET = 5.0
 """[deg] of a change of the target that counts as one"""
 TURN_WINDOW = 40.0
@@ -130,19 +130,20 @@ def phase_figures(legs: Sequence[Samples]) -> PhaseFigures | None:
 
 
 def settled(leg: Samples) -> Mask:
-    """Steady samples at which a change of the heading target has been flown out."""
+    """Steady samples at which a change of the heading target has been flown out: the heading has
+    been near it since, or the slowest turn would have come there."""
     if leg.heading_target is None:
         return leg.steady
     step = np.abs(np.diff(leg.heading_target, prepend=leg.heading_target[0]))
     step = np.minimum(step, 360.0 - step)
     step[0] = abs(leg.first_error)
-    ready = 0.0
     out = leg.steady.copy()
-    for k, change in enumerate(step):
-        now = k * leg.period
-        if change > NEW_TARGET:
-            ready = max(ready, now + SETTLING + change / SLOWEST_TURN)
-        out[k] &= now >= ready
+    settling = round(SETTLING / leg.period)
+    for k in np.flatnonzero(step > NEW_TARGET):
+        latest = k + round(step[k] / SLOWEST_TURN / leg.period)
+        error = np.zeros(0) if leg.heading_error is None else np.abs(leg.heading_error[k:latest])
+        there = np.flatnonzero(error < NEW_TARGET)
+        out[k : (k + int(there[0]) if there.size else latest) + settling] = False
     return out
 
 

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.checks.agreement import file_timestep
-from twin.checks.logs.dive import Dive, Target
+from twin.checks.logs.dive import Dive, Piece, Target
 from twin.errors import InputError, SimulationUnstable
-from twin.mission import Mission
+from twin.mission import Mission, guidance
 from twin.mission.segments import SawTooth
+from twin.physics.mujoco_model import state
 from twin.physics.quiet import quiet_mujoco
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
@@ -56,22 +57,20 @@ def fly_dives(vehicle: Vehicle, dives: Sequence[Dive]) -> list[Trajectory | Simu
 
 def _fly(vehicle: Vehicle, dive: Dive) -> Trajectory:
     """One dive, until it is flown or the twin has taken far longer than the log."""
-    simulation = Simulation(scenario_of(vehicle, dive))
-    patience = PATIENCE * dive.period * (dive.targets[-1].leg.last - dive.targets[0].leg.first)
+    logged = dive.period * (dive.targets[-1].leg.last - dive.targets[0].leg.first)
+    simulation = Simulation(scenario_of(vehicle, dive, PATIENCE * logged))
     steps = max(1, round(LOOK / simulation.model.opt.timestep))
-    while not (simulation.flown or simulation.failed) and simulation.data.time < patience:
+    for _ in range(-(-simulation.steps // steps)):
+        if simulation.failed or state(simulation.data)["guidance"][guidance.DONE]:
+            break
         simulation.step(steps)
     return simulation.trajectory(dive.row)
 
 
-def scenario_of(
-    vehicle: Vehicle, dive: Dive, *, plan: bool = True, duration: float | None = None
-) -> Scenario:
-    """A dive as the twin flies it: its targets as a mission, its water, its start.
+def scenario_of(vehicle: Vehicle, dive: Dive, duration: float, *, plan: bool = True) -> Scenario:
+    """A dive as the twin flies it, for `duration` [s]: its targets as a mission, water, start.
 
-    Args:
-      plan: False leaves the mission out, for a controller that flies it.
-      duration: [s], then needed; None: until the mission is flown.
+    Without `plan` the mission is left out, for a controller that flies it.
     """
     first = dive.targets[0]
     leg = first.leg
@@ -89,7 +88,7 @@ def scenario_of(
             depth=begin,
             heading=heading,
             pitch=math.radians(first.pitch),
-            actuators={pump.name: _within(vehicle, first.pump, dive.row)},
+            actuators={pump.name: _within(vehicle, first.pieces[0].pump, dive.row)},
         ),
         sample_period=max(round(SAMPLE_PERIOD / timestep), 1) * timestep,
     )
@@ -108,7 +107,6 @@ def mission_of(vehicle: Vehicle, dive: Dive) -> Mission:
         else:
             top = max(target.turn_depth, SHALLOWEST)
             bottom = max(bottom, top + 1.0) if index else target.leg.bottom
-        ways = _ways(vehicle, dive, index)
         for piece in target.pieces:
             until = float(dive.depth[piece.last])
             if piece is target.pieces[-1]:
@@ -119,7 +117,7 @@ def mission_of(vehicle: Vehicle, dive: Dive) -> Mission:
                     max_depth_m=bottom,
                     until_depth_m=min(max(until, top), bottom),
                     heading_deg=piece.heading,
-                    **ways,
+                    **_ways(vehicle, dive, index, piece),
                 )
             )
     last = segments[-1]
@@ -161,15 +159,16 @@ def water_of(dive: Dive) -> DensityProfile:
     )
 
 
-def _ways(vehicle: Vehicle, dive: Dive, index: int) -> dict[str, float]:
-    """Pitch and buoyancy of a leg, with those of the other way from its neighbour."""
+def _ways(vehicle: Vehicle, dive: Dive, index: int, piece: Piece) -> dict[str, float]:
+    """Pitch and buoyancy of a piece of a leg, with those of the other way from its neighbour."""
     mine = dive.targets[index]
     beside = dive.targets[index + 1 : index + 2] or dive.targets[max(index - 1, 0) : index]
     found: dict[str, float] = {}
     for target in (*beside, mine):
         way = "" if target.leg.phase == "dive" else "climb_"
         found[f"{way}pitch_deg"] = _pitch(target, dive.row)
-        found[f"{way}net_mass_kg"] = _net_mass(vehicle, target, dive.row)
+        pump = piece.pump if target is mine else target.pump
+        found[f"{way}net_mass_kg"] = _net_mass(vehicle, target, pump, dive.row)
     if "pitch_deg" not in found:
         found["pitch_deg"] = found["climb_pitch_deg"]
         found["net_mass_kg"] = found["climb_net_mass_kg"]
@@ -187,13 +186,13 @@ def _pitch(target: Target, row: int) -> float:
     return signed
 
 
-def _net_mass(vehicle: Vehicle, target: Target, row: int) -> float:
-    """Magnitude [kg] of a leg's net mass at reference density."""
-    net = vehicle.net_mass_for_pump(_within(vehicle, target.pump, row))
+def _net_mass(vehicle: Vehicle, target: Target, pump: float, row: int) -> float:
+    """Magnitude [kg] of a leg's net mass at reference density, its pump at `pump` [cm3]."""
+    net = vehicle.net_mass_for_pump(_within(vehicle, pump, row))
     signed = net if target.leg.phase == "dive" else -net
     if signed <= 0.0:
         raise InputError(
-            f"dive {row}: the log {_verb(target)} with its pump at {target.pump:.0f} cm3, where "
+            f"dive {row}: the log {_verb(target)} with its pump at {pump:.0f} cm3, where "
             f"vehicle {vehicle.name!r} is {'light' if net < 0.0 else 'heavy'}: it is another "
             "vehicle, or not trimmed as the log's; identify it first (`twin identify`)"
         )

@@ -67,7 +67,7 @@ def fly_turns(
     part = vehicle.part(turning.part)
     positions = np.clip(turning.sense * dive.turning / part.quantity.scale, part.low, part.high)
     controller = _Turned(vehicle, dive, part.name, positions)
-    scenario = scenario_of(vehicle, dive, plan=False, duration=float(flown.time[-1]))
+    scenario = scenario_of(vehicle, dive, float(flown.time[-1]), plan=False)
     with quiet_mujoco():
         trajectory = Simulation(scenario).run(controller, mission=dive.row)
     return trajectory, controller.legs(trajectory.time)
