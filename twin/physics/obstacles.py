@@ -21,12 +21,20 @@ ALL_BITS = 2**31 - 1
 BEFORE_FIRST_STEP = -1e5
 """[m] height of the plane until native code lays it"""
 HIDDEN_GROUP = 5
+GIVES_WAY = 0.2
+"""[s] time constant of the contact with the sea floor, whatever the step: that which the shipped
+step of 0.1 s allows, as of a bed of mud; ours"""
 _OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 
 
 def may_collide(geom: mujoco.MjsGeom) -> bool:
     """Whether a geom's masks let it collide with anything."""
     return bool(geom.contype or geom.conaffinity)
+
+
+def has_contacts(model: mujoco.MjModel) -> bool:
+    """Whether a compiled model has anything that could touch."""
+    return not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
 
 
 def prepare_contacts(spec: mujoco.MjSpec, vehicle: Vehicle, *, floor: bool) -> None:
@@ -50,7 +58,7 @@ def prepare_contacts(spec: mujoco.MjSpec, vehicle: Vehicle, *, floor: bool) -> N
             'leave the flags out, or give a geom that is only drawn contype="0" conaffinity="0"'
         )
     if not (floor or obstacles):
-        if not colliding:  # nothing could ever touch: MuJoCo need not look
+        if len({geom.parent.name for geom in colliding}) < 2:  # MuJoCo need not look for contacts
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
             if not (spec.equalities or spec.tendons or any(map(_constrained, spec.joints))):
                 spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
@@ -82,6 +90,8 @@ def prepare_contacts(spec: mujoco.MjSpec, vehicle: Vehicle, *, floor: bool) -> N
             group=HIDDEN_GROUP,
             contype=ALL_BITS,
             conaffinity=ALL_BITS,
+            solref=[GIVES_WAY, 1.0],
+            priority=1,
         )
 
 

@@ -12,6 +12,7 @@ from twin.errors import SimulationUnstable
 from twin.mission import Mission, guidance
 from twin.physics.log_signals import from_log
 from twin.physics.mujoco_model import header, table
+from twin.physics.obstacles import has_contacts
 from twin.physics.scenario import Scenario
 from twin.records.place import START_LATITUDE, START_LONGITUDE, START_TIME
 from twin.records.trajectory import Trajectory
@@ -54,7 +55,7 @@ def trajectory_of(
         half_step=0.5 * float(header(model)["centred"]) * timestep,
         sample_period=scenario.sample_period,
         floor=table(model, "floor"),
-        contacts=not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT,
+        contacts=has_contacts(model),
         complete=not failed,
         provenance={"ended": _ending(scenario, ours, failed), **_place(scenario)},
     )

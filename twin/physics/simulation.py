@@ -24,6 +24,7 @@ from twin.physics.mujoco_model import (
     state,
 )
 from twin.physics.native import block as b
+from twin.physics.obstacles import has_contacts
 from twin.physics.outcome import trajectory_of
 from twin.physics.quiet import quiet_mujoco
 from twin.physics.scenario import Scenario
@@ -108,6 +109,12 @@ class Simulation:
             raise InputError(
                 f"timestep {step:g} s is too long for the stiff servos under this integrator; use "
                 f"at most {IMPLICIT_STEP:g} s, or integrator discrete"
+            )
+        if integrator != mujoco.mjtIntegrator.mjINT_DISCRETE and has_contacts(self.model):
+            raise InputError(
+                "a sea floor or an obstacle needs integrator discrete: the implicit ones find the "
+                "force of a contact without the battery's stiff servos, which throws the battery "
+                "away at the first touch"
             )
         steps = period / step
         if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:

@@ -87,6 +87,10 @@ def test_without_anything_to_hit_mujoco_does_not_look_for_contacts():
     assert model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
     assert model.nmocap == 0
     assert model.ngeom == 4  # the ellipsoids of the other law
+    # a skid alone has nothing to touch either
+    skid = '<geom name="skid" type="sphere" pos="0.7 0 -1" size="0.05" mass="0"/><site name="cb"'
+    lonely = parse_vehicle(TEXT.replace('<site name="cb"', skid, 1), Path("glider.xml"))
+    assert compile_model(lonely).opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
 
 
 def test_a_fleet_meets_the_same_floor():
@@ -154,6 +158,23 @@ def test_a_start_needs_water_under_it():
         simulate(Scenario(plan=yo(min_altitude_m=12.0), floor=FlatFloor(depth_m=15.0)))
     with pytest.raises(FloorError, match="where the mission starts"):
         Scenario(plan=YO, floor=Bathymetry(path="gebco.nc"))
+
+
+def test_contacts_need_the_discrete_integrator():
+    implicit = {"integrator": "implicitfast", "timestep": 0.02}
+    with pytest.raises(InputError, match="needs integrator discrete"):
+        Simulation(Scenario(plan=YO, floor=FlatFloor(depth_m=30.0), **implicit))
+    Simulation(Scenario(plan=YO, **implicit))
+
+
+@pytest.mark.parametrize("current", [None, Uniform(north=0.6, east=0.3)])
+def test_a_grounded_glider_stays_sound_in_a_current_and_at_a_short_step(current):
+    scenario = Scenario(plan=YO, floor=ROUGH, current=current, timestep=0.02)
+    for each in (scenario, Scenario(plan=YO, floor=ROUGH, current=current)):
+        run = simulate(each)
+        assert run.complete
+        assert run["true_contact"].any()
+        assert np.linalg.norm(run.v_rel, axis=1).max() < 1.0
 
 
 def test_a_described_floor_flies_again():
