@@ -275,9 +275,9 @@ def test_strong_yaw_damping_shortens_the_step_that_is_written():
     assert largest_step(calibration.vehicle) == file_step(calibration.vehicle) == 0.05
     constant, _ = calibration.vehicle.flow_frame.yaw_moment
     stiff = calibration.vehicle.replace(yaw_moment=(constant, -3000.0))
-    assert largest_step(stiff) == 0.02
+    assert largest_step(stiff) == 0.01
     xml = vehicle_xml(calibration.replace(vehicle=stiff), {})
-    assert file_step(parse_vehicle(xml, stiff.path)) == 0.02
+    assert file_step(parse_vehicle(xml, stiff.path)) == 0.01
 
 
 def test_the_written_hull_swells_as_the_identified_one():
