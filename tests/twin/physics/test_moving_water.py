@@ -11,6 +11,7 @@ import pytest
 
 from twin.compiled import jit
 from twin.fossen import FossenModel, FossenState
+from twin.mission import Mission, SawTooth
 from twin.mission.schedule import Schedule
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
@@ -138,6 +139,22 @@ def test_a_steady_glide_in_a_tide_is_that_of_still_water(heading):
         difference = np.abs(found.v_rel - still.v_rel)
         settled = found.time > 600.0
         assert difference[settled].max() < 1e-6
+
+
+def test_a_mission_in_a_tide_is_flown_as_in_still_water():
+    """Closed loop on depth, pitch and heading; two yos with their turns."""
+    mission = Mission(
+        segments=(SawTooth(max_depth_m=120, heading_deg=60, pitch_deg=28, yos=2),),
+        start_heading_deg=40,
+        duration_s=2400.0,
+    )
+    runs = [
+        simulate(Scenario(vehicle=VEHICLE, plan=mission, current=current))
+        for current in (parse_current("tide:m2=0.5,phase=90"), None)
+    ]
+    deep = runs[1]["true_depth"] > 3.0  # at the surface a wave of rounding grows
+    assert np.abs(runs[0].v_rel - runs[1].v_rel)[deep].max() < 1e-5
+    assert np.abs(runs[0]["true_heading"] - runs[1]["true_heading"])[deep].max() < 5e-3  # 0.1 mrad
 
 
 STRAIN = 0.02
