@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from twin.compiled import inline, jit
 from twin.errors import InputError
+from twin.vehicle.laws.flow_frame import K_ALPHA, K_BETA, K_D0, native_wrench
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -94,21 +95,7 @@ def fly(
       InputError: the speed leaves every bound: the parameters or the inputs are wrong.
     """
     mass = vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]
-    coefficients = np.array(
-        [
-            *(
-                vehicle.flow_frame.drag[0],
-                vehicle.flow_frame.drag[1],
-                vehicle.flow_frame.lift[0],
-                vehicle.flow_frame.lift[1],
-            ),
-            *(
-                vehicle.flow_frame.side_force[0],
-                vehicle.flow_frame.linear_angle,
-                vehicle.flow_frame.blend_angle,
-            ),
-        ]
-    )
+    coefficients = vehicle.flow_frame.values()
     inputs = np.stack([vehicle.gravity * net_mass, immersion, roll, pitch, *rates], axis=1)
     velocity = _integrate(mass, np.linalg.inv(mass), coefficients, inputs, period)
     if not (np.abs(velocity) < FASTEST).all():
@@ -120,43 +107,17 @@ def fly(
 
 
 @inline
-def _bounded(angle, linear_angle, blend_angle):  # type: ignore[no-untyped-def]
-    """(odd, square, one): angle, angle^2 and 1 in the identified range, bounded beyond it."""
-    x = (abs(angle) - linear_angle) / (blend_angle - linear_angle)
-    x = min(max(x, 0.0), 1.0)
-    s = x * x * (3.0 - 2.0 * x)
-    sine, cosine = np.sin(angle), np.cos(angle)
-    return (
-        (1.0 - s) * angle + s * sine * cosine,
-        (1.0 - s) * angle * angle + s * sine * sine,
-        (1.0 - s) + s * cosine,
-    )
-
-
-@inline
 def _acceleration(mass, inverse, c, weight, immersion, roll, pitch, p, q, r, u, v, w):  # type: ignore[no-untyped-def]
     """d(u, v, w)/dt [m/s2] from the weight [N], the attitude and the rates; no allocation."""
-    square = u * u + v * v + w * w
-    speed = np.sqrt(square)
-    alpha = np.arctan2(w, u)
-    beta = np.arcsin(min(max(v / speed, -1.0), 1.0)) if speed > 0.0 else 0.0
-    odd, alpha_square, one = _bounded(alpha, c[5], c[6])
-    beta_odd, _, _ = _bounded(beta, c[5], c[6])
-    pressure = square * immersion
-    drag = -(c[0] + c[1] * alpha_square) * pressure
-    side = c[4] * beta_odd * pressure
-    lift = -(c[2] * one + c[3] * odd) * pressure
-    flat = np.sqrt(u * u + w * w)
-    ca, sa = (u / flat, w / flat) if flat > 0.0 else (1.0, 0.0)
-    cb, sb = (flat / speed, v / speed) if speed > 0.0 else (1.0, 0.0)
+    fx, fy, fz, _, _, _ = native_wrench(c, 0.0, u, v, w, 0.0, 0.0, 0.0)
     # momentum, whose turning with the body is a force
     hu = mass[0, 0] * u + mass[0, 1] * v + mass[0, 2] * w
     hv = mass[1, 0] * u + mass[1, 1] * v + mass[1, 2] * w
     hw = mass[2, 0] * u + mass[2, 1] * v + mass[2, 2] * w
     level = weight * np.cos(pitch)
-    x = ca * cb * drag - ca * sb * side - sa * lift - weight * np.sin(pitch) - (q * hw - r * hv)
-    y = sb * drag + cb * side + level * np.sin(roll) - (r * hu - p * hw)
-    z = sa * cb * drag - sa * sb * side + ca * lift + level * np.cos(roll) - (p * hv - q * hu)
+    x = immersion * fx - weight * np.sin(pitch) - (q * hw - r * hv)
+    y = immersion * fy + level * np.sin(roll) - (r * hu - p * hw)
+    z = immersion * fz + level * np.cos(roll) - (p * hv - q * hu)
     return (
         inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z,
         inverse[1, 0] * x + inverse[1, 1] * y + inverse[1, 2] * z,
@@ -191,7 +152,9 @@ def _integrate(mass, inverse, c, inputs, period):  # type: ignore[no-untyped-def
     samples = inputs.shape[0]
     out = np.zeros((samples, 3))
     # rate at which the force of an angle of attack or sideslip dies out, over speed [1/m]
-    settling = max((c[0] + c[3]) * inverse[2, 2], (c[0] + abs(c[4])) * inverse[1, 1])
+    settling = max(
+        (c[K_D0] + c[K_ALPHA]) * inverse[2, 2], (c[K_D0] + abs(c[K_BETA])) * inverse[1, 1]
+    )
     u, v, w = 0.0, 0.0, 0.0
     for row in range(samples - 1):
         speed = np.sqrt(u * u + v * v + w * w)

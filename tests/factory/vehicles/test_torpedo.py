@@ -156,7 +156,7 @@ def test_a_part_with_the_name_of_a_signal_is_refused(torpedo: Vehicle) -> None:
 
 
 def test_the_papers_test_mission_is_a_gliders() -> None:
-    with pytest.raises(InputError, match=r"paper-test.*rotation_deg = 40.*choose preset paper"):
+    with pytest.raises(InputError, match=r"paper-test.*has no pump.*choose preset paper"):
         make_recipe(preset="paper-test", vehicle=str(FILE))
 
 
