@@ -69,8 +69,8 @@ def simulate(
         suits the vehicle when there is no controller either.
       current: as text, such as "uniform:0.1,-0.05" (north, east [m/s]), or an object; parts are
         added with +.
-      density: "constant", "thermocline", "grid" (temperature and salinity of the current's file
-        at the start), a CSV file, or a DensityProfile.
+      density: "usual", "constant", "thermocline", "grid" (temperature and salinity of the current's
+        file at the start), a CSV file, or a DensityProfile; None is "usual".
       ballast_at: [m] of this water where the vehicle is neutral; None takes water of the reference
         density at the surface.
       mass: [kg] of the whole vehicle, whose hull keeps its volume; None takes the file's.

@@ -155,7 +155,12 @@ def fly_both(
         timestep=timestep,
     )
     start = manoeuvre.start
-    fossen = FossenModel(vehicle, current_program=manoeuvre.current.compile(duration))
+    water = scenario.density
+    fossen = FossenModel(
+        vehicle,
+        current_program=manoeuvre.current.compile(duration),
+        density=None if water is None else (water.depth, water.values),
+    )
     state = FossenState(
         position_ned=(start.north, start.east, start.depth),
         attitude=(start.roll, start.pitch, start.heading),

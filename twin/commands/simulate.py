@@ -31,10 +31,11 @@ class Simulate(JsonOption):
     """current, such as uniform:-0.05,-0.002 (north, east [m/s]) or
     grid:FILE.nc,lat=49,lon=-16,time=2000-01-05; parts are added with +; docs/currents.md lists
     all kinds and settings"""
-    density: str = "constant"
-    """constant, thermocline, grid (the current's file, where it has temperature and salinity), or
-    a CSV file with depth [m] and density [kg/m3] columns, or depth, temperature [degC] and
-    salinity, whose density is that of the start's latitude and longitude"""
+    density: str = "usual"
+    """usual (one water of the reference density, compressed as sea water where the hull is),
+    constant, thermocline, grid (the current's file, where it has temperature and salinity), or a
+    CSV file with depth [m] and density [kg/m3] columns, or depth, temperature [degC] and salinity,
+    whose density is that of the start's latitude and longitude"""
     ballast_at: float | None = None
     """depth [m] of this water at which the vehicle is neutral; default: neutral in water of the
     reference density at the surface"""
@@ -114,6 +115,8 @@ class Simulate(JsonOption):
         """The sensors; refused before anything is flown."""
         from twin.errors import InputError
 
+        if self.seed < 0:
+            raise InputError(f"--seed {self.seed} must be at least 0")
         if self.sensors is not None:
             from twin.sensors import SensorSuite
 
@@ -127,7 +130,12 @@ class Simulate(JsonOption):
         ended = trajectory.provenance.get("ended")
         if ended in ("aborted", "time limit"):
             reason = {
-                "aborted": "it went deeper than max_depth_m and climbed to the surface",
+                "aborted": "it went deeper than max_depth_m"
+                + (
+                    " and climbed to the surface"
+                    if trajectory["true_depth"][-1] < 0.5 * trajectory["true_depth"].max()
+                    else ", and its climb to the surface failed: it is too heavy"
+                ),
                 "time limit": "its segments took more than a generous estimate of their time "
                 "(too light or too heavy for this water, or a depth it cannot reach?)",
             }[ended]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from twin.errors import VehicleError
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.vehicle import CUBIC_CM, Vehicle, load_vehicle
+from twin.water.density import SEA_COMPRESSIBILITY
 
 Array = NDArray[np.float64]
 
@@ -31,9 +32,6 @@ hulls have 7.05e-5."""
 THERMAL_LAG = 200.0
 """[s] in which the hull follows the water's temperature; fitted to a Slocum in a thermocline of
 14 K (docs/real.md)."""
-SEA_COMPRESSIBILITY = 4.35e-10
-"""[1/Pa] of sea water, mean over the upper 1000 m at 35 g/kg and 10 degC (TEOS-10). A hull's is
-nearly the same: without it a vehicle that has no CTD would seem to have a rigid hull."""
 REFERENCE_TEMPERATURE = 10.0
 """[degree_Celsius] at which the hull has its neutral volume."""
 

@@ -67,12 +67,15 @@ PITCH_SETPOINT = 10  # [rad], NaN: none
 HEADING_SETPOINT = 11  # [rad] in [0, 2 pi), NaN: none
 DONE = 12  # 1 once the plan is flown, and the surface reached where it ends there
 ABORTED = 13  # 1 once the abort depth was exceeded
-GUIDANCE_STATE = 14
+HEADING_ERROR = 14  # [rad] of the last tick, by the side on which it turns
+GUIDANCE_STATE = 15
 
 NOT_STARTED, DIVE, CLIMB, SURFACING, AT_SURFACE, HOLDING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 
 INTEGRAL_ZONE = math.radians(2.0)
 """[rad] largest error that is integrated: turns and inflections must not wind the loops up."""
+TURN_SIDE = math.radians(120.0)
+"""[rad] errors beyond it keep the side that the turn began on."""
 MIN_COS_PITCH = 0.2
 """Floor of cos(pitch) in the heading rate: it is singular at 90 deg, missions end below 60 deg."""
 TIME_TOLERANCE = 1e-6
@@ -103,7 +106,7 @@ def _enter(
     state[SEGMENT_START] = t
     state[YO_COUNT] = 0.0
     state[UNTIL_SIDE] = 1.0 if table[index, UNTIL_DEPTH] > depth else -1.0
-    state[DIVE_TURN_INTEGRAL] = state[CLIMB_TURN_INTEGRAL] = 0.0
+    state[DIVE_TURN_INTEGRAL] = state[CLIMB_TURN_INTEGRAL] = state[HEADING_ERROR] = 0.0
     target = table[index, HEADING]
     state[HEADING_SETPOINT] = heading if math.isnan(target) else target
     if kind == HOLD:
@@ -273,6 +276,11 @@ def guidance_step(
         return
     error = state[HEADING_SETPOINT] - heading
     error -= 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
+    # a turn of half a circle stays on its side, whichever way a yaw makes shorter
+    before = state[HEADING_ERROR]
+    if before * error < 0.0 and abs(before) > TURN_SIDE and abs(error) > TURN_SIDE:
+        error += math.copysign(2.0 * math.pi, before)
+    state[HEADING_ERROR] = error
     heading_rate = (q * math.sin(roll) + r * math.cos(roll)) / max(math.cos(pitch), MIN_COS_PITCH)
     if not abs(turn) > 0.0:
         return

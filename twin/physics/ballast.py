@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from twin.water.density import DensityProfile
 
 
+DEEPEST_SEA = 11_000.0
+"""[m]"""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Ballast:
     """How a vehicle was weighed: neutral, but for an error, at a depth; or with a known volume."""
@@ -73,16 +77,15 @@ def weighed(
     if compressibility is not None:
         vehicle = vehicle.replace(hull_compressibility=compressibility)
     if mass is not None:
-        fixed = vehicle.static_mass + mass - vehicle.mass
-        if not fixed > 0.0:
-            moving = vehicle.mass - vehicle.static_mass
+        if not 0.5 * vehicle.mass <= mass <= 1.5 * vehicle.mass:
             raise InputError(
-                f"mass {mass:g} kg is too little for vehicle {vehicle.name!r}: what moves inside "
-                f"it has {moving:g} kg; the file's mass is {vehicle.mass:g} kg"
+                f"mass {mass:g} kg: vehicle {vehicle.name!r} has {vehicle.mass:g} kg; give a mass "
+                "near that"
             )
+        fixed = vehicle.static_mass + mass - vehicle.mass
         vehicle = vehicle.replace(static_mass=fixed)
     if ballast_at is not None:
-        if not ballast_at >= 0.0:
-            raise InputError(f"ballast_at {ballast_at:g} m: a depth is at least 0 m")
+        if not 0.0 <= ballast_at <= DEEPEST_SEA:
+            raise InputError(f"ballast_at {ballast_at:g} m: a depth is from 0 to {DEEPEST_SEA:g} m")
         return vehicle, Ballast(depth=ballast_at)
     return vehicle, None if mass is None else Ballast(volume=volume)

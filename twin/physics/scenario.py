@@ -47,6 +47,7 @@ class Scenario:
     is the mission's. None takes the mission's start depth and heading, at rest in the water."""
     current: Current | None = None
     density: DensityProfile | None = None
+    """None: the vehicle's reference density, compressed as sea water is where its hull is."""
     floor: Floor | None = None
     """Sea floor that the hull collides with; None: the water has no bottom."""
     origin: Origin | None = None
@@ -99,6 +100,10 @@ class Scenario:
                 self.current.check_place(place.latitude_deg, place.longitude_deg)
             if self.current is not None and self.begin.time is not None:
                 self.current.check_time(str(self.begin.time))
+        if self.density is None and self.vehicle.hull_compressibility > 0.0:
+            # a hull that shrinks in water that does not would sink for good
+            water = DensityProfile.compressed(self.vehicle.reference_density)
+            object.__setattr__(self, "density", water)
         self._check_floor()
         if not (math.isfinite(self.sample_period) and self.sample_period > 0):
             raise InputError(f"sample period {self.sample_period} s must be positive and finite")

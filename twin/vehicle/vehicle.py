@@ -116,8 +116,12 @@ class Vehicle:
         steep, net_mass = self.usual_glide
         self._require(0.0 < steep < math.pi / 2, "usual_glide: pitch", "between 0 and pi/2 rad")
         self._require(net_mass > 0.0, "usual_glide: net mass", "positive")
-        for name in ("hull_compressibility", "hull_thermal_expansion"):
-            self._require(getattr(self, name) >= 0, name, "at least 0")
+        for name, most, unit in (
+            ("hull_compressibility", 1e-8, "1/Pa, a hull has some 5e-10"),
+            ("hull_thermal_expansion", 1e-3, "1/K, a hull has some 7e-5"),
+        ):
+            rule = f"from 0 to {most:g} {unit}"
+            self._require(0 <= getattr(self, name) <= most, name, rule)
         self._require(self.hull_thermal_lag > 0, "hull_thermal_lag", "positive")
         for part in self.parts:
             for name, rule in part.problems():

@@ -31,6 +31,11 @@ DEFAULT_LATITUDE = 36.8
 """[deg], Monterey Bay, where the paper's vehicle sailed"""
 DEFAULT_SPACING = 1.0
 """[m], grid of a compiled profile whose own depths are not equally spaced"""
+SEA_COMPRESSIBILITY = 4.35e-10
+"""[1/Pa] of sea water, mean over the upper 1000 m at 35 g/kg and 10 degC (TEOS-10). A hull's is
+nearly the same: without it a vehicle that has no CTD would seem to have a rigid hull."""
+DEEPEST = 6000.0
+"""[m] of a column that is given by its surface alone"""
 PROGRAM_HEADER = 2
 MAX_PROGRAM_POINTS = 20_000
 """12 000 m at 1 m fits; a longer program means a wrong spacing"""
@@ -153,6 +158,13 @@ class DensityProfile:
     def constant(cls, density: float = REFERENCE_DENSITY) -> DensityProfile:
         """The same density [kg/m3] at every depth."""
         return cls(depth=np.zeros(1), values=np.array([density]))
+
+    @classmethod
+    def compressed(cls, surface: float = REFERENCE_DENSITY) -> DensityProfile:
+        """One water, `surface` [kg/m3] at the top, compressed by SEA_COMPRESSIBILITY below."""
+        depth = np.array([0.0, DEEPEST])
+        pressure = surface * float(gravity(DEFAULT_LATITUDE)) * depth
+        return cls(depth=depth, values=surface * (1.0 + SEA_COMPRESSIBILITY * pressure))
 
     @classmethod
     def from_temperature_salinity(

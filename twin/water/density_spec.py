@@ -8,7 +8,7 @@ from twin.errors import InputError, unknown_name
 from twin.water.density import DEFAULT_LATITUDE, DEFAULT_LONGITUDE, DensityProfile
 from twin.water.table_file import column_numbers, read_table_file
 
-NAMES = ("constant", "thermocline")
+NAMES = ("usual", "constant", "thermocline")
 GRID = "grid"
 """The column of a gridded current's file; who knows the current makes it (`twin.facade`)"""
 ALLOWED = (*NAMES, GRID, "a CSV file with columns depth,density")
@@ -20,7 +20,10 @@ def parse_density(
     latitude: float = DEFAULT_LATITUDE,
     longitude: float = DEFAULT_LONGITUDE,
 ) -> DensityProfile | None:
-    """The profile of "constant" (None: the reference density), "thermocline", or a CSV file.
+    """The profile of "usual", "constant", "thermocline", or a CSV file.
+
+    "usual" is None, what a scenario without a density flies in; "constant" is the reference density
+    at every depth, which no sea is: a hull that shrinks sinks ever faster there.
 
     The file has a header with `depth` [m] and either `density` [kg/m3] or `temperature` [degC]
     and `salinity` (practical). Lines that start with # are comments.
@@ -31,8 +34,10 @@ def parse_density(
     Raises:
       InputError: unknown name, unreadable file, missing column or bad row (named).
     """
-    if text == "constant":
+    if text == "usual":
         return None
+    if text == "constant":
+        return DensityProfile.constant()
     if text == "thermocline":
         return DensityProfile.thermocline(latitude=latitude, longitude=longitude)
     if text == GRID:

@@ -75,3 +75,18 @@ def test_a_rudder_turns_the_same_way_in_all_phases():
     ]
     assert len({math.copysign(1.0, turn) for turn in turns}) == 1
     np.testing.assert_allclose(turns, turns[1], rtol=0.1)
+
+
+def test_half_a_turn_stays_on_its_side():
+    """An error of 180 deg whose sign a yaw changes does not throw the battery to and fro."""
+    plan = Mission(segments=(SawTooth(max_depth_m=100, heading_deg=180.0, yos=1),))
+    table, gains = plan.compile(PRINTED)
+    state, command = guidance.new_state(), np.zeros(3)
+    rotations = []
+    for tick, heading in enumerate([1.0, 0.5, 359.5, 359.0, 0.2, 358.0]):
+        guidance.guidance_step(
+            table, gains, state, 0.5 * tick, 50.0, 0.0, -0.5, math.radians(heading), 0.0, 0.0, 0.0,
+            command,
+        )  # fmt: skip
+        rotations.append(command[1])
+    assert len({math.copysign(1.0, r) for r in rotations}) == 1

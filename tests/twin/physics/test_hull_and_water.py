@@ -116,10 +116,14 @@ def test_the_public_face_takes_them():
 
 
 def test_impossible_weights_are_refused():
-    with pytest.raises(InputError, match="what moves inside it has 11 kg"):
-        weighed(VEHICLE, mass=9.0)
-    with pytest.raises(InputError, match="at least 0 m"):
-        weighed(VEHICLE, ballast_at=-1.0)
+    for mass in (9.0, 300.0, float("nan")):
+        with pytest.raises(InputError, match=r"has 65.28 kg"):
+            weighed(VEHICLE, mass=mass)
+    for depth in (-1.0, 2e4, float("nan")):
+        with pytest.raises(InputError, match="from 0 to 11000 m"):
+            weighed(VEHICLE, ballast_at=depth)
+    with pytest.raises(VehicleError, match=r"must be from 0 to 1e-08"):
+        weighed(VEHICLE, compressibility=4e-6)
     with pytest.raises(VehicleError, match="hull_compressibility"):
         weighed(VEHICLE, compressibility=-1e-10)
     with pytest.raises(InputError, match="either a depth or a volume"):
@@ -127,3 +131,16 @@ def test_impossible_weights_are_refused():
     for field, value in (("hull_thermal_expansion", -1e-5), ("hull_thermal_lag", 0.0)):
         with pytest.raises(VehicleError, match=field):
             VEHICLE.replace(**{field: value})
+
+
+def test_a_compressible_hull_flies_in_water_that_is_compressed_too():
+    """A deep glider comes back from 900 m; in water of one density it would sink for good."""
+    deep = load_vehicle("slocum-1000")
+    scenario = Scenario(
+        vehicle=deep, plan=Schedule(times=[0.0], commands=[deep.rest]), duration=1.0
+    )
+    assert scenario.density.density(1000.0) == pytest.approx(1029.5, abs=0.5)
+    constant = DensityProfile.constant(deep.reference_density)
+    kept = Scenario(vehicle=deep, density=constant, duration=1.0, plan=scenario.plan)
+    assert kept.density is constant
+    assert Scenario(vehicle=VEHICLE, duration=1.0, plan=None).density is None

@@ -126,7 +126,7 @@ _rate_of_kind = generate(
     "_rate_of_kind", ("code", *_POINT, *_DIRECTION), _write_rate, module=__name__, inline="always"
 )
 _gradient_of_kind = generate(
-    "_gradient_of_kind", ("code", *_POINT), _write_gradient, module=__name__
+    "_gradient_of_kind", ("code", *_POINT), _write_gradient, module=__name__, inline="always"
 )
 
 
