@@ -1,8 +1,9 @@
-"""Nothing moves: the arrays of an hour of each preset are those of e2ff189, bit for bit.
+"""Nothing moves unsaid: the arrays of an hour of each preset are those of this physics.
 
-Ten hours of each are compared by `python benchmarks/unchanged_arrays.py`. Another version of
-MuJoCo, numba or numpy may change last bits; with the pinned ones a difference is a changed
-simulation.
+A change on purpose counts up `PHYSICS_VERSION` and keeps the new hashes
+(`python benchmarks/unchanged_arrays.py --write`); docs/physics_versions.md shows it. Ten hours of
+each are compared by `python benchmarks/unchanged_arrays.py`. Another version of MuJoCo, numba or
+numpy may change last bits; with the pinned ones a difference is a changed simulation.
 """
 
 from __future__ import annotations

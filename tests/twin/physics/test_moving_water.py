@@ -25,6 +25,7 @@ from twin.water.current.spec import parse_current
 VEHICLE = load_vehicle("glider")
 NEUTRAL = (0.0, 0.0, 0.0)
 HOUR = 3600.0
+FLIGHT = 1800.0
 
 
 @jit
@@ -110,14 +111,14 @@ CURRENTS = (
 @functools.cache
 def at_rest():
     """The neutral hull in still water, in both models."""
-    return fly_both(VEHICLE, Start(depth=300.0), None, HOUR)
+    return fly_both(VEHICLE, Start(depth=300.0), None, FLIGHT)
 
 
 @pytest.mark.parametrize("text", CURRENTS)
 def test_a_neutral_hull_follows_the_water(text):
     """It starts with the water and stays with it, in both models: below 0.01 mm/s."""
     start = Start(depth=300.0)
-    moving = fly_both(VEHICLE, start, parse_current(text), HOUR)
+    moving = fly_both(VEHICLE, start, parse_current(text), FLIGHT)
     for found, still in zip(moving, at_rest(), strict=True):
         assert np.abs(found.v_rel - still.v_rel).max() < 1e-5
 
@@ -132,8 +133,8 @@ def test_a_steady_glide_in_a_tide_is_that_of_still_water(heading):
     start = Start(**{**vars(GLIDE), "heading": heading})
     tide = parse_current("tide:m2=0.5,phase=90")
     for found, still in zip(
-        fly_both(VEHICLE, start, tide, HOUR, HEAVY),
-        fly_both(VEHICLE, start, None, HOUR, HEAVY),
+        fly_both(VEHICLE, start, tide, FLIGHT, HEAVY),
+        fly_both(VEHICLE, start, None, FLIGHT, HEAVY),
         strict=True,
     ):
         difference = np.abs(found.v_rel - still.v_rel)
