@@ -199,13 +199,17 @@ def fly(vehicle: Vehicle):
     commands = [(0.03, 0.5, -300.0), (0.01, -0.3, -400.0)]
     plan = Schedule(times=[0.0, 12.0], commands=commands)
     start = Start(depth=0.3, pitch=-0.3, roll=0.2, v_rel=(0.4, 0.05, 0.05), rates=(0.1, 0.02, 0.05))
-    ours = simulate(Scenario(vehicle=vehicle, plan=plan, duration=30.0, start=start, timestep=0.02))
+    scenario = Scenario(vehicle=vehicle, plan=plan, duration=30.0, start=start, timestep=0.02)
+    ours, water = simulate(scenario), scenario.density
     state = FossenState(
         position_ned=(0.0, 0.0, 0.3), attitude=(0.2, -0.3, 0.0), v_rel=start.v_rel,
         rates=start.rates,
     )  # fmt: skip
+    column = None if water is None else (water.depth, water.values)
     period = float(ours.time[1] - ours.time[0])
-    return ours, FossenModel(vehicle).simulate(state, plan, 30.0, dt=0.02, sample_period=period)
+    return ours, FossenModel(vehicle, density=column).simulate(
+        state, plan, 30.0, dt=0.02, sample_period=period
+    )
 
 
 def motion(ours, theirs) -> tuple[np.ndarray, np.ndarray]:
