@@ -8,7 +8,7 @@ suites, stores, limits, figures and tables take it from there.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -73,6 +73,14 @@ class Sensor:
     def channels(self, signals: Iterable[str]) -> tuple[Variable, ...]:
         """What `measure` writes for a vehicle that has `signals`."""
         return self.writes
+
+    def draw_normal(self, rng: np.random.Generator, spread: Sequence[float]) -> dict[str, float]:
+        """A normal number of mean 0 for each of `draws`, with these standard deviations."""
+        unit = rng.standard_normal(len(spread))
+        return {
+            name: float(std * unit[i])
+            for i, (name, std) in enumerate(zip(self.draws, spread, strict=True))
+        }
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
         """The constants of one mission, by name as in `draws`."""

@@ -129,11 +129,7 @@ class Compass(Sensor):
         """The mission's deviation coefficients and iron [deg]."""
         hard, soft, battery = self.hard_iron_deg, self.soft_iron_deg, self.battery_deg
         spread = (self.offset_deg, hard, hard, hard, soft, soft, battery, battery, battery)
-        unit = rng.standard_normal(len(spread))
-        return {
-            name: float(std * unit[i])
-            for i, (name, std) in enumerate(zip(self.draws, spread, strict=True))
-        }
+        return self.draw_normal(rng, spread)
 
     def measure(
         self,

@@ -83,11 +83,7 @@ class Ctd(Sensor):
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
         """The mission's zero errors of temperature [degree_Celsius] and conductivity [S/m]."""
         spread = (self.temperature_offset, self.conductivity_offset)
-        unit = rng.standard_normal(len(spread))
-        return {
-            name: float(std * unit[i])
-            for i, (name, std) in enumerate(zip(self.draws, spread, strict=True))
-        }
+        return self.draw_normal(rng, spread)
 
     def measure(
         self,

@@ -192,11 +192,7 @@ class Dvl(Sensor):
         """The mission's relative scale and sound-speed errors [1] and misalignment [rad]."""
         turn = self.misalignment_deg * DEG
         spread = (self.scale, self.sound_speed, turn, turn, turn)
-        unit = rng.standard_normal(len(spread))
-        return {
-            name: float(std * unit[i])
-            for i, (name, std) in enumerate(zip(self.draws, spread, strict=True))
-        }
+        return self.draw_normal(rng, spread)
 
     def measure(
         self,
