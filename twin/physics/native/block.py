@@ -105,7 +105,6 @@ STATE = np.dtype(
         ("failed", "f8"),  # 1 once the state left the finite numbers
         ("fail_time", "f8"),  # [s]
         ("current", "f8", (3,)),  # NED [m/s]
-        ("current_rate", "f8", (3,)),  # along the path, NED [m/s2]
         ("density", "f8"),  # [kg/m3] at the CB
         ("immersion", "f8"),  # mean immersed fraction
         ("net_mass", "f8"),  # [kg] fully immersed

@@ -174,7 +174,7 @@ def water(model, data):
     yn, ye, yd = -rotation[1], rotation[4], rotation[7]
     zn, ze, zd = -rotation[2], rotation[5], rotation[8]
     p, q, r = velocity[3], -velocity[4], -velocity[5]
-    cn, ce, cd, rn, re, rd = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    cn, ce, cd = 0.0, 0.0, 0.0
     rate, fluid = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     gradient = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if head.current["size"] > 0.0:
@@ -184,13 +184,12 @@ def water(model, data):
         a = flow[6:]
         # its rate along the hull's path, and the acceleration of the water itself
         rn, re, rd = along(flow[3:6], a, v0, -v1, -v2)
-        fn, fe, fd = along(flow[3:6], a, cn, ce, cd)
+        fluid = along(flow[3:6], a, cn, ce, cd)
         rate = (
             xn * rn + xe * re + xd * rd,
             yn * rn + ye * re + yd * rd,
             zn * rn + ze * re + zd * rd,
         )
-        fluid = (fn, fe, fd)
         dx, dy, dz = (
             along(ZERO, a, xn, xe, xd),
             along(ZERO, a, yn, ye, yd),
@@ -303,7 +302,6 @@ def water(model, data):
 
     follow_floor(head, start, table, data, position, state)
     state.current[0], state.current[1], state.current[2] = cn, ce, cd
-    state.current_rate[0], state.current_rate[1], state.current_rate[2] = rn, re, rd
     state.density = density
     state.immersion = fraction
     state.net_mass = head.rigid_mass + carried - density * total_volume
