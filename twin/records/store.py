@@ -220,16 +220,29 @@ def open_store(path: str | Path) -> xr.Dataset:
 
 
 def declare_signals(dataset: xr.Dataset) -> None:
-    """Declare the signals that this process does not know, parts in the order of the vehicle's."""
+    """Declare the signals of a store that this process does not know."""
     signals = {
         str(name): array.attrs
         for name, array in dataset.data_vars.items()
         if array.dims == (MISSION, TIME)
     }
-    parts = [c.removeprefix("act_") for c in stored_columns(dataset) if c.startswith("act_")]
-    first = [f"{prefix}_{part}" for part in parts for prefix in ("true", "commanded")]
-    for name in dict.fromkeys((*(n for n in first if n in signals), *signals)):
+    for name in signals:
         declare_stored(name, signals[name])
+
+
+def signal_names(one: xr.Dataset) -> tuple[str, ...]:
+    """The signals of a dataset in the schema's order, parts in that of the vehicle.
+
+    Which part this process met first, perhaps of another vehicle, must not tell in the order.
+    """
+    names = [name for name in VARIABLES if name in one]
+    parts = [c.removeprefix("act_") for c in stored_columns(one) if c.startswith("act_")]
+    for prefix in ("true", "commanded"):
+        ordered = [f"{prefix}_{part}" for part in parts if f"{prefix}_{part}" in names]
+        places = sorted(map(names.index, ordered))
+        for place, name in zip(places, ordered, strict=True):
+            names[place] = name
+    return tuple(names)
 
 
 def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
@@ -247,7 +260,7 @@ def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
     one = dataset.isel({MISSION: mission})
     samples = _samples(one, path, mission)
     one = one.isel({TIME: slice(0, samples)})
-    signals = {name: read_array(one, name, path).astype(float) for name in VARIABLES if name in one}
+    signals = {name: read_array(one, name, path).astype(float) for name in signal_names(one)}
     states = read_array(one, STATES, path) if STATES in one else np.zeros((0, 0))
     if not np.isfinite(states).all():
         raise StoreError(f"store {path} is damaged: {STATES} of mission {mission} has gaps")

@@ -10,12 +10,13 @@ import numpy as np
 from twin.errors import InputError, StoreError
 from twin.records.attributes import N_SAMPLES, SCHEMA, SIMULATED_ATTRIBUTES
 from twin.records.place import START_LATITUDE, START_TIME, read_place
-from twin.records.schema import MISSION, TIME, VARIABLES, variable
+from twin.records.schema import MISSION, TIME, variable
 from twin.records.store import (
     STATES,
     declare_signals,
     mission_dataset,
     read_trajectory,
+    signal_names,
     stored_columns,
     write_store,
 )
@@ -114,7 +115,7 @@ def _read(dataset: xr.Dataset, path: Path, mission: int) -> Trajectory:
     rows = one[STATES].values if STATES in one else np.zeros((0, 0))
     return Trajectory(
         time=np.asarray(one[TIME].values, float),
-        signals={n: np.asarray(one[n].values, float) for n in VARIABLES if n in one},
+        signals={n: np.asarray(one[n].values, float) for n in signal_names(one)},
         states=np.asarray(rows, float),
         state_columns=stored_columns(one),
         provenance={**dataset.attrs, **read_place(one)},

@@ -210,6 +210,22 @@ def test_a_store_keeps_parts_and_states(store, survey):
     assert len(survey.state_columns) == survey.states.shape[1] == 7 + 6 + 3 + 3
 
 
+def test_parts_keep_their_order_whatever_the_process_met_before(store, survey):
+    from twin.records import schema
+
+    met = list(schema.VARIABLES.items())
+    parts = [entry for entry in met if entry[0].endswith(survey.actuators)]
+    assert len(parts) >= 2 * len(survey.actuators)
+    others = [entry for entry in met if entry not in parts]
+    schema.VARIABLES.clear()
+    schema.VARIABLES.update([*others, *reversed(parts)])
+    try:
+        assert twin.open_trajectory(store).actuators == survey.actuators
+    finally:
+        schema.VARIABLES.clear()
+        schema.VARIABLES.update(met)
+
+
 def test_a_part_must_not_bear_the_name_of_a_signal():
     text = TORPEDO.read_text(encoding="utf-8")
     renamed = text.replace('"rudder', '"roll').replace("rudder.", "roll.")
