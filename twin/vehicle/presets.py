@@ -34,8 +34,8 @@ _ATTRIBUTE = re.compile(r"(?P<tag>\w+)/(?P<name>[^/@]+)(?:/(?P<child>\w+))?@(?P<
 
 def split_preset(vehicle: str) -> tuple[str, str]:
     """("tethys", "gazebo") of "tethys:gazebo"; (all of it, "") where no set is named."""
-    name, _, preset = vehicle.rpartition(SEPARATOR)
-    if not preset or "/" in preset or "\\" in preset or preset.endswith(".xml"):
+    name, colon, preset = vehicle.rpartition(SEPARATOR)
+    if not (colon and preset) or "/" in preset or "\\" in preset or preset.endswith(".xml"):
         return vehicle, ""
     return name, preset
 
