@@ -25,6 +25,7 @@ from twin.vehicle.mjcf import MjcfReader
 from twin.vehicle.moving_mass import MovingMass
 from twin.vehicle.parts import Part, Pump
 from twin.vehicle.parts.pump import CUBIC_CM as CUBIC_CM
+from twin.vehicle.presets import SEPARATOR, apply_preset, preset_names, split_preset
 
 Array = NDArray[np.float64]
 
@@ -390,23 +391,33 @@ _VERSION_1_BATTERY = {
 def load_vehicle(vehicle: str | Path = "glider") -> Vehicle:
     """Read a vehicle by the name of a shipped file ("glider") or by the path of an MJCF file.
 
+    Behind either, ":PRESET" chooses one of the file's other sets of numbers ("tethys:gazebo").
+
     Raises:
-      VehicleError: unknown name, unreadable file, missing or wrong element (named).
+      VehicleError: unknown name or preset, unreadable file, missing or wrong element (named).
     """
-    text = str(vehicle)
+    text, preset = split_preset(str(vehicle))
     if text.endswith(".xml") or "/" in text:
         path = Path(text)
         if not path.is_file():
             raise VehicleError(f"no vehicle file at {path}; give an existing MJCF file or a name")
-    elif text in vehicle_names():
+    elif text in _shipped_files():
         path = assets_folder() / f"{text}.xml"
     else:
-        raise VehicleError(_unknown_vehicle(text))
+        raise VehicleError(_unknown_vehicle(str(vehicle)))
+    xml = _text(path)
+    if preset:
+        derived = apply_preset(xml, path, preset)
+        if derived != xml:
+            xml, path = derived, path.with_name(f"{path.stem}{SEPARATOR}{preset}.xml")
+    return parse_vehicle(xml, path)
+
+
+def _text(path: Path) -> str:
     try:
-        xml = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise VehicleError(f"cannot read vehicle file {path}: {error}") from error
-    return parse_vehicle(xml, path)
 
 
 def _unknown_vehicle(name: str) -> str:
@@ -423,8 +434,16 @@ RENAMED = {"slocum": "graver-2005"}
 
 
 def vehicle_names() -> list[str]:
-    """Names of the shipped vehicles."""
-    return sorted(path.stem for path in assets_folder().glob("*.xml"))
+    """Names of the shipped vehicles, each preset of a file by a name of its own."""
+    names = []
+    for name, path in sorted(_shipped_files().items()):
+        others = preset_names(_text(path), path)[1:]
+        names += [name, *(f"{name}{SEPARATOR}{preset}" for preset in others)]
+    return names
+
+
+def _shipped_files() -> dict[str, Path]:
+    return {path.stem: path for path in assets_folder().glob("*.xml")}
 
 
 @functools.lru_cache(maxsize=16)
