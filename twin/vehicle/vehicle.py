@@ -29,7 +29,7 @@ from twin.vehicle.presets import SEPARATOR, apply_preset, preset_names, split_pr
 
 Array = NDArray[np.float64]
 
-CONTROLS = ("pitch", "heading", "buoyancy", "speed")
+CONTROLS = ("pitch", "heading", "buoyancy", "speed", "trim")
 """What guidance steers, each with one part of the vehicle that can."""
 
 
@@ -89,6 +89,13 @@ class Vehicle:
     """Position of the pitching part per pitch error: gain, over s, times s; per rad."""
     heading_pid: tuple[float, float, float]
     """Position of the turning part per heading error: gain, over s, times s; per rad."""
+    trim_pid: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Position of a battery beside an elevator per pitch error: gain, over s, times s; per rad."""
+    depth_pid: tuple[float, float, float] | None = None
+    """Pitch, nose down [rad], per depth error on level ways [m]: gain, over s, times s; None: the
+    file has none"""
+    buoyancy_pid: tuple[float, float, float] | None = None
+    """Volume of the pump [cm3] less per depth error in a hover [m], likewise"""
     control_period: float
     """[s]"""
     cruise_speed: float = 0.0
@@ -480,6 +487,9 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         gps_position=reader.place("gps"),
         pitch_pid=numeric("pitch_pid", 3) if "pitch" in steering else (0.0, 0.0, 0.0),
         heading_pid=numeric("heading_pid", 3) if "heading" in steering else (0.0, 0.0, 0.0),
+        trim_pid=numeric("trim_pid", 3) if "trim" in steering else (0.0, 0.0, 0.0),
+        depth_pid=numeric("depth_pid", 3) if "depth_pid" in reader.numerics else None,
+        buoyancy_pid=numeric("buoyancy_pid", 3) if "buoyancy_pid" in reader.numerics else None,
         control_period=number("control_period"),
         cruise_speed=number("cruise_speed") if "speed" in steering else 0.0,
         steering=steering,
