@@ -404,3 +404,42 @@ def onboard_kernel(  # type: ignore[no-untyped-def]
         out[1, k] = east
         out[2, k] = current_n
         out[3, k] = current_e
+
+
+@jit
+def dvl_track_kernel(  # type: ignore[no-untyped-def]
+    velocity_north, velocity_east, mode, gps_north, gps_east, dt, min_dive_time, use_current, out
+):
+    """Dead reckoning by a Doppler log, `twin.sensors.onboard`; out: (4, n) as `onboard_kernel`.
+
+    Measured velocity [m/s] NED and mode of its lock, (n,), GPS [m] with NaN where there is no fix.
+    """
+    north, east = 0.0, 0.0
+    current_n, current_e = 0.0, 0.0
+    speed_n, speed_e = 0.0, 0.0
+    in_water = False
+    water_time = 0.0
+    for k in range(mode.shape[0]):
+        if mode[k] != NO_LOCK:
+            speed_n, speed_e = velocity_north[k], velocity_east[k]
+            in_water = mode[k] == WATER_LOCK
+        if k > 0:
+            north += speed_n * dt
+            east += speed_e * dt
+            if in_water:
+                water_time += dt
+                if use_current:
+                    north += current_n * dt
+                    east += current_e * dt
+        if gps_north[k] == gps_north[k]:
+            if water_time >= min_dive_time:
+                drift_n = current_n if use_current else 0.0
+                drift_e = current_e if use_current else 0.0
+                current_n = drift_n + (gps_north[k] - north) / water_time
+                current_e = drift_e + (gps_east[k] - east) / water_time
+            north, east = gps_north[k], gps_east[k]
+            water_time = 0.0
+        out[0, k] = north
+        out[1, k] = east
+        out[2, k] = current_n
+        out[3, k] = current_e

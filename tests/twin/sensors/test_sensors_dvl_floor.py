@@ -92,7 +92,7 @@ def level_mode(depth, angles):
     reach = 60.0 / np.cos(30 * DEG)
     if np.sum((cosine > 0.5) & (slant >= 0.3) & (slant <= 110.0)) >= 3:
         return BOTTOM
-    return WATER if np.sum((-20.0 < reach * cosine) & (reach < slant)) >= 3 else NONE
+    return WATER if np.sum((reach * cosine > -20.0) & (reach < slant)) >= 3 else NONE
 
 
 def test_a_drop_off_takes_the_beams_that_look_over_it():

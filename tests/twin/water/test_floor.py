@@ -241,7 +241,9 @@ def test_texts():
     assert parse_floor("depth:200") == FlatFloor(depth_m=200.0)
     floor = parse_floor("maps/GEBCO.nc,reach=2e4,positive=up")
     assert floor == Bathymetry(path="maps/GEBCO.nc", reach_m=2e4, positive="up")
-    assert parse_floor("rough:60,height=3,length=250,slope=0.01,toward=30,seed=7,reach=3e3") == ROUGH
+    assert (
+        parse_floor("rough:60,height=3,length=250,slope=0.01,toward=30,seed=7,reach=3e3") == ROUGH
+    )
     for text, told in (
         ("rough:60,hight=3", "did you mean 'height'"),
         ("rough:60,seed=1.5", "must be a whole number"),

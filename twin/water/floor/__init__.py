@@ -13,4 +13,12 @@ from twin.water.floor.grid import GridFloor
 from twin.water.floor.rough import RoughFloor
 from twin.water.floor.spec import floor_from_dict, parse_floor
 
-__all__ = ["Bathymetry", "FlatFloor", "Floor", "GridFloor", "RoughFloor", "floor_from_dict", "parse_floor"]
+__all__ = [
+    "Bathymetry",
+    "FlatFloor",
+    "Floor",
+    "GridFloor",
+    "RoughFloor",
+    "floor_from_dict",
+    "parse_floor",
+]
