@@ -6,8 +6,9 @@ bottom lock and the velocity through the water of the cell layer in water lock, 
 arm. A beam sees the bottom while its slant range to the sea floor lies in the instrument's range
 and the beam is not too far from the vertical; over an uneven floor each beam ends where it meets
 it. Water lock needs the whole cell layer above the floor. Three beams are enough: least squares
-over the ones that are left gives the velocity. Pings are averaged to the mission's grid, over the interval centred on the
-sample at which the lock is decided, and the vehicle removes the lever arm with its own gyro.
+over the ones that are left gives the velocity. Pings are averaged to the mission's grid, over the
+interval centred on the sample at which the lock is decided, and the vehicle removes the lever arm
+with its own gyro.
 
 The instrument sits turned by a small fixed rotation in its mount, which the vehicle does not know:
 the beams point that way, and the velocity is given in the instrument's axes as if they were the

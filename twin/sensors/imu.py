@@ -192,7 +192,7 @@ IMU_PRESETS: dict[str, Imu] = {
         accel_turn_on_bias=0.0,
         accel_scale=0.0,
         misalignment_deg=0.0,
-    ),  # fmt: skip
+    ),
     # Secondary text with the higher accelerometer noise for the same device.
     "3DM-GX5-25-80ug": Imu(accel_noise_density=80e-6 * STANDARD_GRAVITY),
     # As in the osrf/lrauv simulation of the Tethys class.

@@ -1,7 +1,8 @@
 """On-board track: the position that a vehicle dead-reckons and logs by itself.
 
-As buoyancy gliders do it, `speed_by="depth-rate"` (OceanGliders' depth-averaged current procedure: Slocum takes the
-horizontal speed as w / tan(pitch + angle of attack), Spray assumes an angle of attack of 3 deg):
+As buoyancy gliders do it, `speed_by="depth-rate"` (OceanGliders' depth-averaged current procedure:
+Slocum takes the horizontal speed as w / tan(pitch + angle of attack), Spray assumes an angle of
+attack of 3 deg):
 
 1. depth rate = change of the measured depth over the last `window` seconds, and pitch = mean of
    the measured pitch over the same window;
