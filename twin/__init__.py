@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from twin.water.floor import Bathymetry as Bathymetry
     from twin.water.floor import FlatFloor as FlatFloor
     from twin.water.floor import GridFloor as GridFloor
+    from twin.water.floor import RoughFloor as RoughFloor
     from twin.water.floor import parse_floor as parse_floor
 
 
@@ -77,6 +78,7 @@ _PLACES = {
     "Geostrophic": "twin.water.current.geostrophic:Geostrophic",
     "Grid": "twin.water.current.grid:Grid",
     "GridFloor": "twin.water.floor:GridFloor",
+    "RoughFloor": "twin.water.floor:RoughFloor",
     "Hold": "twin.mission.segments:Hold",
     "Hover": "twin.mission.segments:Hover",
     "Inertial": "twin.water.current.inertial:Inertial",
