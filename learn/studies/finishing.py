@@ -67,6 +67,7 @@ def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, hi
         f"{test.evaluation.split} missions of {test.evaluation.store}",
         test=test,
         paper_test=paper,
+        labels=run.label_sentences(),
         error_model=run.error_model(),
         metrics=run.metrics(),
         training=_training_mission(run),
