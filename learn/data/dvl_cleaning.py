@@ -10,8 +10,9 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d, median_filter
+from scipy.ndimage import gaussian_filter1d
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -49,11 +50,14 @@ def outliers(values: Array, valid: Mask, *, causal: bool = False) -> Mask:
         filled = values[np.where(last >= 0, last, index[valid][0])]
     else:
         filled = np.interp(index, index[valid], values[valid])
-    origin = HAMPEL_SAMPLES // 2 if causal else 0
-    middle = median_filter(filled, HAMPEL_SAMPLES, mode="nearest", origin=origin)
-    off = np.abs(filled - middle)
-    spread = MAD_TO_SIGMA * median_filter(off, HAMPEL_SAMPLES, mode="nearest", origin=origin)
-    return np.asarray(valid & (off > HAMPEL_SIGMAS * np.maximum(spread, LEAST_SPREAD)))
+    half = HAMPEL_SAMPLES // 2
+    around = (HAMPEL_SAMPLES - 1, 0) if causal else (half, half)
+    windows = sliding_window_view(np.pad(filled, around, mode="edge"), HAMPEL_SAMPLES)
+    middle = np.median(windows, axis=1)
+    # The deviations are from this window's median: a turn, in which all of it moves, is wide.
+    spread = MAD_TO_SIGMA * np.median(np.abs(windows - middle[:, None]), axis=1)
+    far = np.abs(filled - middle) > HAMPEL_SIGMAS * np.maximum(spread, LEAST_SPREAD)
+    return np.asarray(valid & far)
 
 
 def smoothed(values: Array, valid: Mask, period: float, kind: Smoothing = "gaussian") -> Array:

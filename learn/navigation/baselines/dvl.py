@@ -15,8 +15,9 @@ import dataclasses
 from typing import ClassVar
 
 import numpy as np
+from scipy.ndimage import median_filter
 
-from learn.data.dvl_cleaning import outliers
+from learn.data.dvl_cleaning import HAMPEL_SAMPLES, HAMPEL_SIGMAS, LEAST_SPREAD, MAD_TO_SIGMA
 from learn.data.labels import BOTTOM, WATER
 from learn.navigation.baselines.base import Baseline, Estimate, Mask, bridge, hold, no_glider
 from learn.navigation.baselines.steady_flight import SteadyFlight
@@ -115,7 +116,7 @@ class Dvl(Baseline):
             assert flight.surge is not None
             assert flight.sway is not None
             return np.stack([flight.surge, flight.sway], axis=1), np.ones(len(log), bool)
-        water = water & ~outliers(log[:, 0], water) & ~outliers(log[:, 1], water)
+        water = water & ~spikes(log[:, 0], water) & ~spikes(log[:, 1], water)
         held = np.stack([hold(log[:, i], water) for i in (0, 1)], axis=1)
         age = np.arange(len(log)) - hold(np.arange(len(log), dtype=float), water, -np.inf)
         return held, np.asarray(age * period <= SHORT_LOSS_S)
@@ -124,7 +125,7 @@ class Dvl(Baseline):
 def _filled(values: Array, valid: Mask, fallback: Array | None, period: float) -> Array:
     """Outliers and short losses interpolated between valid samples, the rest from `fallback`,
     NaN without one."""
-    valid = valid & ~outliers(values, valid)
+    valid = valid & ~spikes(values, valid)
     index = np.arange(len(values))
     rest = np.full(len(values), np.nan) if fallback is None else fallback
     if not valid.any():
@@ -135,6 +136,16 @@ def _filled(values: Array, valid: Mask, fallback: Array | None, period: float) -
     near = (places[after] - places[before]) * period <= SHORT_LOSS_S
     inside = (index >= places[0]) & (index <= places[-1])
     return np.where(near & inside, bridge(values, valid), np.where(valid, values, rest))
+
+
+def spikes(values: Array, valid: Mask) -> Mask:
+    """As `learn.data.dvl_cleaning.outliers`, with deviations from each sample's own median: a track
+    is bridged over what is taken out of a turn, and is none the worse."""
+    smooth = bridge(values, valid)
+    middle = median_filter(smooth, HAMPEL_SAMPLES, mode="nearest")
+    off = np.abs(smooth - middle)
+    spread = MAD_TO_SIGMA * median_filter(off, HAMPEL_SAMPLES, mode="nearest")
+    return valid & (off > HAMPEL_SIGMAS * np.maximum(spread, LEAST_SPREAD))
 
 
 def _carried(current: Array, known: Mask, period: float) -> Array:

@@ -71,7 +71,7 @@ def doppler_error_figure(shown: Shown) -> Figure:
         axes[2].set_ylim(bottom=0.0)
         for place, title in zip(
             axes,
-            ("north error [m]", "east error [m]", "horizontal error [% of the path so far]"),
+            ("north error [m]", "east error [m]", "error [% of the path so far]"),
             strict=True,
         ):
             place.set_title(title)

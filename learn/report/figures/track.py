@@ -31,7 +31,8 @@ class Track(ReportFigure):
         """See `ReportFigure`."""
         if not contents.tracks:
             return None
-        shown, methods = contents.tracks[0], drawn_methods()
+        shown = contents.tracks[0]
+        methods = [name for name in drawn_methods() if name in shown.estimates]
         return track_figure(shown, methods, water_lines(shown, methods))
 
     def caption(self, contents: Contents) -> str:
