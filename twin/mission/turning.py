@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import MissionError
+from twin.mission.balance import imbalance
 from twin.mission.way import Way, way
 
 if TYPE_CHECKING:
@@ -28,8 +29,6 @@ STEP = 1e-5
 """[m/s, rad, rad/s] of the differences; the law is smooth there"""
 PART_STEP = 1e-4
 """Part of the turning part's travel, likewise"""
-DEEP = 1e3
-"""[m] where everything is under water"""
 LARGEST_FACTOR = 4.0
 """A loop is never made stronger than this, nor weaker than its inverse"""
 
@@ -38,8 +37,7 @@ def turn_per_position(vehicle: Vehicle, steady: Way) -> float:
     """Turn rate [rad/s] about the vertical, to starboard, per unit of the turning part.
 
     Side force, roll moment and yaw moment vanish for the three unknowns sway, roll and turn rate:
-    Kirchhoff's equations with the rigid body's (Fossen 2021, sections 3.3 and 8.1), linearised
-    about the straight way. 0 for vehicles that nothing turns.
+    `twin.mission.balance`, linearised about the straight way. 0 for vehicles that nothing turns.
 
     Raises:
       MissionError: no steady turn is near: the three equations do not determine one.
@@ -106,43 +104,11 @@ def _imbalance(vehicle: Vehicle, steady: Way, x: Array, index: int, moved: float
     `x`: sway [m/s], roll [rad], turn rate [rad/s]; `moved`: of part `index` from its rest.
     """
     sway, roll, turn_rate = x
-    pitch, alpha = steady.pitch, steady.angle_of_attack
-    down = np.array(
-        [-math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll)]
-    )
+    alpha = steady.angle_of_attack
     velocity = np.array([steady.speed * math.cos(alpha), sway, steady.speed * math.sin(alpha)])
-    omega = turn_rate * down
-    nu = np.concatenate([velocity, omega])
     position = steady.command.copy()
     position[index] = vehicle.parts[index].rest + moved
-
-    density, gravity = vehicle.reference_density, vehicle.gravity
-    mass, first, inertia = vehicle.static_mass, vehicle.static_mass * vehicle.static_cg, np.zeros(3)
-    inertia = vehicle.static_inertia @ omega
-    inertia = inertia + _point(vehicle.static_mass, vehicle.static_cg, omega)
-    at = dict(zip(vehicle.part_names, position, strict=True))
-    for moving in vehicle.masses:
-        place = moving.position(at.get(moving.slide or "", 0.0), at.get(moving.hinge or "", 0.0))
-        mass += moving.mass
-        first = first + moving.mass * place
-        inertia = inertia + moving.inertia @ omega + _point(moving.mass, place, omega)
-    impulse = mass * velocity + np.cross(omega, first)
-    spin = inertia + np.cross(first, velocity)
-    water = vehicle.added_mass @ nu if vehicle.added_mass_coupling else np.zeros(6)
-
-    wrench = vehicle.law.wrench(nu, density)
-    volume = vehicle.neutral_volume
-    for part, place in zip(vehicle.parts, position, strict=True):
-        wrench = wrench + part.wrench(float(place), nu, density, DEEP)
-        own = part.displaced(float(place))
-        volume += own
-        wrench[3:] -= density * own * gravity * np.cross(part.position, down)
-    wrench[:3] += (mass - density * volume) * gravity * down - np.cross(omega, impulse + water[:3])
-    wrench[3:] += gravity * np.cross(first, down) - np.cross(omega, spin + water[3:])
-    wrench[3:] -= np.cross(velocity, impulse + water[:3])
+    wrench = imbalance(
+        vehicle, position, velocity, pitch=steady.pitch, roll=roll, turn_rate=turn_rate
+    )
     return wrench[list(LATERAL)]
-
-
-def _point(mass: float, place: Array, omega: Array) -> Array:
-    """Angular momentum [N m s] of a point mass that turns about the CB, shape (3,)."""
-    return mass * np.cross(place, np.cross(omega, place))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.mission import fields as check
-from twin.mission import guidance as g
+from twin.mission import table as g
 from twin.mission.segments.base import Segment, blank_row, command_of, limit
 from twin.mission.turning import turn_factor
 from twin.mission.way import (
@@ -48,7 +48,8 @@ class Profile(Segment):
     """Pitch magnitude of the climb [deg]; None: that of the dive."""
     net_mass_kg: float | None = None
     """Net buoyancy mass of the dive [kg], positive; the climb is this much light. Of vehicles
-    with a pump; None: the `usual_glide` of the vehicle file, 0.3 where it does not say."""
+    with a pump; None: the `usual_glide` of the vehicle file, 0.3 where it does not say; neutral
+    under a propeller."""
     climb_net_mass_kg: float | None = None
     """Magnitude for the climb [kg]; None: that of the dive."""
     speed_m_s: float | None = None
@@ -101,7 +102,8 @@ class Profile(Segment):
             climb_pitch = "pitch_deg"
         if self.climb_net_mass_kg is None:
             climb_mass = "net_mass_kg"
-        heavy = vehicle.usual_glide[1] if self.net_mass_kg is None else self.net_mass_kg
+        usual = 0.0 if vehicle.steered("speed") is not None else vehicle.usual_glide[1]
+        heavy = usual if self.net_mass_kg is None else self.net_mass_kg
         light = -(heavy if self.climb_net_mass_kg is None else self.climb_net_mass_kg)
         if vehicle.steered("buoyancy") is not None:
             check_net_mass(vehicle, label, "net_mass_kg", heavy)
