@@ -36,28 +36,25 @@ REACH = 4.0
 def outliers(values: Array, valid: Mask, *, causal: bool = False) -> Mask:
     """Valid samples farther from the running median than three scaled median deviations (Hampel).
 
+    A window is of valid samples: those beside a gap are judged together with those beyond it.
+
     Args:
       values: [m/s], (time,).
-      valid: where there is a measurement, (time,). Gaps are bridged by straight lines for the
-        medians, or by the last value when `causal`; before the first value they have that one.
+      valid: where there is a measurement, (time,).
       causal: windows end at the sample instead of being centred on it.
     """
+    found = np.zeros(len(values), bool)
     if not valid.any():
-        return np.zeros(len(values), bool)
-    index = np.arange(len(values))
-    if causal:
-        last = np.maximum.accumulate(np.where(valid, index, -1))
-        filled = values[np.where(last >= 0, last, index[valid][0])]
-    else:
-        filled = np.interp(index, index[valid], values[valid])
+        return found
+    known = values[valid]
     half = HAMPEL_SAMPLES // 2
     around = (HAMPEL_SAMPLES - 1, 0) if causal else (half, half)
-    windows = sliding_window_view(np.pad(filled, around, mode="edge"), HAMPEL_SAMPLES)
+    windows = sliding_window_view(np.pad(known, around, mode="edge"), HAMPEL_SAMPLES)
     middle = np.median(windows, axis=1)
     # The deviations are from this window's median: a turn, in which all of it moves, is wide.
     spread = MAD_TO_SIGMA * np.median(np.abs(windows - middle[:, None]), axis=1)
-    far = np.abs(filled - middle) > HAMPEL_SIGMAS * np.maximum(spread, LEAST_SPREAD)
-    return np.asarray(valid & far)
+    found[valid] = np.abs(known - middle) > HAMPEL_SIGMAS * np.maximum(spread, LEAST_SPREAD)
+    return found
 
 
 def smoothed(values: Array, valid: Mask, period: float, kind: Smoothing = "gaussian") -> Array:
