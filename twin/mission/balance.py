@@ -7,6 +7,7 @@ the reference density and far below the surface. Steady flight and turns are whe
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,38 @@ Array = NDArray[np.float64]
 
 DEEP = 1e3
 """[m] where everything is under water"""
+SETTLED = 1e-9
+"""Forces and moments left over, in parts of the vehicle's weight (times a metre)"""
+_ITERATIONS = 40
+_STEP = 1e-6
+_LARGEST_STEP = 0.1
+"""of any unknown: a longer one may end beyond the stall of a fin"""
+_LEAST_SHARE = 1e-3
+"""of a Newton step that overshoots"""
+
+
+def newton(left: Callable[[Array], Array], x: Array) -> Array | None:
+    """Where `left` vanishes to SETTLED, from `x` on; None: not found.
+
+    Newton's method with central differences; a step that makes it worse is halved.
+    """
+    rest = left(x)
+    for _ in range(_ITERATIONS):
+        size = float(np.abs(rest).max())
+        if size < SETTLED:
+            return x
+        slopes = [(left(x + d) - left(x - d)) / (2.0 * _STEP) for d in _STEP * np.eye(x.size)]
+        try:
+            step = np.linalg.solve(np.column_stack(slopes), -rest)
+        except np.linalg.LinAlgError:
+            return None
+        share = min(1.0, _LARGEST_STEP / float(np.abs(step).max()))
+        rest = left(x + share * step)
+        while not float(np.abs(rest).max()) < size and share > _LEAST_SHARE:
+            share *= 0.5
+            rest = left(x + share * step)
+        x = x + share * step
+    return None
 
 
 def imbalance(

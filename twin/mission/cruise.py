@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import MissionError
-from twin.mission.balance import DEEP, imbalance
+from twin.mission.balance import DEEP, imbalance, newton
 from twin.vehicle.parts import Part
 
 if TYPE_CHECKING:
@@ -26,11 +26,6 @@ LONGITUDINAL = (0, 2, 4)
 """Rows of surge and heave force and pitch moment"""
 _BISECTIONS = 60
 """Halvings that take any interval of rates below double precision."""
-_ITERATIONS = 40
-_STEP = 1e-6
-"""[rad] or share of a part's travel, of the differences"""
-_SETTLED = 1e-9
-"""[N] and [N m] left over, in parts of the vehicle's weight"""
 _LARGEST_ANGLE = math.radians(45.0)
 """Angles of attack beyond this are no flight."""
 
@@ -82,25 +77,9 @@ def steady_flight(
         wrench = imbalance(vehicle, f.position, velocity, pitch=f.pitch)
         return np.asarray(wrench[list(LONGITUDINAL)] / (vehicle.mass * vehicle.gravity))
 
-    x = np.array([0.0, *(position[list(free)] / scale[1:])])
-    rest = left(x)
-    for _ in range(_ITERATIONS):
-        if float(np.abs(rest).max()) < _SETTLED:
-            return flight(x)
-        slopes = np.column_stack([(left(x + d) - rest) / _STEP for d in _STEP * np.eye(3)])
-        try:
-            step = np.linalg.solve(slopes, -rest)
-        except np.linalg.LinAlgError:
-            break
-        share = 1.0
-        while True:
-            ahead = left(x + share * step)
-            if float(np.abs(ahead).max()) < float(np.abs(rest).max()) or share < 1e-3:
-                break
-            share *= 0.5
-        x, rest = x + share * step, ahead
-        if not abs(x[0]) < _LARGEST_ANGLE:
-            break
+    x = newton(left, np.array([0.0, *(position[list(free)] / scale[1:])]))
+    if x is not None and abs(x[0]) < _LARGEST_ANGLE:
+        return flight(x)
     way = "level" if pitch is None else f"at a pitch of {math.degrees(pitch):.4g} deg"
     raise MissionError(
         f"vehicle {vehicle.name!r} has no steady flight {way} at {speed:g} m/s: give another "

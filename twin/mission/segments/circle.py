@@ -14,13 +14,16 @@ from twin.mission import fields as check
 from twin.mission import table as g
 from twin.mission.segments.base import command_of, limit
 from twin.mission.segments.level import Level
-from twin.mission.turning import turn_per_position
+from twin.mission.turning import circling
 from twin.mission.way import Way
 
 if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+
+MOST_TRIES = 300
+"""Wider circles that are tried, each 2 % wider, to say which one is possible"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,19 +72,31 @@ class Circle(Level):
             raise MissionError(
                 f"{label}: vehicle {vehicle.name!r} has no part that turns it: give a transect"
             )
-        rate = steady.speed / self.radius_m
-        per_position = turn_per_position(vehicle, steady)
-        most = abs(per_position) * float(row[g.TURN_LIMIT])
-        if abs(rate) > most:
-            rule = (
-                f"at least {math.ceil(steady.speed / most)} m at {steady.speed:g} m/s, or a larger "
-                f"max_rotation_deg (travel of the {vehicle.part_names[turning]})"
+        most = float(row[g.TURN_LIMIT])
+        command = self._command(vehicle, steady, self.radius_m, most)
+        if command is None:
+            wider = (abs(self.radius_m) * 1.02**k for k in range(1, MOST_TRIES))
+            least = next(
+                (r for r in wider if self._command(vehicle, steady, r, most) is not None), 0
             )
-            check.fail(label, "radius_m", self.radius_m, rule)
-        row[g.TURN_RATE] = rate
-        command_of(vehicle, row, g.LEVEL_COMMAND)[turning] = rate / per_position
+            rule = f"at least {least:.3g} m" if least else "a lower speed_m_s"
+            rule += f" at {steady.speed:g} m/s, or a larger max_rotation_deg"
+            name = vehicle.part_names[turning]
+            check.fail(label, "radius_m", self.radius_m, f"{rule} (travel of the {name})")
+        assert command is not None
+        row[g.TURN_RATE] = steady.speed / self.radius_m
+        command_of(vehicle, row, g.LEVEL_COMMAND)[:] = command
         row[g.DURATION] = limit(self._duration(steady))
         return row
+
+    @staticmethod
+    def _command(vehicle: Vehicle, steady: Way, radius: float, most: float) -> Array | None:
+        """Of all parts on a circle [m] with at most so much rudder [rad]; None: there is none."""
+        try:
+            command = circling(vehicle, steady, steady.speed / radius)
+        except MissionError:
+            return None
+        return command if abs(command[vehicle.steered_index("heading")]) <= most else None
 
     def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
         """Its own clock."""
