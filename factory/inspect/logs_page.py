@@ -152,6 +152,8 @@ def _draw_depths(axes: Axes, logs: LogStore, missions: list[int]) -> None:
     deepest = 0.0
     for k in missions:
         depth, gap = logs.signal("measured_depth", k), logs.signal("measured_gap", k) > 0.0
+        if not np.isfinite(depth).any():  # a log whose rows are no dives may have none
+            continue
         deepest = max(deepest, float(np.nanmax(depth)))
         date = _dates(logs, k)
         axes.plot(*style.thin(date, depth, most=POINTS), color=DIVE, lw=0.7)
@@ -220,7 +222,8 @@ def dive_figures(logs: LogStore, missions: list[int]) -> dict[str, Array]:
         known = logs.signal("measured_gap", k) == 0.0
         rate = np.gradient(depth, logs.period)
         pitch = logs.signal("measured_pitch", k)
-        found["deepest"].append(float(np.nanmax(depth)))
+        deepest = float(np.nanmax(depth)) if np.isfinite(depth).any() else np.nan
+        found["deepest"].append(deepest)
         for flag, speed, angle in ((1.0, "sink", "pitch_down"), (2.0, "rise", "pitch_up")):
             there = (phase == flag) & known
             found[speed].append(100.0 * abs(_median(rate[there])))
