@@ -32,6 +32,8 @@ CHOICES = {
     "optimiser": OPTIMISERS,
     "division": ("missions", "samples"),
     "device": ("auto", "cpu", "cuda"),
+    "labels": ("truth", "dvl"),
+    "smoothing": ("gaussian", "causal", "none"),
 }
 """Options of few words. They are text for the parser, which would list None among the words."""
 
@@ -41,7 +43,7 @@ def _words(option: str) -> Any:
     return tyro.conf.arg(metavar="{" + ",".join(CHOICES[option]) + "}")
 
 
-NETWORK, INPUTS, OPTIMISER, DIVISION, DEVICE = (_words(option) for option in CHOICES)
+NETWORK, INPUTS, OPTIMISER, DIVISION, DEVICE, LABELS, SMOOTHING = map(_words, CHOICES)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +89,15 @@ class Fit(JsonOption):
     [default: missions]"""
     no_mirror: bool = False
     """do not show every mission mirrored too, port for starboard: for a lopsided vehicle"""
+    labels: Annotated[str | None, LABELS] = None
+    """what is learned: the truth of a simulated store, or what its Doppler log measured, cleaned
+    [default: truth]"""
+    known_current: str | None = None
+    """--labels dvl: what is taken off bottom track. none: nothing is known, only water track is
+    learned from; store: the store's current; or NORTH,EAST in m/s, 0,0 in still water
+    [default: none]"""
+    smoothing: Annotated[str | None, SMOOTHING] = None
+    """--labels dvl: after outliers are removed; causal looks back only [default: gaussian]"""
     period: float | None = None
     """seconds between samples, a multiple of the store's: simulated missions as slow as a log"""
     start: Path | None = None
@@ -211,6 +222,7 @@ class Fit(JsonOption):
             report=run.report,
             settings=run.description["settings"],
             networks=run.description["networks"],
+            label_counts=run.description.get("label_counts"),
         )
         console.table(
             summary_rows(figures),
@@ -219,7 +231,7 @@ class Fit(JsonOption):
             digits=3,
         )
         console.say()
-        for sentence in verdicts(figures):
+        for sentence in (*run.label_sentences(), *verdicts(figures)):
             console.say(f"- {sentence}")
         console.say()
         console.say(f"run:    {run.folder}")
@@ -229,7 +241,7 @@ class Fit(JsonOption):
 SETTINGS = (
     *("store", "network", "hidden", "layers", "delays", "inputs", "features", "without"),
     *("optimiser", "seconds", "epochs", "window", "washin", "seed", "members", "division"),
-    *("period", "start", "device"),
+    *("period", "start", "device", "labels", "known_current", "smoothing"),
 )
 """Options that `learn.fit_settings` takes under the same name."""
 
