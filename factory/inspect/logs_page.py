@@ -150,10 +150,14 @@ def _dates(logs: LogStore, mission: int) -> Array:
 
 def _draw_depths(axes: Axes, logs: LogStore, missions: list[int]) -> None:
     deepest = 0.0
-    for k in missions:
+    known = [k for k in missions if np.isfinite(logs.signal("measured_depth", k)).any()]
+    axes.set_title("depth of all dives")
+    if not known:  # a log whose rows are no dives may have none
+        axes.text(0.5, 0.5, "not in the log", transform=axes.transAxes, ha="center", va="center")
+        axes.set_axis_off()
+        return
+    for k in known:
         depth, gap = logs.signal("measured_depth", k), logs.signal("measured_gap", k) > 0.0
-        if not np.isfinite(depth).any():  # a log whose rows are no dives may have none
-            continue
         deepest = max(deepest, float(np.nanmax(depth)))
         date = _dates(logs, k)
         axes.plot(*style.thin(date, depth, most=POINTS), color=DIVE, lw=0.7)
@@ -169,7 +173,6 @@ def _draw_depths(axes: Axes, logs: LogStore, missions: list[int]) -> None:
     axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
     axes.margins(x=0.01)
     axes.set_xlabel("time [UTC]")
-    axes.set_title("depth of all dives")
 
 
 def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> None:

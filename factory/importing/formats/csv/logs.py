@@ -16,6 +16,7 @@ from factory.importing.formats.base import SHORTEST, ReadOptions
 from factory.importing.formats.csv.mapping import (
     HEADINGS,
     ISO,
+    LOCKS,
     LOG_ONLY,
     Clock,
     Mapping,
@@ -251,6 +252,10 @@ def _log(
             channels[name] = channel
         elif np.isfinite(values).any() or not signal.optional:
             tally.add("missing", name, 1, f"{deployment} has no value of it")
+    if mapping.dvl_lock is not None and "measured_dvl_surge" in channels:
+        has = np.isin(time, channels["measured_dvl_surge"].time)
+        channels["measured_dvl_mode"] = Channel(time, LOCKS[mapping.dvl_lock] * has)
+        tally.add("note", "measured_dvl_mode", int(has.sum()), f"{mapping.dvl_lock}, says the mapping")
     variation = channels.pop("magnetic_variation", EMPTY)
     _to_true_north(deployment, channels, mapping, variation, variation_deg, tally)
     fixes = _fixes(channels.pop("gps_latitude", EMPTY), channels.pop("gps_longitude", EMPTY), tally)

@@ -29,6 +29,8 @@ SHIPPED = Path(__file__).parent / "mappings"
 """Folder of the mappings that come with the program, by name."""
 FRAMES = ("FRD", "FLU")
 """Body axes: forward-starboard-down, which stores have, and forward-port-up."""
+LOCKS = {"bottom": 1.0, "water": 2.0}
+"""`measured_dvl_mode` of each lock; 0 is none."""
 TURNED = frozenset(
     f"{group}_{name}"
     for group in ("measured", "true", "commanded")
@@ -141,6 +143,9 @@ class Mapping:
     corrections: tuple[Correction, ...] = ()
     frame: Frame = "FRD"
     """Body axes of the file."""
+    dvl_lock: Literal["bottom", "water"] | None = None
+    """What the Doppler log measures against, where no column says it: its lock is that wherever
+    it has a velocity."""
     model: str | None = None
     """Vehicle file whose parts the controls are; it stands for the vehicle in the store."""
     deployment: Literal["file", "name", "column"] = "file"
@@ -203,7 +208,7 @@ def load_mapping(name: str | Path) -> Mapping:
 def parse_mapping(data: Dict[str, Any], label: str) -> Mapping:
     """A mapping from what its TOML file says; errors as `load_mapping`."""
     label = f"mapping {label}"
-    keys = ("vehicle", "frame", "model", "deployment", "rows", "gap_s", "period_s", "time",
+    keys = ("vehicle", "frame", "dvl_lock", "model", "deployment", "rows", "gap_s", "period_s", "time",
             "signals", "ignored", "corrections")  # fmt: skip
     _known(label, data, keys)
     for key in ("vehicle", "time", "signals"):
@@ -230,6 +235,13 @@ def parse_mapping(data: Dict[str, Any], label: str) -> Mapping:
                 f"{label}: column {signals[mapped[0]].column!r} is {mapped[0]} and ignored as "
                 f"{pattern!r} too; do one"
             )
+    dvl_lock = data.get("dvl_lock")
+    if dvl_lock is not None:
+        _one_of(label, "dvl_lock", dvl_lock, LOCKS)
+        if "measured_dvl_mode" in signals:
+            raise InputError(f"{label}: dvl_lock and measured_dvl_mode say the same; give one")
+        if "measured_dvl_surge" not in signals:
+            raise InputError(f"{label}: dvl_lock needs measured_dvl_surge; map it, or leave it out")
     deployment, word = _deployment(label, data.get("deployment", "file"))
     rows, minutes = _rows(label, data.get("rows", "dives"))
     if rows == "dives" and not {"measured_depth", "measured_pressure"} & set(signals):
@@ -248,6 +260,7 @@ def parse_mapping(data: Dict[str, Any], label: str) -> Mapping:
             for k, one in enumerate(_list(label, "corrections", data.get("corrections", [])))
         ),
         frame=_one_of(label, "frame", data.get("frame", "FRD"), FRAMES),
+        dvl_lock=dvl_lock,
         model=model,
         deployment=deployment,
         deployment_word=word,
