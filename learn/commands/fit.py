@@ -20,6 +20,7 @@ from twin.errors import InputError, unknown_name
 from twin.registry import Registry
 
 if TYPE_CHECKING:
+    from learn.studies.folds import Unit
     from learn.runs.run import Run
     from learn.training.settings import FitConfig, Job
     from learn.training.trainer import Report
@@ -105,6 +106,8 @@ class Fit(JsonOption):
     simulation then real"""
     leave_out_each_dive: bool = False
     """real logs: train once per dive with truth, without it, and judge it; then go on as usual"""
+    leave_out_each_deployment: bool = False
+    """the same per deployment, such as one run of a vehicle"""
     device: Annotated[str | None, DEVICE] = None
     """auto takes a GPU when there is one [default: cpu]"""
     workers: int | None = None
@@ -136,17 +139,19 @@ class Fit(JsonOption):
         )
         if self.tensorboard:
             _event_writer_type()
-        if self.leave_out_each_dive:
-            from learn.studies.folds import dives_with_truth
+        units = [unit for unit in UNITS if getattr(self, f"leave_out_each_{unit}")]
+        if units:
+            from learn.studies.folds import folds_with_labels
 
-            dives_with_truth(config)
+            for unit in units:
+                folds_with_labels(config, unit)
         workers = len(os.sched_getaffinity(0)) if self.workers is None else self.workers
         with _Watcher(console, config, folder, events=self.tensorboard) as watcher:
 
             def studies(run: Run) -> None:
                 watcher.close()
-                if self.leave_out_each_dive:
-                    self._leave_out(console, run, config, workers)
+                for unit in units:
+                    self._leave_out(console, run, config, unit, workers)
                 if self.ablation:
                     self._ablate(console, run, config, workers)
 
@@ -193,11 +198,13 @@ class Fit(JsonOption):
 
             ablate(run, config, workers=workers, watch=see, say=progress.note)
 
-    def _leave_out(self, console: Console, run: Run, config: FitConfig, workers: int) -> None:
-        from learn.studies.folds import dives_with_truth, leave_out_each
+    def _leave_out(
+        self, console: Console, run: Run, config: FitConfig, unit: Unit, workers: int
+    ) -> None:
+        from learn.studies.folds import folds_with_labels, leave_out_each
 
-        dives = dives_with_truth(config)
-        jobs = len(dives) * len(config.jobs())
+        folds = folds_with_labels(config, unit)
+        jobs = len(folds) * len(config.jobs())
         with console.progress(total=100.0 * jobs, label="leave one out", unit="%") as progress:
             shares: dict[tuple[tuple[int, ...], str], float] = {}
 
@@ -206,9 +213,13 @@ class Fit(JsonOption):
                 progress.update(100.0 * (report.share - shares.get(key, 0.0)))
                 shares[key] = report.share
 
-            found = leave_out_each(run, config, dives, workers=workers, watch=see)
-        console.answer(leave_out_each_dive=found.to_json())
-        console.table(found.rows(), title="each dive by networks that never saw it", digits=3)
+            found = leave_out_each(run, config, folds, unit=unit, workers=workers, watch=see)
+        console.answer(**{f"leave_out_each_{unit}": found.to_json()})
+        console.table(
+            found.rows(),
+            title=f"each {unit} by networks that never saw it, RMSE in m/s",
+            digits=3,
+        )
         console.say(found.sentence())
         console.say()
 
@@ -238,6 +249,8 @@ class Fit(JsonOption):
         console.say(f"report: {run.report}")
 
 
+UNITS: tuple[Unit, ...] = ("dive", "deployment")
+"""What `--leave-out-each-...` leaves out."""
 SETTINGS = (
     *("store", "network", "hidden", "layers", "delays", "inputs", "features", "without"),
     *("optimiser", "seconds", "epochs", "window", "washin", "seed", "members", "division"),

@@ -10,7 +10,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.data.dataset import TARGETS, Mirror, Mission, Sequences, load_missions, sample_split
+from learn.data.dataset import (
+    TARGETS,
+    Mirror,
+    Mission,
+    Sequences,
+    any_channel,
+    load_missions,
+    sample_split,
+)
 from learn.data.features import channels_of, mirror_signs
 from learn.data.labels import LabelConfig, LabelCounts, count_labels
 from learn.data.logs import SPEED
@@ -176,7 +184,7 @@ def check_window(
       InputError: it is longer than the longest of them.
       StoreError: see `load_missions`.
     """
-    missions = load_missions(store, ("measured_depth",), split="all", period=period)
+    missions = load_missions(store, any_channel(store), split="all", period=period)
     if division == "missions":
         missions = [m for m in missions if m.split == "train"]
     longest = max(missions, key=lambda m: m.samples, default=None)

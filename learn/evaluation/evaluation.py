@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from learn.data.dataset import Mission, load_missions
+from learn.data.dataset import Mission, any_channel, load_missions
 from learn.data.features import channels_of
 from learn.data.labels import LabelConfig
 from learn.data.logs import SPEED
@@ -111,8 +111,9 @@ def evaluate(
       limit: the first so many missions only.
       watch: sees every mission with its estimates, for tracks, figures and progress.
       period: [s] between the samples that the networks were trained on; a finer store is thinned.
-      labels: how velocities are taken from a Doppler log, to set the networks beside them; None:
-        tracks alone are set beside the log's.
+      labels: how velocities are taken from a Doppler log, to set the networks beside them, and by
+        which a store of real logs is judged; None: tracks alone are set beside the log's, and
+        real logs are judged by their truth.
 
     A store of real logs is judged by what it knows, see `learn.evaluation.log_score`; its
     watch is given a `LogReference`.
@@ -135,13 +136,16 @@ def evaluate(
         *(c for runner in runners.values() for c in runner.needs(vehicle)),
         *(c for c in GPS_CHANNELS if c in present),
     ]
-    if labels is not None and DVL in runners:
+    if labels is not None and (logged or DVL in runners):
         wanted += labels.channels()
     if logged:
+        # a log is judged by what it has; one whose rows are no dives may have no depth
+        wanted = [c for c in wanted if c in present or c not in NAVIGATION_CHANNELS]
         wanted += [c for c in (SPEED,) if c in present]
         return _evaluate_logs(
-            networks, store, split, wanted, runners, missing, attributes, vehicle, watch, period
-        )
+            networks, store, split, wanted, runners, missing, attributes, vehicle, watch, period,
+            labels or LabelConfig(),
+        )  # fmt: skip
     missions = load_missions(store, wanted, split=split, limit=limit, period=period)
     scores: dict[str, list[MissionScore]] = {NETWORK: [], FLOOR: [], **{n: [] for n in runners}}
     beside_log: list[DvlComparison] = []
@@ -190,10 +194,11 @@ def _evaluate_logs(
     vehicle: Vehicle,
     watch: Any,
     period: float | None,
+    labels: LabelConfig,
 ) -> Evaluation:
     missions = load_missions(store, channels, split="all", period=period)
     if split != "all":
-        load_missions(store, ("measured_depth",), split=split)  # says which parts there are
+        load_missions(store, any_channel(store), split=split)  # says which parts there are
 
     def predict(group: Sequence[Mission]) -> list[Estimate]:
         found = {name: ensemble.predict(group) for name, ensemble in networks.items()}
@@ -207,6 +212,7 @@ def _evaluate_logs(
         predict=predict,
         baselines=runners,
         vehicle=vehicle,
+        labels=labels,
         visible=visible,
         together=GROUP,
         watch=watch,
