@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ from factory.importing.formats.base import (
     WrongFormat,
 )
 from factory.importing.formats.registry import IMPORTERS, likely_kind
+from factory.importing.reading.payload import parse_payload
 from factory.importing.reading.tally import ImportReport, Tally
 from factory.importing.repairs.dive_rules import DiveRules
 from twin.errors import InputError
@@ -34,6 +36,7 @@ def import_logs(
     rules: DiveRules | None = None,
     variation_deg: float | None = None,
     cache: Path | None = None,
+    payload: Sequence[str] = (),
 ) -> tuple[xr.Dataset, ImportReport]:
     """Read logs, cut them into dives, and put these on one time grid.
 
@@ -44,6 +47,8 @@ def import_logs(
       rules: how the dives are cut.
       variation_deg: [degree] magnetic variation, east positive, instead of the log's own.
       cache: folder of a Slocum's cache files [default: beside the logs].
+      payload: NAME=COLUMN or NAME=COLUMN[UNITS]: columns that become the signals `measured_NAME`,
+        beside those that are known (`factory.importing.reading.payload`).
 
     Raises:
       InputError: a file cannot be used; the message names it and says why.
@@ -60,10 +65,13 @@ def import_logs(
     tally = Tally()
     try:
         paths = expand(importer, [Path(f) for f in files], tally)
-        options = ReadOptions(variation_deg=variation_deg, cache=cache)
+        options = ReadOptions(
+            variation_deg=variation_deg, cache=cache, payload=parse_payload(payload)
+        )
         logs = _read(importer, paths, options, tally)
     except WrongFormat as error:
         raise _explained(error, importer) from error
+    _expect_mapped(options, tally)
     return build(
         logs,
         kind=kind,
@@ -88,6 +96,18 @@ def _read(
             f"these {importer.name} logs need the package {error.name}, which is not installed: "
             f'pip install "glider-twin[{importer.extra}]"'
         ) from error
+
+
+def _expect_mapped(options: ReadOptions, tally: Tally) -> None:
+    """Refuse a mapped column that no file has."""
+    names = [name for states in tally.names.values() for name in states]
+    for one in options.payload:
+        if not set(one.sources) & set(names):
+            near = difflib.get_close_matches(one.sources[0], names, n=3)
+            raise InputError(
+                f"payload {one.signal}: no file has the column {one.sources[0]!r}"
+                + (f"; is it {', '.join(near)}?" if near else "")
+            )
 
 
 def _explained(error: WrongFormat, importer: Importer) -> InputError:

@@ -12,6 +12,7 @@ from twin.errors import InputError
 
 if TYPE_CHECKING:
     from factory.importing.reading.deployment_log import DeploymentLog
+    from factory.importing.reading.payload import PayloadSignal
     from factory.importing.reading.tally import Tally
 
 TABLES = frozenset({".csv", ".gz", ".parquet", ".txt"})
@@ -30,6 +31,8 @@ class ReadOptions:
     """[degree] Magnetic variation, east positive; None takes the log's own."""
     cache: Path | None = None
     """Folder of cache files; only for importers with `takes_cache`."""
+    payload: tuple[PayloadSignal, ...] = ()
+    """Columns that the user maps to signals of the payload."""
 
 
 Reader = Callable[[Sequence[Path], ReadOptions, "Tally"], "list[DeploymentLog]"]
