@@ -83,7 +83,7 @@ def on_grid(
             if (
                 name in VARIABLES and VARIABLES[name].gaps
             ):  # CTD and payload: no value where they were off
-                values = np.where(_distance(near, times) <= WATER_GAP, values, np.nan)
+                values = np.where(_bridged(near, times), values, np.nan)
         if np.isfinite(values).any():
             signals[name] = values
     for name in ("true_north", "true_east"):
@@ -147,6 +147,21 @@ def _gaps(log: DeploymentLog, times: Array, period: float) -> NDArray[np.bool_]:
     return gap
 
 
+def _bridged(channel: Channel, times: Array) -> NDArray[np.bool_]:
+    """Whether a time lies between samples that are near enough to be joined by a line."""
+    if len(channel) < 2:
+        return _distance(channel, times) <= WATER_GAP
+    at = np.searchsorted(channel.time, times, side="right")
+    outside = (at == 0) | (at == len(channel))
+    left = np.clip(at - 1, 0, len(channel) - 2)
+    hole = channel.time[left + 1] - channel.time[left]
+    longest = np.maximum(WATER_GAP, _GAP_FACTOR * _usual_spacing(channel, times))
+    distance = _distance(channel, times)
+    return np.where(outside, distance <= WATER_GAP, (hole <= longest) | (distance < _AT_SAMPLE))
+
+
+_AT_SAMPLE = 1e-3
+"""[s] So near to a sample the value is the sample's own."""
 _AROUND = 9
 """Spacings of which the median is the usual one."""
 _LONGEST_REGULAR = 300.0

@@ -6,8 +6,6 @@ import dataclasses
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
-import numpy as np
-
 from factory.importing.reading.deployment_log import Channel
 from factory.importing.reading.tally import Tally
 from factory.importing.reading.unread_names import leave_out

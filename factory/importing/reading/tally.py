@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-
 READ, LEFT_OUT, NOT_READ, EMPTY = "read", "left out", "not read", "missing"
 """What became of a name in a file: used; known and not used; unknown; known, without a value."""
 

@@ -23,9 +23,14 @@ from factory.importing.formats.slocum.compressed import is_compressed, unpacked
 from factory.importing.formats.slocum.ending import ends_whole
 from factory.importing.formats.slocum.header import read_header, vehicle_of
 from factory.importing.formats.slocum.native_sensors import WANTED, slocum_log
-from factory.importing.formats.slocum.tables import joined
 from factory.importing.reading.columns import tidy
-from factory.importing.reading.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog
+from factory.importing.reading.deployment_log import (
+    EMPTY,
+    NO_FIXES,
+    Channel,
+    DeploymentLog,
+    joined,
+)
 from factory.importing.reading.each_file import each_file
 from factory.importing.reading.payload import payload_names
 from factory.importing.reading.tally import Tally

@@ -22,7 +22,13 @@ from factory.importing.formats.slocum.native_sensors import (
     slocum_log,
 )
 from factory.importing.reading.columns import Table, parse_stamps, read_table, tidy, unix_seconds
-from factory.importing.reading.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, Fixes
+from factory.importing.reading.deployment_log import (
+    NO_FIXES,
+    Channel,
+    DeploymentLog,
+    Fixes,
+    joined,
+)
 from factory.importing.reading.each_file import each_file
 from factory.importing.reading.payload import payload_names
 from factory.importing.reading.tally import Tally
@@ -326,16 +332,6 @@ def _same_place(subject: str, fixes: Fixes, parts: DeploymentTables, tally: Tall
         f"{subject}: its fixes are {away / 1e3:.0f} km from where {parts.name} says it was; "
         "they are another vehicle's"
     )
-
-
-def joined(pieces: Sequence[Channel]) -> Channel:
-    """Pieces of one channel in time order, repeated times once."""
-    if not pieces:
-        return EMPTY
-    time = np.concatenate([piece.time for piece in pieces])
-    values = np.concatenate([piece.values for piece in pieces])
-    unique, first = np.unique(time, return_index=True)
-    return Channel(unique, values[first])
 
 
 def _joined_fixes(pieces: Sequence[Fixes]) -> Fixes:
