@@ -72,13 +72,14 @@ def import_logs(
     except WrongFormat as error:
         raise _explained(error, importer) from error
     _expect_mapped(options, tally)
+    read = {name for log in logs for name in log.files}
     return build(
         logs,
         kind=kind,
         period=step,
         rules=rules or DiveRules(),
         tally=tally,
-        files=[path.name for path in paths],
+        files=[path.name for path in paths if path.name in read] or [p.name for p in paths],
         held=importer.held,
         lacks=importer.lacks,
     )

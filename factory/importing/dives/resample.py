@@ -30,6 +30,8 @@ SPARSE = frozenset(
      "measured_dvl_heave"}
 )  # fmt: skip
 """Only where an original sample lies within half a period: the nearest one."""
+WATER = frozenset({"measured_temperature", "measured_salinity", "measured_density"})
+"""Interpolated near samples of the CTD alone; a payload within short holes alone."""
 WATER_GAP = 120.0
 """[s] A glider crosses less than 25 m in it."""
 _GAP_FACTOR = 3.0
@@ -80,9 +82,9 @@ def on_grid(
             values = np.mod(np.interp(times, near.time, turned), 360.0)
         else:
             values = near.at(times)
-            if (
-                name in VARIABLES and VARIABLES[name].gaps
-            ):  # CTD and payload: no value where they were off
+            if name in WATER:
+                values = np.where(_distance(near, times) <= WATER_GAP, values, np.nan)
+            elif name in VARIABLES and VARIABLES[name].gaps:
                 values = np.where(_bridged(near, times), values, np.nan)
         if np.isfinite(values).any():
             signals[name] = values

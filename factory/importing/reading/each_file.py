@@ -32,8 +32,8 @@ def each_file(
             refused.append((path, error))
     if refused and not found:
         raise refused[0][1]
-    for path, error in refused:
-        tell_unreadable(path, error, tally)
+    for path, reason in refused:
+        tell_unreadable(path, reason, tally)
     return found
 
 

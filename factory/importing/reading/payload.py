@@ -35,7 +35,7 @@ KNOWN = (
         signal="measured_oxygen",
         sources=(
             "sci_oxy4_oxygen", "sci_oxy3835_oxygen", "sci_oxy3835_wphase_oxygen", "AROD_FT_DO",
-            "LEGATO_CODA_DO",
+            "LEGATO_CODA_DO", "eng_aa4330_O2",
         ),
         units="umol L-1",
         long_name="dissolved oxygen",
@@ -46,7 +46,7 @@ KNOWN = (
         signal="measured_chlorophyll",
         sources=(
             "sci_flbbcd_chlor_units", "sci_flntu_chlor_units", "sci_flbb_chlor_units",
-            "FLBBCD_CHL_SCALED", "FLNTU_CHL_SCALED",
+            "FLBBCD_CHL_SCALED", "FLNTU_CHL_SCALED", "CHLA",
         ),
         units="ug L-1",
         long_name="chlorophyll by its fluorescence",
