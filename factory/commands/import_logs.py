@@ -42,12 +42,24 @@ class ImportLogs(JsonOption):
         Path | None,
         tyro.conf.arg(help=f"folder of cache files, for {CACHED} [default: beside the logs]"),
     ] = None
+    mapping: Annotated[
+        str | None,
+        tyro.conf.arg(
+            metavar="FILE|NAME",
+            help="what the columns of csv tables are: a TOML file (docs/real.md shows one), or a "
+            "shipped one by name",
+        ),
+    ] = None
+    payload: tuple[str, ...] = ()
+    """NAME=COLUMN or NAME=COLUMN[UNITS]: a column that becomes the signal measured_NAME, beside
+    those of oxygen, chlorophyll ... whose names are known"""
     overwrite: bool = False
     """replace an existing store"""
 
     def run(self, console: Console) -> int:
         """Import, store and report."""
         from factory.importing.import_run import import_logs
+        from factory.importing.reading.each_file import UNREADABLE
         from factory.importing.repairs.dive_rules import DiveRules
         from twin.errors import InputError
         from twin.records.store import prepare_target, write_store
@@ -63,11 +75,15 @@ class ImportLogs(JsonOption):
             rules=DiveRules(min_depth=self.min_depth),
             variation_deg=self.variation_deg,
             cache=self.cache,
+            mapping=self.mapping,
+            payload=self.payload,
         )
         write_store(dataset, self.out, overwrite=self.overwrite)
         for entry in report.entries:
             if entry.action == "suspect":
                 console.warn(f"{entry.subject}: {entry.detail}")
+            elif entry.subject == UNREADABLE:
+                console.warn(f"left out: {entry.detail}")
         console.table(report.table(), title="what was done to the logs")
         console.pairs(
             {

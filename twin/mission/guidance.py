@@ -3,11 +3,10 @@
 Parts of the vehicle control its pitch (a battery slide, an elevator), its heading (a battery hinge,
 a rudder), its weight (a pump) and its speed (a propeller). A pitch loop and a heading loop steer
 dives, climbs and level ways; on a level way a loop around them asks for the pitch that holds the
-depth; a battery beside an elevator takes over what is steady of the pitch; in a hover the pump
-holds the depth. The other parts hold what each phase commands. `twin.mission` compiles a plan into
-the table that `guidance_step` reads; everything that it remembers lives in the caller's `state`, so
-the native plant, a Python loop and a copy of a simulation behave alike. Angles are rad, depths m
-positive down, the frame is NED and FRD.
+depth; in a hover the pump holds the depth and the battery the pitch. The other parts hold what each
+phase commands. `twin.mission` compiles a plan into the table that `guidance_step` reads; everything
+that it remembers lives in the caller's `state`, so the native plant, a Python loop and a copy of a
+simulation behave alike. Angles are rad, depths m positive down, the frame is NED and FRD.
 
 A loop works on the part's position times its sense: a slide moved forward pitches the nose down,
 so its sense in pitch is -1. Which way a rolled battery turns a glider depends on its lift, so the
@@ -82,10 +81,8 @@ def _pitch_loop(
 
 
 @jit
-def _trim_loop(
-    gains: Array, state: Array, slot: int, error: float, pitch_rate: float, command: Array
-) -> None:
-    """The battery beside an elevator, about its position in the phase's command."""
+def _trim_loop(gains: Array, state: Array, error: float, pitch_rate: float, command: Array) -> None:
+    """The battery beside an elevator, in a hover, about its position in the row's command."""
     part = int(gains[g.TRIM_PART])
     if not 0 <= part < command.size:
         return
@@ -103,7 +100,7 @@ def _trim_loop(
         gains[g.PERIOD],
         INTEGRAL_ZONE,
         state,
-        slot,
+        g.TRIM_INTEGRAL,
     )
 
 
@@ -216,7 +213,7 @@ def guidance_step(
         setpoint = state[g.PITCH_SETPOINT] = row[g.LEVEL_PITCH]
         if gains[g.PITCHES_AT_REST] != 0.0:
             _pitch_loop(row, gains, state, g.LEVEL_INTEGRAL, setpoint - pitch, pitch_rate, command)
-        _trim_loop(gains, state, g.HOVER_TRIM, setpoint - pitch, pitch_rate, command)
+        _trim_loop(gains, state, setpoint - pitch, pitch_rate, command)
         _buoyancy_loop(
             gains, state, _wanted_depth(row, depth, altitude), depth, depth_rate, command
         )
@@ -225,20 +222,19 @@ def guidance_step(
     # each way keeps its own integrals: the trim error of a dive is not that of a climb
     if phase == g.ON_LEVEL:
         setpoint = _level_pitch(row, gains, state, depth, altitude, depth_rate)
-        slot, trim_slot = g.LEVEL_INTEGRAL, g.LEVEL_TRIM
+        slot = g.LEVEL_INTEGRAL
         turn, turn_slot = row[g.LEVEL_TURN], g.LEVEL_TURN_INTEGRAL
         _command(row, g.LEVEL_COMMAND, command)
     elif phase == g.DIVE:
-        setpoint, slot, trim_slot = row[g.DIVE_PITCH], g.DIVE_INTEGRAL, g.DIVE_TRIM
+        setpoint, slot = row[g.DIVE_PITCH], g.DIVE_INTEGRAL
         turn, turn_slot = row[g.DIVE_TURN], g.DIVE_TURN_INTEGRAL
         _command(row, g.DIVE_COMMAND, command)
     else:
-        setpoint, slot, trim_slot = row[g.CLIMB_PITCH], g.CLIMB_INTEGRAL, g.CLIMB_TRIM
+        setpoint, slot = row[g.CLIMB_PITCH], g.CLIMB_INTEGRAL
         turn, turn_slot = row[g.CLIMB_TURN], g.CLIMB_TURN_INTEGRAL
         _command(row, g.CLIMB_COMMAND, command)
     state[g.PITCH_SETPOINT] = setpoint
     _pitch_loop(row, gains, state, slot, setpoint - pitch, pitch_rate, command)
-    _trim_loop(gains, state, trim_slot, setpoint - pitch, pitch_rate, command)
 
     part = int(gains[g.TURN_PART])
     if math.isnan(state[g.HEADING_SETPOINT]) or not 0 <= part < command.size:

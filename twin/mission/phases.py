@@ -50,7 +50,7 @@ def _enter(
     elif kind == g.HOVER:
         state[g.PHASE] = g.HOVERING
         state[g.HEADING_SETPOINT] = np.nan
-        state[g.BUOYANCY_INTEGRAL] = 0.0
+        state[g.BUOYANCY_INTEGRAL] = state[g.TRIM_INTEGRAL] = 0.0
     elif kind == g.LEVEL:
         state[g.PHASE] = g.ON_LEVEL
         state[g.DEPTH_INTEGRAL] = 0.0

@@ -54,6 +54,7 @@ def way(
     net_mass: float,
     speed: float | None,
     *,
+    trim_share: float = 0.0,
     within_travel: bool = False,
 ) -> Way:
     """The steady way at a pitch, driven by a propeller where the vehicle has one.
@@ -62,6 +63,7 @@ def way(
       label, field: of the mission's segment and its key, for errors.
       pitch_deg: signed [deg]. net_mass: signed [kg], positive heavy; vehicles without a pump have
         none. speed: [m/s] through the water, None: the cruising speed; of propelled vehicles.
+      trim_share: part of the pitch that a battery beside an elevator holds, 0 to 1.
       within_travel: let what pitches the vehicle stop at its end, in place of an error.
 
     Raises:
@@ -74,7 +76,7 @@ def way(
         command[pump] = vehicle.pump_for_net_mass(net_mass)
     if vehicle.steered("speed") is not None:
         speed = vehicle.cruise_speed if speed is None else speed
-        return _driven(vehicle, label, field, pitch, speed, command, within_travel)
+        return _driven(vehicle, label, field, pitch, speed, command, within_travel, trim_share)
     if pump is None:
         raise MissionError(
             f"{label}: vehicle {vehicle.name!r} has neither a pump nor a propeller: nothing "
@@ -129,12 +131,13 @@ def _driven(
     speed: float,
     command: Array,
     within_travel: bool,
+    trim_share: float = 0.0,
 ) -> Way:
     """The steady way under the propeller; pitch [rad], None: level."""
     pitching, trimming = vehicle.steered("pitch"), vehicle.steered("trim")
     if pitch is not None and trimming is not None:
         place = vehicle.part_names.index(trimming.name)
-        shift = standing_shift(vehicle, trimming, pitch)
+        shift = trim_share * standing_shift(vehicle, trimming, pitch)
         command[place] = min(max(shift, trimming.low), trimming.high)
     try:
         flight = steady_flight(vehicle, pitch, speed, command)
@@ -186,6 +189,7 @@ def reject_missing(vehicle: Vehicle, label: str, segment: Any) -> None:
             ("speed_m_s", vehicle.steered("speed") is not None, "propeller"),
             ("rotation_deg", vehicle.steered("heading") is not None, "part that turns it"),
             ("shift_m", slides, "battery slide"),
+            ("trim_share", vehicle.steered("trim") is not None, "battery beside an elevator"),
         ):
             if field.name.endswith(ending) and not there:
                 value = getattr(segment, field.name)

@@ -16,7 +16,7 @@ STEERING = {
     "heading": "what turns it: a battery hinge or a rudder",
     "buoyancy": "what makes it heavy or light: a pump",
     "speed": "what drives it: a propeller",
-    "trim": "what trims its pitch slowly: a battery slide beside an elevator",
+    "trim": "what pitches it without speed: a battery slide beside an elevator",
 }
 
 

@@ -90,7 +90,7 @@ class Vehicle:
     heading_pid: tuple[float, float, float]
     """Position of the turning part per heading error: gain, over s, times s; per rad."""
     trim_pid: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Position of a battery beside an elevator per pitch error: gain, over s, times s; per rad."""
+    """Position of a battery beside an elevator per pitch error in a hover, likewise."""
     depth_pid: tuple[float, float, float] | None = None
     """Pitch, nose down [rad], per depth error on level ways [m]: gain, over s, times s; None: the
     file has none"""

@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
+import netCDF4
 import numpy as np
 import pytest
 from logs import (
@@ -28,6 +29,8 @@ from logs import (
 )
 
 from factory.importing import IMPORTERS, Importer, import_logs, sniff
+from factory.importing.reading.columns import column_names
+from factory.importing.reading.netcdf import holds_arrays
 from twin.errors import InputError
 from twin.records.schema import VARIABLES
 from twin.records.store import open_store
@@ -94,6 +97,39 @@ def test_logs_come_back_dive_by_dive(kind: str, layout: int, tmp_path: Path) -> 
             moved = FLIGHT.displacement(start, start + float(dataset["dive_duration"][dive]))
             assert float(dataset["displacement_north"][dive]) == pytest.approx(moved[0], abs=3.0)
             assert float(dataset["displacement_east"][dive]) == pytest.approx(moved[1], abs=3.0)
+
+
+def names_in(path: Path) -> set[str]:
+    """Every name of a file, found without the importers."""
+    if path.suffix == ".dbd":
+        lines = path.with_name("0badcafe.cac").read_text().splitlines()
+        return {line.split()[5] for line in lines}
+    if not holds_arrays(path):
+        return set(column_names(path))
+
+    def inside(group: netCDF4.Group) -> set[str]:
+        found: set[str] = set()
+        for name, one in group.groups.items():
+            found |= {name} if {"time", "value"} <= set(one.variables) else inside(one)
+        return found | (set(group.variables) if not group.parent or not found else set())
+
+    with netCDF4.Dataset(path) as file:
+        return inside(file)
+
+
+@pytest.mark.parametrize(("kind", "layout"), LAYOUTS)
+def test_each_name_of_a_file_is_accounted_for_once(kind: str, layout: int, tmp_path: Path) -> None:
+    paths = write(kind, layout, tmp_path / "logs")
+    _, report = import_logs(kind, paths, variation_deg=FLIGHT.variation)
+    named = [
+        name for states in report.names.values() for names in states.values() for name in names
+    ]
+    for states in report.names.values():
+        every = [name for names in states.values() for name in names]
+        assert len(every) == len(set(every))
+    wanted = set().union(*(names_in(path) for path in paths if path.suffix != ".cac"))
+    assert wanted <= set(named), f"not told of: {sorted(wanted - set(named))}"
+    assert set(named) <= wanted, f"invented: {sorted(set(named) - wanted)}"
 
 
 @pytest.mark.parametrize(("kind", "layout"), LAYOUTS)
