@@ -123,6 +123,7 @@ class Evaluate(JsonOption):
                 title=f"{run.name} on {self.store.name}",
                 lead=f"{found.figures['missions']} missions ({self.split}) of {self.store}",
                 test=found,
+                labels=run.label_sentences(),
                 error_model=run.error_model(),
                 provenance=provenance(run),
                 command=shlex.join(["learn", *sys.argv[1:]]),

@@ -10,8 +10,9 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d, median_filter
+from scipy.ndimage import gaussian_filter1d
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -35,25 +36,25 @@ REACH = 4.0
 def outliers(values: Array, valid: Mask, *, causal: bool = False) -> Mask:
     """Valid samples farther from the running median than three scaled median deviations (Hampel).
 
+    A window is of valid samples: those beside a gap are judged together with those beyond it.
+
     Args:
       values: [m/s], (time,).
-      valid: where there is a measurement, (time,). Gaps are bridged by straight lines for the
-        medians, or by the last value when `causal`; before the first value they have that one.
+      valid: where there is a measurement, (time,).
       causal: windows end at the sample instead of being centred on it.
     """
+    found = np.zeros(len(values), bool)
     if not valid.any():
-        return np.zeros(len(values), bool)
-    index = np.arange(len(values))
-    if causal:
-        last = np.maximum.accumulate(np.where(valid, index, -1))
-        filled = values[np.where(last >= 0, last, index[valid][0])]
-    else:
-        filled = np.interp(index, index[valid], values[valid])
-    origin = HAMPEL_SAMPLES // 2 if causal else 0
-    middle = median_filter(filled, HAMPEL_SAMPLES, mode="nearest", origin=origin)
-    off = np.abs(filled - middle)
-    spread = MAD_TO_SIGMA * median_filter(off, HAMPEL_SAMPLES, mode="nearest", origin=origin)
-    return np.asarray(valid & (off > HAMPEL_SIGMAS * np.maximum(spread, LEAST_SPREAD)))
+        return found
+    known = values[valid]
+    half = HAMPEL_SAMPLES // 2
+    around = (HAMPEL_SAMPLES - 1, 0) if causal else (half, half)
+    windows = sliding_window_view(np.pad(known, around, mode="edge"), HAMPEL_SAMPLES)
+    middle = np.median(windows, axis=1)
+    # The deviations are from this window's median: a turn, in which all of it moves, is wide.
+    spread = MAD_TO_SIGMA * np.median(np.abs(windows - middle[:, None]), axis=1)
+    found[valid] = np.abs(known - middle) > HAMPEL_SIGMAS * np.maximum(spread, LEAST_SPREAD)
+    return found
 
 
 def smoothed(values: Array, valid: Mask, period: float, kind: Smoothing = "gaussian") -> Array:

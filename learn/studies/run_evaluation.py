@@ -36,7 +36,13 @@ def evaluate_run(
             see(reference, estimates)
 
     evaluation = evaluate(
-        run.networks(), store, split=split, baselines=baselines, watch=watch, period=run.period
+        run.networks(),
+        store,
+        split=split,
+        baselines=baselines,
+        watch=watch,
+        period=run.period,
+        labels=run.labels if run.labels.source == "dvl" else None,
     )
     found = {
         "run": str(run.folder),
