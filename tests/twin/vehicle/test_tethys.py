@@ -212,9 +212,7 @@ def test_mass_and_inertia_are_those_of_the_whole_vehicle():
     mass, cg, inertia = total(MBARI)
     assert mass == pytest.approx(147.8671)
     np.testing.assert_allclose(cg, [0.0, 0.0, 0.006794], atol=1e-6)
-    np.testing.assert_allclose(
-        inertia, np.diag([3.0, 41.980233, 41.980233]), atol=1e-3
-    )
+    np.testing.assert_allclose(inertia, np.diag([3.0, 41.980233, 41.980233]), atol=1e-3)
     mass, cg, inertia = total(GAZEBO)
     assert mass == pytest.approx(147.5671 + 0.8)
     assert mass * cg[2] == pytest.approx(147.5671 * 0.007, rel=1e-4)
@@ -493,9 +491,7 @@ def test_its_range_is_mbaris():
     at = np.array([rate, 0.0, 0.0, 0.0, 500.0, 1.0])
 
     def power(vehicle):
-        return Consumption.of(vehicle).energy(
-            vehicle, at, at, depth=10.0, pitch=0.0, duration=1.0
-        )
+        return Consumption.of(vehicle).energy(vehicle, at, at, depth=10.0, pitch=0.0, duration=1.0)
 
     assert 1000.0 < 400.0 * 14.4 * 3600.0 / power(MBARI) / 1000.0 < 2000.0
     assert power(GAZEBO) == pytest.approx(28.8, abs=0.5)  # its test_battery
