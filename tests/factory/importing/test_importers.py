@@ -123,7 +123,8 @@ def names_in(path: Path) -> set[str]:
 @pytest.mark.parametrize(("kind", "layout"), LAYOUTS)
 def test_each_name_of_a_file_is_accounted_for_once(kind: str, layout: int, tmp_path: Path) -> None:
     paths = write(kind, layout, tmp_path / "logs")
-    _, report = import_logs(kind, paths, variation_deg=FLIGHT.variation)
+    mapping = tmp_path / "logs" / "mine.toml" if IMPORTERS[kind].takes_mapping else None
+    _, report = import_logs(kind, paths, variation_deg=FLIGHT.variation, mapping=mapping)
     named = [
         name for states in report.names.values() for names in states.values() for name in names
     ]
