@@ -397,8 +397,18 @@ def write_basestation(folder: Path, flight: Flight, number: int = 999) -> list[P
     return paths
 
 
-def write_dbd(folder: Path, flight: Flight, vehicle: str = "unit_1") -> list[Path]:
+def write_dbd(
+    folder: Path,
+    flight: Flight,
+    vehicle: str = "unit_1",
+    *,
+    columns: Mapping[str, Array] | None = None,
+    crc: str = "0badcafe",
+    without: Sequence[str] = (),
+) -> list[Path]:
     """A Slocum's binary flight log and its cache file: sensors in native units, GPS among them.
+
+    `columns` replaces them all, time first: a science log (.ebd).
 
     The format: 14 lines of text, the tag `s` with numbers that show the byte order, then for each
     cycle the tag `d`, two bits a sensor (0 nothing, 1 as before, 2 new) and the new values.
@@ -406,25 +416,26 @@ def write_dbd(folder: Path, flight: Flight, vehicle: str = "unit_1") -> list[Pat
     import struct
 
     gps = gps_columns(flight)
-    columns = slocum_columns(flight)
-    names = {
-        "m_present_time": columns.pop("time"),
-        **columns,
+    ending = "dbd" if columns is None else "ebd"
+    flown = slocum_columns(flight)
+    names = dict(columns) if columns is not None else {
+        "m_present_time": flown.pop("time"),
+        **flown,
         "m_gps_lat": nmea(gps["lat"]),
         "m_gps_lon": nmea(gps["lon"]),
         "m_gps_status": gps["status"],
         "m_gps_mag_var": gps["mag_var_rad"],
-    }
+    }  # fmt: skip
+    names = {name: values for name, values in names.items() if name not in without}
     size = 8
     listing = [f"s: T {k} {k} {size} {name} nodim" for k, name in enumerate(names)]
-    crc = "0badcafe"
     cache = folder / f"{crc}.cac"
     cache.write_text("\n".join(listing) + "\n")
     state_bytes = (len(names) + 3) // 4
     header = {
         "dbd_label": "DBD(dinkum_binary_data)file", "encoding_ver": 5, "num_ascii_tags": 14,
         "all_sensors": "F", "the8x3_filename": "00010000",
-        "full_filename": f"{vehicle}-2023-317-0-0", "filename_extension": "dbd",
+        "full_filename": f"{vehicle}-2023-317-0-0", "filename_extension": ending,
         "mission_name": "TEST.MI", "fileopen_time": "Tue_Nov_14_22:13:20_2023",
         "total_num_sensors": len(names), "sensors_per_cycle": len(names),
         "state_bytes_per_cycle": state_bytes, "sensor_list_crc": crc, "sensor_list_factored": 1,
@@ -432,7 +443,7 @@ def write_dbd(folder: Path, flight: Flight, vehicle: str = "unit_1") -> list[Pat
     data = bytearray("".join(f"{k}: {v}\n" for k, v in header.items()).encode())
     data += b"sa" + struct.pack("<hfd", 0x1234, 123.456, 123456789.12345)
     at_surface = {time: row for row, time in enumerate(gps["time"])}
-    for row, time in enumerate(names["m_present_time"]):
+    for row, time in enumerate(next(iter(names.values()))):
         fix = at_surface.get(time)
         values = [
             None if (name.startswith("m_gps") and fix is None) else
@@ -444,9 +455,20 @@ def write_dbd(folder: Path, flight: Flight, vehicle: str = "unit_1") -> list[Pat
             if value is not None:
                 states[k // 4] |= 2 << (6 - 2 * (k % 4))
         data += b"d" + states + b"".join(struct.pack("<d", v) for v in values if v is not None)
-    path = folder / f"{vehicle}-2023-317-0-0.dbd"
+    path = folder / f"{vehicle}-2023-317-0-0.{ending}"
     path.write_bytes(bytes(data) + b"X")
     return [path, cache]
+
+
+def pack(content: bytes, block: int = 32 * 1024) -> bytes:
+    """A Slocum's compressed file: blocks of lz4 behind their lengths, big-endian."""
+    import lz4.block
+
+    packed = bytearray()
+    for start in range(0, len(content), block):
+        piece = lz4.block.compress(content[start : start + block], store_size=False)
+        packed += len(piece).to_bytes(2, "big") + piece
+    return bytes(packed)
 
 
 def example(page: str, name: str) -> str:

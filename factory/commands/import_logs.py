@@ -50,12 +50,16 @@ class ImportLogs(JsonOption):
             "shipped one by name",
         ),
     ] = None
+    payload: tuple[str, ...] = ()
+    """NAME=COLUMN or NAME=COLUMN[UNITS]: a column that becomes the signal measured_NAME, beside
+    those of oxygen, chlorophyll ... whose names are known"""
     overwrite: bool = False
     """replace an existing store"""
 
     def run(self, console: Console) -> int:
         """Import, store and report."""
         from factory.importing.import_run import import_logs
+        from factory.importing.reading.each_file import UNREADABLE
         from factory.importing.repairs.dive_rules import DiveRules
         from twin.errors import InputError
         from twin.records.store import prepare_target, write_store
@@ -72,11 +76,14 @@ class ImportLogs(JsonOption):
             variation_deg=self.variation_deg,
             cache=self.cache,
             mapping=self.mapping,
+            payload=self.payload,
         )
         write_store(dataset, self.out, overwrite=self.overwrite)
         for entry in report.entries:
             if entry.action == "suspect":
                 console.warn(f"{entry.subject}: {entry.detail}")
+            elif entry.subject == UNREADABLE:
+                console.warn(f"left out: {entry.detail}")
         console.table(report.table(), title="what was done to the logs")
         console.pairs(
             {

@@ -8,6 +8,7 @@ from pathlib import Path
 from factory.importing.formats.base import ARRAYS, TABLES, Importer, WrongFormat
 from factory.importing.formats.registry import likely_kind, sniff
 from factory.importing.reading.columns import column_names
+from factory.importing.reading.each_file import each_file
 from factory.importing.reading.netcdf import holds_arrays, variable_names
 from factory.importing.reading.tally import Tally, summarise
 from twin.errors import InputError
@@ -16,31 +17,45 @@ from twin.errors import InputError
 def expand(importer: Importer, paths: Sequence[Path], tally: Tally) -> list[Path]:
     """The files named, and those of the kind in the folders named (not in folders below).
 
-    A file that is named twice is read once, counted.
+    A file that is named twice is read once, counted. What cannot be read, and what is another
+    kind's in a folder, is left out and told.
 
     Raises:
-      InputError: no such file, a folder without any, an unreadable or empty file.
-      WrongFormat: a file of another kind, by the names in it.
+      InputError: no such file, a folder without any, no file that can be read.
+      WrongFormat: a file of another kind that is named itself, by the names in it; or nothing else.
     """
     files: list[Path] = []
+    named: set[Path] = set()
     for path in paths:
         if path.is_dir():
             files += _inside(importer, path, tally)
         elif path.exists():
             files.append(path)
+            named.add(path)
         else:
             raise InputError(f"no file {path}")
     unique = list({path.resolve(): path for path in files}.values())
     tally.add("left out", "files", len(files) - len(unique), "named twice")
-    for path in unique:
-        if path.stat().st_size == 0:
-            raise InputError(f"{path} is empty")
-        _check_contents(importer, path)
     if not unique:
         raise InputError(
             f"no files to import; name {importer.name} logs or a folder that holds them"
         )
-    return unique
+
+    def check(path: Path) -> None:
+        if path.stat().st_size == 0:
+            raise InputError(f"{path} is empty")
+        try:
+            _check_contents(importer, path)
+        except WrongFormat:
+            if path in named:
+                wrong.append(path)
+            raise
+
+    wrong: list[Path] = []
+    usable = [path for path, _ in each_file(unique, check, tally)]
+    if wrong:
+        _check_contents(importer, wrong[0])
+    return usable
 
 
 def _inside(importer: Importer, folder: Path, tally: Tally) -> list[Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ from factory.importing.formats.base import (
     WrongFormat,
 )
 from factory.importing.formats.registry import IMPORTERS, likely_kind
+from factory.importing.reading.payload import parse_payload
 from factory.importing.reading.tally import ImportReport, Tally
 from factory.importing.repairs.dive_rules import DiveRules
 from twin.errors import InputError
@@ -35,6 +37,7 @@ def import_logs(
     variation_deg: float | None = None,
     cache: Path | None = None,
     mapping: Path | str | None = None,
+    payload: Sequence[str] = (),
 ) -> tuple[xr.Dataset, ImportReport]:
     """Read logs, cut them into dives, and put these on one time grid.
 
@@ -46,6 +49,8 @@ def import_logs(
       variation_deg: [degree] magnetic variation, east positive, instead of the log's own.
       cache: folder of a Slocum's cache files [default: beside the logs].
       mapping: what the columns of csv tables are: a file, or the name of a shipped one.
+      payload: NAME=COLUMN or NAME=COLUMN[UNITS]: columns that become the signals `measured_NAME`,
+        beside those that are known (`factory.importing.reading.payload`).
 
     Raises:
       InputError: a file cannot be used; the message names it and says why.
@@ -64,10 +69,17 @@ def import_logs(
     tally = Tally()
     try:
         paths = expand(importer, [Path(f) for f in files], tally)
-        options = ReadOptions(variation_deg=variation_deg, cache=cache, mapping=mapping)
+        options = ReadOptions(
+            variation_deg=variation_deg,
+            cache=cache,
+            mapping=mapping,
+            payload=parse_payload(payload),
+        )
         logs = _read(importer, paths, options, tally)
     except WrongFormat as error:
         raise _explained(error, importer) from error
+    _expect_mapped(options, tally)
+    read = {name for log in logs for name in log.files}
     own = [log.period for log in logs if log.period is not None]
     return build(
         logs,
@@ -75,7 +87,7 @@ def import_logs(
         period=period or min(own, default=importer.period),
         rules=rules or DiveRules(),
         tally=tally,
-        files=[path.name for path in paths],
+        files=[path.name for path in paths if path.name in read] or [p.name for p in paths],
         held=importer.held,
         lacks=importer.lacks,
     )
@@ -93,6 +105,18 @@ def _read(
             f"these {importer.name} logs need the package {error.name}, which is not installed: "
             f'pip install "glider-twin[{importer.extra}]"'
         ) from error
+
+
+def _expect_mapped(options: ReadOptions, tally: Tally) -> None:
+    """Refuse a mapped column that no file has."""
+    names = [name for states in tally.names.values() for name in states]
+    for one in options.payload:
+        if not set(one.sources) & set(names):
+            near = difflib.get_close_matches(one.sources[0], names, n=3)
+            raise InputError(
+                f"payload {one.signal}: no file has the column {one.sources[0]!r}"
+                + (f"; is it {', '.join(near)}?" if near else "")
+            )
 
 
 def _explained(error: WrongFormat, importer: Importer) -> InputError:

@@ -33,6 +33,8 @@ TABLE: tuple[Quantity, ...] = (
     Quantity("m", "shift", (-1.0, 1.0)),
     # a quarter of the way round the Earth; 1000 km in one simulated mission
     Quantity("m", "", (-1e7, 1e7), (-1e6, 1e6)),
+    # a year
+    Quantity("s", "", (-3.2e7, 3.2e7)),
     # no glider swims 5 m/s; a Doppler log's single ping may say so
     Quantity("m s-1", "", (-10.0, 10.0), (-5.0, 5.0)),
     # small gyroscopes end at 2000 degree/s

@@ -223,6 +223,23 @@ _TABLE: tuple[Variable, ...] = (
         "1",
         "1 where no original sample of attitude or depth is near and values are interpolated",
     ),
+    Variable(
+        "measured_current_north",
+        "m s-1",
+        "current that the vehicle reckons with, northward; NaN before it has one",
+        "northward_sea_water_velocity",
+        gaps=True,
+    ),
+    Variable(
+        "measured_current_east",
+        "m s-1",
+        "current that the vehicle reckons with, eastward; NaN before it has one",
+        "eastward_sea_water_velocity",
+        gaps=True,
+    ),
+    Variable("measured_depth_time", "s", "time of the nearest original sample of depth"),
+    Variable("measured_attitude_time", "s", "time of the nearest original sample of attitude"),
+    Variable("measured_ctd_time", "s", "time of the nearest original sample of the CTD"),
     Variable("commanded_shift", "m", "commanded battery position"),
     Variable("commanded_rotation", "degree", "commanded battery rotation"),
     Variable("commanded_pump", "cm3", "commanded pumped volume"),
@@ -233,12 +250,30 @@ _TABLE: tuple[Variable, ...] = (
         "commanded_heading", "degree", "heading setpoint; NaN where the segment has none", gaps=True
     ),
     Variable("commanded_segment", "1", "index of the mission segment being flown"),
+    Variable(
+        "commanded_waypoint_north", "m", "waypoint, north of the start; NaN without", gaps=True
+    ),
+    Variable("commanded_waypoint_east", "m", "waypoint, east of the start; NaN without", gaps=True),
 )
 
 VARIABLES: dict[str, Variable] = {variable.name: variable for variable in _TABLE}
 """Every variable by name, in storage order."""
 
-LOGGED_ONLY = frozenset({"true_speed", "measured_fin", "measured_phase", "measured_gap"})
+LOGGED_ONLY = frozenset(
+    {
+        "true_speed",
+        "measured_fin",
+        "measured_phase",
+        "measured_gap",
+        "measured_current_north",
+        "measured_current_east",
+        "measured_depth_time",
+        "measured_attitude_time",
+        "measured_ctd_time",
+        "commanded_waypoint_north",
+        "commanded_waypoint_east",
+    }
+)
 """Variables that only stores of real logs hold; the twin does not simulate them."""
 
 HYDROGRAPHY = frozenset(

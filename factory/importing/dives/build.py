@@ -19,7 +19,7 @@ from factory.importing.dives.resample import grid, on_grid
 from factory.importing.dives.segments import Segment, cut
 from factory.importing.reading.deployment_log import Channel, DeploymentLog
 from factory.importing.reading.tally import ImportReport, Tally, summarise
-from factory.importing.reading.unread_names import likely_replacements, tell_unread
+from factory.importing.reading.unread_names import likely_replacements, tell_unread, unread
 from factory.importing.repairs.dive_rules import DiveRules
 from factory.importing.repairs.plausibility import check_signs
 from factory.importing.repairs.seawater import depth_of, pressure_of
@@ -121,7 +121,7 @@ def build(
             )  # fmt: skip
             rows.append(DiveRow(log=log, segment=segment, signals=signals, numbers=numbers))
     tell_unread(tally)
-    instead = likely_replacements(tuple(lacking), tally.unread)
+    instead = likely_replacements(tuple(lacking), unread(tally))
     by_depth = any(log.pieces is None for log in logs)
     for name, deployments in lacking.items():
         split = " (rows are split by depth)" if name == "GPS fixes" and by_depth else ""
@@ -160,6 +160,7 @@ def build(
         period=period,
         channels=names,
         entries=tally.entries(),
+        names=tally.named(),
     )
     stamp = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     attributes = {

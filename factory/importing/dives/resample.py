@@ -11,6 +11,7 @@ from factory.importing.reading.tally import Tally
 from factory.importing.repairs.dive_rules import DiveRules
 from factory.importing.repairs.gps_fixes import nearest
 from twin.geodesy import offset
+from twin.records.schema import VARIABLES
 
 Array = NDArray[np.float64]
 
@@ -21,6 +22,8 @@ HELD = frozenset(
      "commanded_heading", "commanded_segment", "measured_dvl_mode"}
 )  # fmt: skip
 """Set at once and kept: the last value holds."""
+KNOWN_FROM = frozenset({"measured_current_north", "measured_current_east"})
+"""The last value holds; unknown before the first."""
 SPARSE = frozenset(
     {"true_speed", "true_surge", "true_sway", "true_heave", "true_current_north",
      "true_current_east", "true_current_down", "measured_dvl_surge", "measured_dvl_sway",
@@ -28,7 +31,7 @@ SPARSE = frozenset(
 )  # fmt: skip
 """Only where an original sample lies within half a period: the nearest one."""
 WATER = frozenset({"measured_temperature", "measured_salinity", "measured_density"})
-"""Interpolated over short gaps of the CTD alone."""
+"""Interpolated near samples of the CTD alone; a payload within short holes alone."""
 WATER_GAP = 120.0
 """[s] A glider crosses less than 25 m in it."""
 _GAP_FACTOR = 3.0
@@ -59,9 +62,11 @@ def on_grid(
     """
     signals: dict[str, Array] = {}
     for name, channel in log.channels.items():
-        if name in HELD:
+        if name in HELD | KNOWN_FROM:
             if channel.time[0] <= times[-1]:
                 signals[name] = _hold(channel, times)
+                if name in KNOWN_FROM:
+                    signals[name][times < channel.time[0]] = np.nan
             continue
         # the samples just outside belong to the row's ends, those of other dives do not
         margin = max(period, _GAP_FACTOR * channel.spacing if len(channel) > 1 else 0.0)
@@ -79,6 +84,8 @@ def on_grid(
             values = near.at(times)
             if name in WATER:
                 values = np.where(_distance(near, times) <= WATER_GAP, values, np.nan)
+            elif name in VARIABLES and VARIABLES[name].gaps:
+                values = np.where(_bridged(near, times), values, np.nan)
         if np.isfinite(values).any():
             signals[name] = values
     for name in ("true_north", "true_east"):
@@ -96,6 +103,8 @@ def on_grid(
             period,
         )
     _put_fixes(log, segment, times, period, signals)
+    _put_waypoint(log, segment, times, signals)
+    _put_times(log, times, signals)
     _put_onboard(log, segment, times, signals)
     _put_truth(log, times, signals)
     return signals
@@ -120,14 +129,57 @@ def _hold(channel: Channel, times: Array) -> Array:
 
 
 def _gaps(log: DeploymentLog, times: Array, period: float) -> NDArray[np.bool_]:
-    """True where attitude or depth has no original sample near."""
+    """True where attitude or depth has no original sample near.
+
+    Near is half of what `_GAP_FACTOR` usual spacings are, and usual is what the vehicle does at
+    that time: one that samples every minute at depth has no gap there.
+    """
     gap = np.zeros(len(times), bool)
     for names in (("measured_pitch",), ("measured_depth", "measured_pressure")):
         channel = next((c for n in names if len(c := log.channel(n))), None)
         if channel is not None:
-            reach = max(0.5 * _GAP_FACTOR * channel.spacing, period)
-            gap |= _distance(channel, times) > reach
+            margin = _LONGEST_REGULAR * _AROUND
+            near = channel.within(times[0] - margin, times[-1] + margin)
+            if not len(near):
+                gap[:] = True
+                continue
+            usual = np.clip(_usual_spacing(near, times), channel.spacing, _LONGEST_REGULAR)
+            reach = np.maximum(0.5 * _GAP_FACTOR * np.nan_to_num(usual), period)
+            gap |= _distance(near, times) > reach
     return gap
+
+
+def _bridged(channel: Channel, times: Array) -> NDArray[np.bool_]:
+    """Whether a time lies between samples that are near enough to be joined by a line."""
+    if len(channel) < 2:
+        return _distance(channel, times) <= WATER_GAP
+    at = np.searchsorted(channel.time, times, side="right")
+    outside = (at == 0) | (at == len(channel))
+    left = np.clip(at - 1, 0, len(channel) - 2)
+    hole = channel.time[left + 1] - channel.time[left]
+    longest = np.maximum(WATER_GAP, _GAP_FACTOR * _usual_spacing(channel, times))
+    distance = _distance(channel, times)
+    return np.where(outside, distance <= WATER_GAP, (hole <= longest) | (distance < _AT_SAMPLE))
+
+
+_AT_SAMPLE = 1e-3
+"""[s] So near to a sample the value is the sample's own."""
+_AROUND = 9
+"""Spacings of which the median is the usual one."""
+_LONGEST_REGULAR = 300.0
+"""[s] A vehicle that samples more rarely is not followed through its turns."""
+
+
+def _usual_spacing(channel: Channel, times: Array) -> Array:
+    """[s] Median of the spacings around each time."""
+    if len(channel) < 3:
+        return np.full(len(times), channel.spacing)
+    spacing = np.diff(channel.time)
+    half = _AROUND // 2
+    padded = np.pad(spacing, half, mode="reflect" if len(spacing) > half else "edge")
+    usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, _AROUND), axis=1)
+    at = np.clip(np.searchsorted(channel.time, times, side="right") - 1, 0, len(spacing) - 1)
+    return np.asarray(usual[at])
 
 
 def _fill_density(signals: dict[str, Array], tally: Tally) -> None:
@@ -180,6 +232,36 @@ def _onboard_at(log: DeploymentLog, time: float) -> tuple[float, float] | None:
         return None
     at = np.array([time])
     return float(latitude.at(at)[0]), float(longitude.at(at)[0])
+
+
+def _put_waypoint(
+    log: DeploymentLog, segment: Segment, times: Array, signals: dict[str, Array]
+) -> None:
+    """The waypoint [m] from the row's start, held; NaN before the first one."""
+    latitude, longitude = log.channel("waypoint_latitude"), log.channel("waypoint_longitude")
+    origin = segment.start_fix or segment.end_fix
+    if origin is None or not len(latitude) or latitude.time[0] > times[-1]:
+        return
+    values = offset(_hold(latitude, times), _hold(longitude, times), *origin)
+    before = times < latitude.time[0]
+    for axis, one in zip(("north", "east"), values, strict=True):
+        signals[f"commanded_waypoint_{axis}"] = np.where(before, np.nan, one)
+
+
+_ORIGINALS = {
+    "measured_depth_time": ("measured_pressure", "measured_depth"),
+    "measured_attitude_time": ("measured_pitch", "measured_heading"),
+    "measured_ctd_time": ("measured_temperature",),
+}
+"""Raw times beside the grid, and the channels that they are of: the first that the log has."""
+
+
+def _put_times(log: DeploymentLog, times: Array, signals: dict[str, Array]) -> None:
+    """Times [s] from the row's start of the original samples nearest to those of the grid."""
+    for name, sources in _ORIGINALS.items():
+        channel = next((c for n in sources if len(c := log.channel(n))), None)
+        if channel is not None:
+            signals[name] = nearest(channel.time, times) - times[0]
 
 
 def _put_onboard(

@@ -12,6 +12,7 @@ from twin.errors import InputError
 
 if TYPE_CHECKING:
     from factory.importing.reading.deployment_log import DeploymentLog
+    from factory.importing.reading.payload import PayloadSignal
     from factory.importing.reading.tally import Tally
 
 TABLES = frozenset({".csv", ".gz", ".parquet", ".txt"})
@@ -33,6 +34,8 @@ class ReadOptions:
     mapping: Path | str | None = None
     """What the columns are, as a file or by a shipped name; only for importers with
     `takes_mapping`."""
+    payload: tuple[PayloadSignal, ...] = ()
+    """Columns that the user maps to signals of the payload."""
 
 
 Reader = Callable[[Sequence[Path], ReadOptions, "Tally"], "list[DeploymentLog]"]

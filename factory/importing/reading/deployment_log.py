@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,16 @@ class Channel:
 EMPTY = Channel(np.zeros(0), np.zeros(0))
 
 
+def joined(pieces: Sequence[Channel]) -> Channel:
+    """Pieces of one channel in time order, repeated times once."""
+    if not pieces:
+        return EMPTY
+    time = np.concatenate([piece.time for piece in pieces])
+    values = np.concatenate([piece.values for piece in pieces])
+    unique, first = np.unique(time, return_index=True)
+    return Channel(unique, values[first])
+
+
 @dataclasses.dataclass(frozen=True)
 class Fixes:
     """GPS fixes in time order."""
@@ -78,7 +88,8 @@ class DeploymentLog:
     `channels` are keyed by schema names (`measured_pitch` in degree ...). `auxiliary` holds what
     rows are made from and a store does not keep as it is: `dive` (number), `latitude`/`longitude`
     (on-board track, degree), `onboard_north`/`onboard_east` (m, any origin), `dac_north`/`dac_east`
-    (what the vehicle reported, m/s, at the time it became known), `velocity_north/_east/_down`
+    (what the vehicle reported, m/s, at the time it became known), `waypoint_latitude`/`_longitude`
+    (where it was sent, degree), `velocity_north/_east/_down`
     (truth through the water, m/s), `thruster` (1 = on), `afloat` (times at which the vehicle says
     that it is at the surface).
     """

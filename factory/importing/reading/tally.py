@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+
+READ, LEFT_OUT, NOT_READ, EMPTY = "read", "left out", "not read", "missing"
+"""What became of a name in a file: used; known and not used; unknown; known, without a value."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,14 +31,25 @@ class Tally:
 
     def __init__(self) -> None:
         self._counts: dict[tuple[str, str, str], int] = {}
-        self.unread: dict[str, list[str]] = {}
-        """Names that files hold and nobody reads, by kind of file (`unread_names.tell_unread`)."""
+        self.names: dict[str, dict[str, str]] = {}
+        """What became of each name in the files, by kind of file (`unread_names`)."""
 
     def add(self, action: str, subject: str, count: int = 1, detail: str = "") -> None:
         """Count something; nothing is recorded for a count of 0."""
         if count:
             key = (action, subject, detail)
             self._counts[key] = self._counts.get(key, 0) + int(count)
+
+    def named(self) -> dict[str, dict[str, tuple[str, ...]]]:
+        """Every name in the files by kind of file and by what became of it."""
+        return {
+            kind: {
+                state: found
+                for state in (READ, LEFT_OUT, NOT_READ, EMPTY)
+                if (found := tuple(sorted(n for n, is_ in states.items() if is_ == state)))
+            }
+            for kind, states in self.names.items()
+        }
 
     def entries(self) -> tuple[Entry, ...]:
         """Everything counted so far."""
@@ -67,6 +81,8 @@ class ImportReport:
     channels: tuple[str, ...]
     """Schema variables that the store holds."""
     entries: tuple[Entry, ...]
+    names: Mapping[str, Mapping[str, tuple[str, ...]]] = dataclasses.field(default_factory=dict)
+    """Every name in the files: by kind of file, those read, left out, not read and missing."""
 
     def count(self, action: str, subject: str | None = None) -> int:
         """Sum over the entries of an action, of one subject or of all."""

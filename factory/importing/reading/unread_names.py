@@ -1,14 +1,14 @@
-"""Columns and variables that files hold and the import does not read, named in the report."""
+"""Names that files hold: each one is read, left out, without a value, or not read, and told so."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
 
-from factory.importing.reading.tally import Tally, summarise
+from factory.importing.reading.tally import EMPTY, LEFT_OUT, NOT_READ, READ, Tally, summarise
 
 _NAMED = 12
-"""Names that one line shows."""
+"""Names that one line shows; the report's `names` holds all of them."""
 _ALIKE = 0.6
 """Similarity (difflib) from which a name may stand for another."""
 _WORDS = {
@@ -20,22 +20,57 @@ _WORDS = {
 
 
 def note_unread(kind: str, present: Iterable[str], read: Iterable[str], tally: Tally) -> None:
-    """Remember the names that are there and not read.
+    """Remember every name that is there, and which of them the reader looks for.
 
     Args:
-      kind: what the line calls the file, such as "flight table".
+      kind: what the report calls the file, such as "flight table".
       present: every name in a file of that kind.
-      read: the names that the reader looks for.
+      read: the names that the reader looks for. One that it finds and does not use is told by
+        `leave_out` or `note_empty`.
     """
     known = set(read)
-    names = tally.unread.setdefault(kind, [])
-    names.extend(n for n in dict.fromkeys(present) if n not in known and n not in names)
+    states = tally.names.setdefault(kind, {})
+    for name in present:
+        states.setdefault(name, READ if name in known else NOT_READ)
+
+
+def leave_out(names: Iterable[str], why: str, tally: Tally, *, samples: int = 1) -> None:
+    """Names that the reader knows and does not use, because of another one in the same file."""
+    for name in names:
+        for states in tally.names.values():
+            if name in states:
+                states[name] = LEFT_OUT
+        tally.add("left out", name, samples, why)
+
+
+def note_empty(kind: str, names: Iterable[str], tally: Tally) -> None:
+    """Names that the reader looks for and that hold no value in a file of that kind.
+
+    A name that has values in another file of the kind is read: call this when all are read.
+    """
+    states = tally.names.get(kind, {})
+    for name in names:
+        if states.get(name) == READ:
+            states[name] = EMPTY
 
 
 def tell_unread(tally: Tally) -> None:
-    """One counted line for each kind of file."""
-    for kind, names in tally.unread.items():
-        tally.add("not read", kind, len(names), summarise(sorted(names), _NAMED))
+    """One counted line for each kind of file and each of: not read, without a value."""
+    for kind, states in tally.names.items():
+        for state, action in ((NOT_READ, "not read"), (EMPTY, "missing")):
+            names = sorted(name for name, is_ in states.items() if is_ == state)
+            why = summarise(names, _NAMED)
+            if state == EMPTY and names:
+                why = f"named in the file, without a value: {why}"
+            tally.add(action, kind, len(names), why)
+
+
+def unread(tally: Tally) -> dict[str, list[str]]:
+    """The names that nobody reads, by kind of file."""
+    return {
+        kind: [name for name, state in states.items() if state == NOT_READ]
+        for kind, states in tally.names.items()
+    }
 
 
 def likely_replacements(

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from logs import (
     SHARED,
+    START,
     Flight,
     write_csv,
     write_mat,
@@ -130,14 +131,65 @@ def test_og1_files_of_our_own_come_back_sample_for_sample(
     assert checked == dataset.sizes["mission"] > 0
 
 
-def test_og1_magnetic_headings_need_the_variation(tmp_path: Path) -> None:
+def test_og1_magnetic_headings_take_the_field_of_their_place_and_date(tmp_path: Path) -> None:
     path = write_og1(tmp_path / "magnetic.nc", FLIGHT)
-    with pytest.raises(InputError, match="HEADING is magnetic"):
-        import_logs("og1", [path])
     dataset, report = import_logs("og1", [path], variation_deg=FLIGHT.variation)
     assert report.rows == report.rows_with_fixes == FLIGHT.dives
     assert np.nanmedian(dataset["measured_heading"]) == pytest.approx(FLIGHT.heading, abs=1e-3)
     assert np.nanmax(dataset["measured_pitch"]) == pytest.approx(FLIGHT.pitch, abs=1e-3)
+    dataset, report = import_logs("og1", [path])
+    magnetic = FLIGHT.heading - FLIGHT.variation
+    assert np.nanmedian(dataset["measured_heading"]) == pytest.approx(magnetic - 18.05, abs=0.1)
+    assert dataset["magnetic_variation"].values == pytest.approx(-18.05, abs=0.1)
+    assert [e.detail for e in report.entries if e.subject == "magnetic variation"] == [
+        "magnetic: the log has none; -18.05 degree by IGRF-14 at its place and date"
+    ]
+    import netCDF4
+
+    with netCDF4.Dataset(path, "a") as file:
+        file["LATITUDE_GPS"][:] = np.nan
+    with pytest.raises(InputError, match=r"HEADING is magnetic .*no position is there"):
+        import_logs("og1", [path])
+
+
+def test_og1_fixes_stand_at_the_measurements_where_they_have_no_time_of_their_own(
+    tmp_path: Path,
+) -> None:
+    """As converters of Seaglider files write it: integer nanoseconds since an odd moment."""
+    import netCDF4
+
+    right, _ = import_logs(
+        "og1", [write_og1(tmp_path / "a.nc", FLIGHT)], variation_deg=FLIGHT.variation
+    )
+    time, state = FLIGHT.time, FLIGHT.state(FLIGHT.time)
+    under = state["under"] > 0
+    latitude, longitude = FLIGHT.position(time)
+    moment = "2023-11-14 22:13:18.193000192"
+    since = np.round((time - START + 1.806999808) * 1e9).astype(np.int64)
+    path = tmp_path / "sg999_20231114T221318_delayed.nc"
+    with netCDF4.Dataset(path, "w") as file:
+        file.createDimension("N_MEASUREMENTS", len(time))
+        file.createVariable("TIME", "i8", ("N_MEASUREMENTS",))[:] = since
+        file["TIME"].units = f"nanoseconds since {moment}"
+        for name, values in (
+            ("DEPTH", state["depth"]), ("PITCH", state["pitch"]), ("HEADING", state["heading"]),
+            ("LATITUDE_GPS", np.where(under, np.nan, latitude)),
+            ("LONGITUDE_GPS", np.where(under, np.nan, longitude)),
+            ("TEMP_QC", np.ones(len(time))), ("divenum", state["dive"] + 7),
+            ("DAVG_CURR_NORTH", np.full(len(time), FLIGHT.north)),
+            ("DAVG_CURR_EAST", np.full(len(time), FLIGHT.east)),
+        ):  # fmt: skip
+            file.createVariable(name, "f8", ("N_MEASUREMENTS",))[:] = values
+        file.id = "sg999_20231114T221318"
+    dataset, report = import_logs("og1", [path])
+    assert report.rows == report.rows_with_fixes == FLIGHT.dives
+    assert dataset["dive"].values.tolist() == [7, 8, 9]
+    assert dataset["start_time"].values == pytest.approx(right["start_time"].values, abs=1e-3)
+    for name in ("displacement_north", "displacement_east", "measured_depth"):
+        assert np.allclose(dataset[name], right[name], atol=0.01, equal_nan=True), name
+    assert dataset["vehicle_dac_north"].values == pytest.approx(FLIGHT.north)
+    assert dataset["vehicle_dac_east"].values == pytest.approx(FLIGHT.east)
+    assert "TEMP_QC" in report.names["OG1 file"]["not read"]
 
 
 @pytest.mark.parametrize(

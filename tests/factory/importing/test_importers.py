@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
+import netCDF4
 import numpy as np
 import pytest
 from logs import (
@@ -29,6 +30,8 @@ from logs import (
 )
 
 from factory.importing import IMPORTERS, Importer, import_logs, sniff
+from factory.importing.reading.columns import column_names
+from factory.importing.reading.netcdf import holds_arrays
 from twin.errors import InputError
 from twin.records.schema import VARIABLES
 from twin.records.store import open_store
@@ -61,6 +64,11 @@ def write(kind: str, layout: int, folder: Path) -> list[Path]:
     return WRITERS[kind][layout](folder, FLIGHT)
 
 
+def mapping(kind: str, folder: Path) -> Path | None:
+    """What the columns of a kind's tables are, where its names do not say."""
+    return folder / "mine.toml" if IMPORTERS[kind].takes_mapping else None
+
+
 def test_every_importer_has_logs_that_these_tests_write() -> None:
     assert set(WRITERS) == set(IMPORTERS.names())
 
@@ -76,8 +84,8 @@ def test_logs_come_back_dive_by_dive(kind: str, layout: int, tmp_path: Path) -> 
     paths = write(kind, layout, tmp_path / "logs")
     assert all(importer.accepts(path) for path in paths)
     given = None if (kind, layout) != ("og1", 0) else FLIGHT.variation  # that file has none
-    mapping = tmp_path / "logs" / "mine.toml" if importer.takes_mapping else None
-    dataset, report = import_logs(kind, [tmp_path / "logs"], variation_deg=given, mapping=mapping)
+    logs = tmp_path / "logs"
+    dataset, report = import_logs(kind, [logs], variation_deg=given, mapping=mapping(kind, logs))
     assert report.kind == kind
     assert report.rows == FLIGHT.dives
     assert report.period == importer.period
@@ -97,6 +105,40 @@ def test_logs_come_back_dive_by_dive(kind: str, layout: int, tmp_path: Path) -> 
             moved = FLIGHT.displacement(start, start + float(dataset["dive_duration"][dive]))
             assert float(dataset["displacement_north"][dive]) == pytest.approx(moved[0], abs=3.0)
             assert float(dataset["displacement_east"][dive]) == pytest.approx(moved[1], abs=3.0)
+
+
+def names_in(path: Path) -> set[str]:
+    """Every name of a file, found without the importers."""
+    if path.suffix == ".dbd":
+        lines = path.with_name("0badcafe.cac").read_text().splitlines()
+        return {line.split()[5] for line in lines}
+    if not holds_arrays(path):
+        return set(column_names(path))
+
+    def inside(group: netCDF4.Group) -> set[str]:
+        found: set[str] = set()
+        for name, one in group.groups.items():
+            found |= {name} if {"time", "value"} <= set(one.variables) else inside(one)
+        return found | (set(group.variables) if not group.parent or not found else set())
+
+    with netCDF4.Dataset(path) as file:
+        return inside(file)
+
+
+@pytest.mark.parametrize(("kind", "layout"), LAYOUTS)
+def test_each_name_of_a_file_is_accounted_for_once(kind: str, layout: int, tmp_path: Path) -> None:
+    paths = write(kind, layout, tmp_path / "logs")
+    given = mapping(kind, tmp_path / "logs")
+    _, report = import_logs(kind, paths, variation_deg=FLIGHT.variation, mapping=given)
+    named = [
+        name for states in report.names.values() for names in states.values() for name in names
+    ]
+    for states in report.names.values():
+        every = [name for names in states.values() for name in names]
+        assert len(every) == len(set(every))
+    wanted = set().union(*(names_in(path) for path in paths if path.suffix != ".cac"))
+    assert wanted <= set(named), f"not told of: {sorted(wanted - set(named))}"
+    assert set(named) <= wanted, f"invented: {sorted(set(named) - wanted)}"
 
 
 @pytest.mark.parametrize(("kind", "layout"), [one for one in LAYOUTS if one[0] != "csv"])

@@ -154,7 +154,11 @@ def test_the_battery_takes_its_share_of_the_pitch():
     ("vehicle", "segment", "message"),
     [
         ("glider", Transect(depth_m=10, duration_s=60), "no propeller.*give a saw-tooth"),
-        ("tethys", SawTooth(max_depth_m=30, pitch_deg=40, speed_m_s=0.7, yos=1), "elevator at"),
+        (
+            "tethys",
+            SawTooth(max_depth_m=30, pitch_deg=30, speed_m_s=0.5, yos=1),
+            "trim_share.*elevator at",
+        ),
         ("tethys", Circle(depth_m=10, radius_m=3, turns=1), r"give at least [\d.]+ m"),
         ("tethys", Transect(depth_m=10, speed_m_s=3, duration_s=60), "up to 1.* m/s"),
         ("slocum-200", Hover(depth_m=10, duration_s=60), "buoyancy_pid"),

@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.reading.columns import parse_stamps, read_table, tidy, unix_seconds
 from factory.importing.reading.deployment_log import NO_FIXES, Channel, DeploymentLog, Fixes
+from factory.importing.reading.each_file import each_file
 from factory.importing.reading.netcdf import as_array, open_netcdf
+from factory.importing.reading.payload import payload_channels, payload_names
 from factory.importing.reading.tally import Tally
 from factory.importing.reading.units import in_unit
-from factory.importing.reading.unread_names import note_unread
+from factory.importing.reading.unread_names import note_empty, note_unread
 from factory.importing.repairs.cleaning import clean, positions
 from factory.importing.repairs.seawater import ctd_channels
 from twin.errors import InputError
@@ -70,13 +72,14 @@ def read_lrauv(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> lis
       WrongFormat: another kind of file.
       InputError: truncated, or a unit that is not known.
     """
-    return [_log(path, _series(path), options.variation_deg, tally) for path in paths]
+    every = each_file(paths, _series, tally)
+    return [_log(path, *found, options, tally) for path, found in every]
 
 
-def _series(path: Path) -> dict[str, TimedValues]:
-    """Every variable of a file with its own time."""
+def _series(path: Path) -> tuple[dict[str, TimedValues], list[str]]:
+    """Every variable of a file with its own time; and the other names: clocks, texts, tables."""
     if path.suffix.lower() in _SIMULATOR:
-        return _csv(path)
+        return _csv(path), ["EpochSeconds", "Timestamp"]
     with open_netcdf(path) as file:
         try:
             found = _groups(file) if file.groups else {}
@@ -84,9 +87,10 @@ def _series(path: Path) -> dict[str, TimedValues]:
         except (RuntimeError, OSError) as error:
             raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
         names = [*file.groups, *file.variables]
+        others = [*file.variables, *(n for n, g in file.groups.items() if not g.groups)]
     if "depth" not in found and "sea_water_pressure" not in found:
         raise WrongFormat(path, names)
-    return found
+    return found, [name for name in others if name not in found]
 
 
 def _groups(file: Any) -> dict[str, TimedValues]:
@@ -152,8 +156,14 @@ def _csv(path: Path) -> dict[str, TimedValues]:
 
 
 def _log(
-    path: Path, series: Mapping[str, TimedValues], variation_deg: float | None, tally: Tally
+    path: Path,
+    series: Mapping[str, TimedValues],
+    others: Sequence[str],
+    options: ReadOptions,
+    tally: Tally,
 ) -> DeploymentLog:
+    variation_deg = options.variation_deg
+
     def channel(name: str, source: str, wanted: str, *, offset: Array | float = 0.0) -> Channel:
         written, values, unit = series[source]
         values = in_unit(values, unit, wanted, f"{path.name} {source}") + offset
@@ -161,7 +171,11 @@ def _log(
         time, columns = tidy(time, {name: values}, source, tally)
         return clean(name, time, columns[name], tally, subject=source)
 
-    note_unread("LRAUV log", series, _READ, tally)
+    wanted = (*_READ, *payload_names(options.payload))
+    clocks = [f"{name}_time" for name in series if name in wanted]
+    note_unread("LRAUV log", [*series, *others], [*wanted, *clocks], tally)
+    empty = [n for n, (_, values, _) in series.items() if not np.isfinite(values).any()]
+    note_empty("LRAUV log", [*empty, *(f"{name}_time" for name in empty)], tally)
     channels: dict[str, Channel] = {}
     for target, names in SOURCES.items():
         source = next((n for n in names if n in series), None)
@@ -194,6 +208,16 @@ def _log(
             longitude=float(np.median(fixes.longitude)) if len(fixes) else 0.0,
             tally=tally,
         )
+    found, units = {}, {}
+    for name in payload_names(options.payload):
+        if name in series:
+            written, values, units[name] = series[name]
+            time, columns = tidy(
+                unix_seconds(written, f"{path.name} {name}", Tally()), {name: values}, name, tally
+            )
+            there = np.isfinite(columns[name])
+            found[name] = Channel(time[there], columns[name][there])
+    channels |= payload_channels(found, options.payload, tally, units=units)
     auxiliary: dict[str, Channel] = {}
     if "latitude" in series and "longitude" in series:
         latitude = channel("latitude", "latitude", "degree")

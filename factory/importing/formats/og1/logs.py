@@ -6,6 +6,7 @@ LATITUDE_GPS and LONGITUDE_GPS. Angles are degrees, actuators as their units say
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,13 +17,16 @@ from numpy.typing import NDArray
 
 from factory.exporting.og1.terms import MEASURED
 from factory.importing.formats.base import ReadOptions, WrongFormat
-from factory.importing.reading.columns import tidy, unix_seconds
+from factory.importing.reading.columns import parse_stamps, tidy, unix_seconds
 from factory.importing.reading.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, Fixes
+from factory.importing.reading.each_file import each_file
 from factory.importing.reading.netcdf import as_array, open_netcdf
+from factory.importing.reading.payload import payload_channels, payload_names
 from factory.importing.reading.tally import Tally
-from factory.importing.reading.unread_names import note_unread
+from factory.importing.reading.unread_names import leave_out, note_empty, note_unread
 from factory.importing.repairs.angles import REACH, to_degrees
 from factory.importing.repairs.cleaning import clean, from_degrees, positions, to_dbar
+from factory.importing.repairs.declination import reference_declination
 from factory.importing.repairs.seawater import ctd_channels, siemens
 from twin.errors import InputError
 from twin.records.schema import VARIABLES
@@ -40,15 +44,34 @@ ALIASES = {
     "measured_heading": ("HEADING", "GLIDER_HEADING", "HEADING_TRUE"),
     "measured_pressure": ("PRES", "PRES_ADJUSTED", "NAV_PRESSURE"),
     "measured_depth": ("DEPTH", "DEPTH_Z", "GLIDER_DEPTH"),
-    "measured_pump": ("PUMPED_VOLUME", "VBD_CC", "BUOYANCY_CC", "OIL_VOLUME", "BALLAST_CC"),
+    "measured_pump": (
+        "PUMPED_VOLUME",
+        "VBD_CC",
+        "BUOYANCY_CC",
+        "OIL_VOLUME",
+        "BALLAST_CC",
+        "eng_vbdCC",
+    ),
 }
 """Names seen in OG1.0 files for channels of the store, in order of preference."""
-TEMPERATURES, SALINITIES = ("TEMP", "TEMP_ADJUSTED"), ("PSAL", "PSAL_ADJUSTED")
-CONDUCTIVITIES = ("CNDC",)
+TEMPERATURES = ("TEMP", "TEMP_ADJUSTED", "TEMP_RAW")
+SALINITIES = ("PSAL", "PSAL_ADJUSTED", "PSAL_RAW")
+CONDUCTIVITIES = ("CNDC", "CNDC_RAW")
+DIVES = ("dive_num", "divenum", "DIVE_NUMBER")
+"""Numbers of the dives, as converters from Seaglider files keep them."""
+CURRENTS = {"dac_north": "DAVG_CURR_NORTH", "dac_east": "DAVG_CURR_EAST"}
+"""[m/s] Reported depth-averaged current, at the measurements of its dive."""
+_NAMES = ("TRAJECTORY", "trajectory", "PLATFORM_MODEL")
 _READ = (
     *OURS, *(name for names in ALIASES.values() for name in names), *TEMPERATURES, *SALINITIES,
     *CONDUCTIVITIES, "LATITUDE", "LONGITUDE", "LATITUDE_GPS", "LONGITUDE_GPS", "TIME", "TIME_GPS",
+    *DIVES, *CURRENTS.values(), *_NAMES,
 )  # fmt: skip
+_UNITS_SINCE = re.compile(r"(\w+) since (.+)")
+_SECONDS_IN = {
+    "nanoseconds": 1e-9, "microseconds": 1e-6, "milliseconds": 1e-3, "seconds": 1.0,
+    "minutes": 60.0, "hours": 3600.0, "days": 86400.0,
+}  # fmt: skip
 _RADIAN = frozenset({"rad", "radian", "radians"})
 _LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
 
@@ -60,14 +83,14 @@ def read_og1(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[
       WrongFormat: another kind of file.
       InputError: a file is damaged.
     """
-    logs = [_file(path, options.variation_deg, tally) for path in paths]
+    logs = [log for _, log in each_file(paths, lambda path: _file(path, options, tally), tally)]
     names = [log.deployment for log in logs]
     for name in sorted({n for n in names if names.count(n) > 1}):
         tally.add("note", name, names.count(name), "files of one deployment: rows of each kept")
     return logs
 
 
-def _file(path: Path, variation_deg: float | None, tally: Tally) -> DeploymentLog:
+def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     with open_netcdf(path) as file:
         variables = file.variables
         if "TIME" not in variables or DIMENSION not in file.dimensions:
@@ -80,6 +103,7 @@ def _file(path: Path, variation_deg: float | None, tally: Tally) -> DeploymentLo
                 and variable.dtype.kind in "fiu" and not name.endswith("_QC")
             }  # fmt: skip
             attributes = {name: _attributes(variables[name]) for name in raw}
+            names = list(variables)
         except (RuntimeError, OSError) as error:
             raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
         name = _deployment(file, path)
@@ -93,28 +117,46 @@ def _file(path: Path, variation_deg: float | None, tally: Tally) -> DeploymentLo
     if not np.isfinite(time).any():
         raise InputError(f"{path.name} holds no measurement with a time")
     time = _seconds(time, attributes["TIME"], path, tally)
-    gps_time = raw.pop("TIME_GPS", np.full(len(time), np.nan))
-    if np.isfinite(gps_time).any():
-        gps_time = _seconds(gps_time, attributes["TIME_GPS"], path, tally)
+    if np.isfinite(raw.get("TIME_GPS", np.zeros(0))).any():
+        gps_time = _seconds(raw["TIME_GPS"], attributes["TIME_GPS"], path, tally)
+    else:  # the fixes are at the measurements
+        gps_time = time
     columns = {**raw, "TIME_GPS": gps_time}
     time, columns = tidy(time, columns, path.name, tally)
     tally.add("read", path.name, len(time), "measurements")
-    note_unread("OG1 file", columns, _READ, tally)
+    extra = payload_names(options.payload)
+    note_unread("OG1 file", names, (*_READ, *extra), tally)
+    empty = [n for n, values in raw.items() if not np.isfinite(values).any()]
+    note_empty("OG1 file", empty, tally)
     if simulated:
         tally.add("note", path.name, 1, "its title says that it is simulated, not observed")
     fixes = _fixes(columns, tally)
-    variation = Channel(time[:1], np.array([variation_deg])) if variation_deg is not None else EMPTY
-    channels = _channels(time, columns, attributes, variation, path, tally)
-    channels |= _ctd(time, columns, channels, fixes, tally)
+    track = _track(time, columns, tally)
+    variation = Variation(options.variation_deg, _places(fixes, track), name)
+    channels, used, applied = _channels(time, columns, attributes, variation, path, tally)
+    water, from_ctd = _ctd(time, columns, channels, fixes, tally)
+    channels |= water
+    found = {
+        n: Channel(time[there], columns[n][there])
+        for n in extra
+        if n in columns and (there := np.isfinite(columns[n])).any()
+    }
+    units = {n: str(attributes[n].get("units", "")) for n in found}
+    channels |= payload_channels(found, options.payload, tally, units=units)
+    known = {n for names in ALIASES.values() for n in names} | {*TEMPERATURES, *SALINITIES}
+    known |= {*CONDUCTIVITIES, *OURS}
+    unused = [n for n in raw if n in known - used - from_ctd and n not in empty]
+    leave_out(unused, "another variable of the file gives it", tally)
+    track |= _dives(time, columns, fixes, tally)
     return DeploymentLog(
         deployment=name,
         platform=platform,
         channels={key: channel for key, channel in channels.items() if len(channel)},
         fixes=fixes,
-        magnetic_variation=variation,
-        auxiliary=_track(time, columns, tally),
+        magnetic_variation=applied,
+        auxiliary=track,
         files=(path.name,),
-        station="seaglider" in platform.lower(),
+        station="seaglider" in platform.lower() or bool(_SEAGLIDER.match(name)),
         simulated=simulated,
     )
 
@@ -155,26 +197,85 @@ def _without_fill(
     return np.where(bad, np.nan, values)
 
 
+_SEAGLIDER = re.compile(r"sg\d{3}(_|$)", re.IGNORECASE)
+"""Names of a Seaglider's deployments."""
+
+
 def _seconds(time: Array, attributes: Mapping[str, Any], path: Path, tally: Tally) -> Array:
     """Unix seconds by the variable's units, or by size where it has none."""
-    import netCDF4
-
     units = str(attributes.get("units", ""))
     if " since " not in units:
         return unix_seconds(time, path.name, tally)
-    if units.startswith("seconds since 1970-01-01"):
-        return time
-    good = np.isfinite(time)
-    try:
-        moments: Any = netCDF4.num2date(
-            [0.0, 1.0], units, calendar=str(attributes.get("calendar", "standard")),
-            only_use_cftime_datetimes=False, only_use_python_datetimes=False,
-        )  # fmt: skip
-        zero = (moments[0] - type(moments[0])(1970, 1, 1)).total_seconds()
-        unit = (moments[1] - moments[0]).total_seconds()
-    except (ValueError, TypeError) as error:
-        raise InputError(f"{path.name}: TIME has unknown units {units!r}") from error
-    return np.where(good, zero + unit * time, np.nan)
+    match = _UNITS_SINCE.fullmatch(units.strip())
+    unit = match[1].lower() if match else ""
+    factor = _SECONDS_IN.get(unit if unit.endswith("s") else f"{unit}s")
+    if match is None or factor is None:
+        raise InputError(f"{path.name}: TIME has unknown units {units!r}")
+    zero = parse_stamps(np.array([_whole_stamp(match[2])]))[0]
+    if not np.isfinite(zero):
+        raise InputError(f"{path.name}: TIME has unknown units {units!r}")
+    return zero + factor * time
+
+
+def _whole_stamp(word: str) -> str:
+    """A written moment with microseconds at most: datetime reads no more digits."""
+    word = re.sub(r"(\.\d{6})\d+", r"\1", word.strip().removesuffix(" UTC").removesuffix(" GMT"))
+    # 2010-7-29 13:31:4
+    date, _, clock = word.replace("T", " ").partition(" ")
+    date = "-".join(part.zfill(2) for part in date.split("-"))
+    return f"{date} {clock}".strip()
+
+
+@dataclasses.dataclass(frozen=True)
+class Variation:
+    """Where the magnetic variation comes from."""
+
+    given: float | None
+    """[degree] By the user."""
+    places: Fixes
+    """Where the vehicle was: its fixes, else its own track."""
+    deployment: str
+
+    def at(self, time: Array, tally: Tally) -> Array | None:
+        """[degree] east positive, by the user or by the reference field; None without a place."""
+        if self.given is not None:
+            return np.full(len(time), self.given)
+        found = reference_declination(self.places, self.deployment, tally)
+        return found.at(time) if len(found) else None
+
+
+def _places(fixes: Fixes, track: Mapping[str, Channel]) -> Fixes:
+    if len(fixes) or "latitude" not in track:
+        return fixes
+    latitude = track["latitude"]
+    return Fixes(latitude.time, latitude.values, track["longitude"].at(latitude.time))
+
+
+def _dives(
+    time: Array, columns: Mapping[str, Array], fixes: Fixes, tally: Tally
+) -> dict[str, Channel]:
+    """Numbers of the dives, and the reported current at the fix that ends each."""
+    found: dict[str, Channel] = {}
+    numbers = next((columns[n] for n in DIVES if n in columns), None)
+    if numbers is None:
+        leave_out([n for n in CURRENTS.values() if n in columns], "no dive numbers", tally)
+        return found
+    there = np.isfinite(numbers)
+    found["dive"] = Channel(time[there], numbers[there])
+    for target, name in CURRENTS.items():
+        if name not in columns:
+            continue
+        values = np.where(there, columns[name], np.nan)
+        good = np.flatnonzero(np.isfinite(values))
+        last = good[np.append(numbers[good][1:] != numbers[good][:-1], True)] if good.size else good
+        at = time[last]
+        if len(fixes):
+            following = np.searchsorted(fixes.time, at)
+            inside = following < len(fixes)
+            at = np.where(inside, fixes.time[np.minimum(following, len(fixes) - 1)], at)
+        unique, first = np.unique(at, return_index=True)
+        found[target] = Channel(unique, values[last][first])
+    return found
 
 
 def _fixes(columns: Mapping[str, Array], tally: Tally) -> Fixes:
@@ -194,10 +295,12 @@ def _channels(
     time: Array,
     columns: Mapping[str, Array],
     attributes: Mapping[str, Mapping[str, Any]],
-    variation: Channel,
+    variation: Variation,
     path: Path,
     tally: Tally,
-) -> dict[str, Channel]:
+) -> tuple[dict[str, Channel], set[str], Channel]:
+    """Channels, the names that they come from, and the variation that was added."""
+    applied = EMPTY
     sources = {target: name for name, target in OURS.items() if name in columns}
     for target, names in ALIASES.items():
         found = next((n for n in names if n in columns and np.isfinite(columns[n]).any()), None)
@@ -220,11 +323,11 @@ def _channels(
         elif target == "measured_pressure":
             values = to_dbar(values, depth, name, tally, native="bar" if units == "bar" else "dbar")
         if target == "measured_heading":
-            values = _true_heading(values, time, attributes[name], variation, path, tally)
+            values, applied = _true_heading(values, time, attributes[name], variation, path, tally)
         channels[target] = clean(target, time, values, tally, subject=name)
     if depth is not None and "measured_pressure" in channels:
         channels.pop("measured_depth", None)  # computed from pressure, as for every log
-    return channels
+    return channels, set(sources.values()), applied
 
 
 _FLYING = 20.0
@@ -234,23 +337,28 @@ def _true_heading(
     values: Array,
     time: Array,
     attributes: Mapping[str, Any],
-    variation: Channel,
+    variation: Variation,
     path: Path,
     tally: Tally,
-) -> Array:
-    """Heading from true north: a variable that calls itself magnetic needs the variation."""
+) -> tuple[Array, Channel]:
+    """Heading from true north, and the variation that was added.
+
+    A variable that calls itself magnetic needs one; others are true unless the user gives one.
+    """
     words = " ".join(str(attributes.get(k, "")) for k in ("long_name", "comment", "standard_name"))
     if "magnetic" in words.lower():
-        if not len(variation):
+        known = variation.at(time, tally)
+        if known is None:
             raise InputError(
-                f"{path.name}: HEADING is magnetic by its description; give the variation with "
-                "--variation-deg, east positive"
+                f"{path.name}: HEADING is magnetic by its description, and no position is there "
+                "from which the variation follows; give it with --variation-deg, east positive"
             )
-        return np.mod(values + variation.at(time), 360.0)
-    if len(variation):
-        return np.mod(values + variation.at(time), 360.0)
+        return np.mod(values + known, 360.0), Channel(time, known)
+    if variation.given is not None:
+        known = np.full(len(time), variation.given)
+        return np.mod(values + known, 360.0), Channel(time, known)
     tally.add("note", "measured_heading", len(values), "taken as true: the file does not say else")
-    return np.mod(values, 360.0)
+    return np.mod(values, 360.0), EMPTY
 
 
 def _ctd(
@@ -259,16 +367,22 @@ def _ctd(
     channels: Mapping[str, Channel],
     fixes: Fixes,
     tally: Tally,
-) -> dict[str, Channel]:
-    def first(names: Sequence[str]) -> Array | None:
-        return next((columns[n] for n in names if n in columns), None)
+) -> tuple[dict[str, Channel], set[str]]:
+    """Temperature, salinity and density, and the names that they come from."""
 
-    temperature = first(TEMPERATURES)
+    def first(names: Sequence[str]) -> Array | None:
+        found = next((n for n in names if n in columns and np.isfinite(columns[n]).any()), None)
+        used.update([found] if found else [])
+        return columns[found] if found else None
+
+    used: set[str] = set()
     at = channels.get("measured_pressure") or channels.get("measured_depth") or EMPTY
-    if temperature is None or not len(at):
-        return {}
-    practical, conductivity = first(SALINITIES), first(CONDUCTIVITIES)
-    if conductivity is not None and practical is None:
+    temperature = first(TEMPERATURES) if len(at) else None
+    if temperature is None:
+        return {}, used
+    practical = first(SALINITIES)
+    conductivity = first(CONDUCTIVITIES) if practical is None else None
+    if conductivity is not None:
         conductivity = siemens(conductivity, "CNDC", tally)
     latitude, longitude = columns.get("LATITUDE"), columns.get("LONGITUDE")
     place = (0.0, 0.0)
@@ -276,16 +390,17 @@ def _ctd(
         place = float(np.median(fixes.latitude)), float(np.median(fixes.longitude))
     elif latitude is not None and longitude is not None and np.isfinite(latitude).any():
         place = float(np.nanmedian(latitude)), float(np.nanmedian(longitude))
-    return ctd_channels(
+    water = ctd_channels(
         time,
         temperature=temperature,
         pressure=at.at(time),
         practical=practical,
-        conductivity=None if practical is not None else conductivity,
+        conductivity=conductivity,
         latitude=place[0],
         longitude=place[1],
         tally=tally,
     )
+    return water, used
 
 
 def _track(time: Array, columns: Mapping[str, Array], tally: Tally) -> dict[str, Channel]:

@@ -25,10 +25,13 @@ from factory.importing.reading.columns import (
     tidy,
     unix_seconds,
 )
-from factory.importing.reading.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, Fixes
+from factory.importing.reading.deployment_log import NO_FIXES, Channel, DeploymentLog, Fixes
+from factory.importing.reading.each_file import each_file
+from factory.importing.reading.payload import payload_channels, payload_names
 from factory.importing.reading.tally import Tally
-from factory.importing.reading.unread_names import note_unread
+from factory.importing.reading.unread_names import leave_out, note_empty, note_unread
 from factory.importing.repairs.cleaning import clean, degrees_minutes, from_degrees, heading_degrees
+from factory.importing.repairs.declination import reference_declination
 from factory.importing.repairs.seawater import ctd_channels, pressure_of
 from twin.errors import InputError
 
@@ -57,6 +60,12 @@ _SIMPLE = (
 )
 _CTDS = ("LEGATO", "GPCTD", "CTD")
 """Prefixes of the CTDs that payloads carry."""
+_CTD_NAMES = tuple(
+    f"{prefix}_{part}"
+    for prefix in _CTDS
+    for part in ("TEMPERATURE", "SALINITY", "CONDUCTIVITY", "PRESSURE")
+)
+_NAVIGATION_LOG, _PAYLOAD_LOG = "navigation log", "payload log"
 _MS_PER_CM = 0.1
 """[S/m] in 1 mS/cm, the payload's unit."""
 _DEPLOYMENT = re.compile(r"(sea\d+)[._-]?m?(\d+)", re.IGNORECASE)
@@ -75,29 +84,22 @@ def read_seaexplorer(
     navigation: dict[str, list[Columns]] = {}
     payload: dict[str, list[Columns]] = {}
     files: dict[str, list[str]] = {}
-    for path in paths:
-        table = read_table(path)
-        names = [*table.columns, *table.texts]
+    wanted = {
+        _NAVIGATION_LOG: ("Timestamp", *_NAVIGATION),
+        _PAYLOAD_LOG: ("PLD_REALTIMECLOCK", *_CTD_NAMES, *payload_names(options.payload)),
+    }
+    empty: dict[str, set[str]] = {what: set(names) for what, names in wanted.items()}
+    for path, (what, table, columns) in each_file(paths, lambda p: _timed_table(p, tally), tally):
         name = deployment_of(path)
-        if "NavState" in table.columns and "Timestamp" in names:
-            columns = _timed(table, "Timestamp", tally)
-            navigation.setdefault(name, []).append(columns)
-            what = "navigation rows"
-        elif "PLD_REALTIMECLOCK" in names:
-            payload.setdefault(name, []).append(_timed(table, "PLD_REALTIMECLOCK", tally))
-            what = "payload rows"
-        else:
-            raise WrongFormat(path, names)
+        logs = navigation if what == _NAVIGATION_LOG else payload
+        logs.setdefault(name, []).append(columns)
         files.setdefault(name, []).append(path.name)
-        if not len(table):
-            raise InputError(f"{path.name} holds column names and no rows")
-        tally.add("read", path.name, len(table), what)
-    for what, logs, read in (
-        ("navigation log", navigation, _NAVIGATION),
-        ("payload log", payload, [n for p in payload.values() for t in p for n in t if _ctd(n)]),
-    ):
-        names = [n for pieces in logs.values() for piece in pieces for n in piece]
-        note_unread(what, names, ("time", "Timestamp", "PLD_REALTIMECLOCK", *read), tally)
+        tally.add("read", path.name, len(table), f"{what.split()[0]} rows")
+        note_unread(what, [*table.columns, *table.texts], wanted[what], tally)
+        empty[what] -= {n for n, v in table.columns.items() if np.isfinite(v).any()}
+        empty[what] -= set(table.texts)
+    for what, names in empty.items():
+        note_empty(what, names, tally)
     alone = [name for name in payload if name not in navigation]
     if alone:
         raise InputError(
@@ -105,15 +107,31 @@ def read_seaexplorer(
             f"navigation logs are there of {', '.join(navigation) or 'no vehicle'}"
         )
     return [
-        _log(name, pieces, payload.get(name, []), files[name], options.variation_deg, tally)
+        _log(name, pieces, payload.get(name, []), files[name], options, tally)
         for name, pieces in navigation.items()
     ]
 
 
-def _ctd(name: str) -> bool:
-    """Whether a payload's column is read."""
-    parts = ("TEMPERATURE", "SALINITY", "CONDUCTIVITY", "PRESSURE")
-    return any(name == f"{prefix}_{part}" for prefix in _CTDS for part in parts)
+def _timed_table(path: Path, tally: Tally) -> tuple[str, Table, Columns]:
+    """What a file is, its table, and its numbers with their time.
+
+    Raises:
+      WrongFormat: another kind of file.
+      InputError: it cannot be read, or is empty, or without times.
+    """
+    if "evt" in path.name.lower().split("."):
+        raise InputError(f"{path.name} is the vehicle's list of events: texts, no measurements")
+    table = read_table(path)
+    names = [*table.columns, *table.texts]
+    if "NavState" in table.columns and "Timestamp" in names:
+        what, clock = _NAVIGATION_LOG, "Timestamp"
+    elif "PLD_REALTIMECLOCK" in names:
+        what, clock = _PAYLOAD_LOG, "PLD_REALTIMECLOCK"
+    else:
+        raise WrongFormat(path, names)
+    if not len(table):
+        raise InputError(f"{path.name} holds column names and no rows")
+    return what, table, _timed(table, clock, tally)
 
 
 def deployment_of(path: Path) -> str:
@@ -137,7 +155,7 @@ def _log(
     pieces: Sequence[Columns],
     payload: Sequence[Columns],
     files: Sequence[str],
-    variation_deg: float | None,
+    options: ReadOptions,
     tally: Tally,
 ) -> DeploymentLog:
     columns = stacked(pieces, ("time", *_NAVIGATION))
@@ -150,7 +168,7 @@ def _log(
             tally.add("removed", column, int(off.sum()), "switched off (-9999)")
             columns[column] = np.where(off, np.nan, columns[column])
     fixes, track = _positions(time, columns, tally)
-    variation = _variation(time, columns, variation_deg, tally)
+    variation = _variation(time, columns, fixes, name, options.variation_deg, tally)
     depth = columns.get("Depth", np.full(len(time), np.nan))
     flying = bool(np.nanmax(depth, initial=0.0) > _FLYING)
     channels: dict[str, Channel] = {}
@@ -166,8 +184,8 @@ def _log(
         if source in columns:
             if not len(variation):
                 raise InputError(
-                    f"{name}: {source} is magnetic and the log has no Declination; give it with "
-                    "--variation-deg, east positive"
+                    f"{name}: {source} is magnetic and the log has no Declination and no fix from "
+                    "which it follows; give it with --variation-deg, east positive"
                 )
             magnetic = heading_degrees(columns[source], source, tally)
             true = np.mod(magnetic + variation.at(time), 360.0)
@@ -175,7 +193,7 @@ def _log(
     if "NavState" in columns:
         floats = time[columns["NavState"] == AT_SURFACE]
         track = {**track, "afloat": Channel(floats, np.ones(len(floats)))}
-    channels |= _payload(payload, channels["measured_depth"], fixes, name, tally)
+    channels |= _payload(payload, channels["measured_depth"], fixes, name, options, tally)
     return DeploymentLog(
         deployment=name,
         platform="SeaExplorer",
@@ -187,14 +205,25 @@ def _log(
     )
 
 
-def _variation(time: Array, columns: Columns, variation_deg: float | None, tally: Tally) -> Channel:
+def _variation(
+    time: Array,
+    columns: Columns,
+    fixes: Fixes,
+    name: str,
+    variation_deg: float | None,
+    tally: Tally,
+) -> Channel:
     """[degree] east positive. Before its first fix a glider writes 0: the next value holds."""
     if variation_deg is not None:
+        if "Declination" in columns:
+            leave_out(["Declination"], "the user gives the variation", tally)
         return Channel(time[:1], np.array([variation_deg]))
-    if "Declination" not in columns:
-        return EMPTY
-    values = columns["Declination"]
+    values = columns.get("Declination", np.full(len(time), np.nan))
     there = np.isfinite(values)
+    if not (there & (values != 0.0)).any():
+        found = reference_declination(fixes, name, tally)
+        if len(found):
+            return found
     unset = there & (values == 0.0)
     if unset.any() and (there & ~unset).any():
         tally.add("repaired", "Declination", int(unset.sum()), "not set yet (0): the nearest used")
@@ -238,27 +267,40 @@ def _positions(time: Array, columns: Columns, tally: Tally) -> tuple[Fixes, dict
 
 
 def _payload(
-    pieces: Sequence[Columns], depth: Channel, fixes: Fixes, name: str, tally: Tally
+    pieces: Sequence[Columns],
+    depth: Channel,
+    fixes: Fixes,
+    name: str,
+    options: ReadOptions,
+    tally: Tally,
 ) -> dict[str, Channel]:
-    """Temperature, salinity and density of the payload's CTD."""
+    """Temperature, salinity and density of the payload's CTD, and what else it carries."""
     if not pieces:
         return {}
     every = sorted({column for piece in pieces for column in piece if column != "time"})
     if any(column.startswith("AD2CP_V") for column in every):
         beams = sum(int(np.isfinite(p.get("AD2CP_V1_CN1", np.zeros(0))).sum()) for p in pieces)
         tally.add("left out", "AD2CP", beams, "beam velocities: no velocity through the water")
-    ctd = next((c for c in _CTDS if f"{c}_TEMPERATURE" in every), None)
-    if ctd is None:
-        return {}
-    columns = stacked(pieces, ("time", *(n for n in every if n.startswith(f"{ctd}_"))))
+    wanted = (*_CTD_NAMES, *payload_names(options.payload))
+    columns = stacked(pieces, ("time", *(n for n in every if n in wanted)))
     time, columns = tidy(columns.pop("time"), columns, f"{name} payload", tally)
+    found = {n: Channel(time[np.isfinite(v)], v[np.isfinite(v)]) for n, v in columns.items()}
+    channels = payload_channels(found, options.payload, tally)
+    ctds = [c for c in _CTDS if len(found.get(f"{c}_TEMPERATURE", ()))]
+    if not ctds:
+        return channels
+    ctd = ctds[0]
+    others = [n for n in _CTD_NAMES if n in columns and not n.startswith(f"{ctd}_")]
+    leave_out(others, f"the CTD is {ctd}", tally)
     latitude = float(np.median(fixes.latitude)) if len(fixes) else 0.0
     longitude = float(np.median(fixes.longitude)) if len(fixes) else 0.0
     pressure = columns.get(f"{ctd}_PRESSURE")
     if pressure is None:
         pressure = pressure_of(depth.at(time), latitude)
     practical, conductivity = columns.get(f"{ctd}_SALINITY"), columns.get(f"{ctd}_CONDUCTIVITY")
-    return ctd_channels(
+    if practical is not None and conductivity is not None:
+        leave_out([f"{ctd}_CONDUCTIVITY"], f"{ctd}_SALINITY is there", tally)
+    return channels | ctd_channels(
         time,
         temperature=columns[f"{ctd}_TEMPERATURE"],
         pressure=pressure,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.formats.base import WrongFormat
+from factory.importing.reading.deployment_log import EMPTY, Channel
 from factory.importing.reading.netcdf import as_array, open_netcdf
 from factory.importing.reading.tally import Tally
+from factory.importing.reading.unread_names import note_empty, note_unread
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -47,12 +51,40 @@ ADCP = {
     "ad2cp_inv_glider_vocn": "v_ocn",
 }
 _FIXES = ("gps1", "gps2", "gpsE")
+_CALIBRATION = ("log_C_ROLL_DIVE", "log_C_ROLL_CLIMB", "log_ROLL_CNV")
+_FIX_FLAGS = {fix: f"{fix.replace('gps', 'GPS')}_qc" for fix in _FIXES}
+_FIX_PARTS = {part: f"log_gps_{part}" for part in ("time", "lat", "lon")}
+READ = (
+    "time", *SAMPLES, "gc_end_secs", *MOVES, *NUMBERS, *ADCP, *_CALIBRATION, "start_of_climb_time",
+    "trajectory", *_FIX_PARTS.values(), *_FIX_FLAGS.values(), "ctd_time", "temperature",
+    "temperature_qc", "salinity", "salinity_qc",
+)  # fmt: skip
+"""Variables that are read, beside those of the payload."""
 _BAD_QC = frozenset("348")
 """Basestation flags: 3 probably bad, 4 bad, 8 interpolated."""
 
 
-def read_dive(path: Path, tally: Tally) -> tuple[str, Columns, Columns, Columns, Columns]:
-    """Name of the glider, then columns of samples, of the dive (one row), of ADCP and of CTD.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DiveFile:
+    """What one file holds."""
+
+    glider: str
+    samples: Columns
+    dive: Columns
+    """One row."""
+    adcp: Columns
+    ctd: Columns
+    payload: dict[str, Channel]
+    """By the file's own names."""
+    units: dict[str, str]
+    """Of the payload, as the file says."""
+
+
+def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> DiveFile:
+    """The file as the columns of the tables.
+
+    Args:
+      payload: names that payloads may have.
 
     Raises:
       WrongFormat: another kind of file.
@@ -78,13 +110,50 @@ def read_dive(path: Path, tally: Tally) -> tuple[str, Columns, Columns, Columns,
             for number in NUMBERS:
                 if number in variables:
                     row[number] = as_array(variables[number][...])[:1]
-            row |= _fixes(variables, path, tally)
+            row |= _fixes(variables, tally)
             adcp = {c: as_array(variables[v][:]) for v, c in ADCP.items() if v in variables}
             ctd = _ctd(variables, path, tally)
+            carried = {n: _carried(variables, n) for n in payload if n in variables}
+            units = {n: str(getattr(variables[n], "units", "")) for n in carried}
+            clocks = [str(_clock(variables, n)) for n in carried]
+            note_unread("basestation file", variables, (*READ, *payload, *clocks), tally)
+            empty = [
+                n for n in (*READ, *payload)
+                if n in variables and variables[n].size and variables[n].dtype.kind in "fiu"
+                and not np.isfinite(as_array(variables[n][...])).any()
+            ]  # fmt: skip
         except (RuntimeError, OSError, IndexError) as error:
             raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
+    note_empty("basestation file", empty, tally)
     tally.add("read", path.name, len(time), "samples of a dive")
-    return name, samples, row, adcp if "u_ttw" in adcp and "time" in adcp else {}, ctd
+    return DiveFile(
+        glider=name,
+        samples=samples,
+        dive=row,
+        adcp=adcp if "u_ttw" in adcp and "time" in adcp else {},
+        ctd=ctd,
+        payload=carried,
+        units=units,
+    )
+
+
+def _clock(variables: Any, name: str) -> str | None:
+    """Name of the times of a variable: of the same dimension."""
+    dimensions = variables[name].dimensions
+    return next(
+        (n for n, v in variables.items() if v.dimensions == dimensions and n.endswith("time")), None
+    )
+
+
+def _carried(variables: Any, name: str) -> Channel:
+    """Samples of a payload's variable; empty where no times belong to it."""
+    clock = _clock(variables, name)
+    if clock is None or len(variables[name].dimensions) != 1:
+        return EMPTY
+    time, values = as_array(variables[clock][:]), as_array(variables[name][:])
+    there = np.isfinite(time) & np.isfinite(values)
+    time, first = np.unique(time[there], return_index=True)
+    return Channel(time, values[there][first])
 
 
 def _glider(file: Any, path: Path) -> str:
@@ -124,9 +193,8 @@ def _moves(variables: Any, samples: Columns) -> None:
             values = as_array(variables[source][:])[order]
             held = values[np.maximum(index, 0)] if len(values) else np.nan
             samples[column] = np.where(index >= 0, held, np.nan)
-    calibration = [f"log_{n}" for n in ("C_ROLL_DIVE", "C_ROLL_CLIMB", "ROLL_CNV")]
-    if "gc_roll_ad" in samples and all(n in variables for n in calibration):
-        dive, climb, degrees = (float(as_array(variables[n][...])[0]) for n in calibration)
+    if "gc_roll_ad" in samples and all(n in variables for n in _CALIBRATION):
+        dive, climb, degrees = (float(as_array(variables[n][...])[0]) for n in _CALIBRATION)
         started = float("inf")
         if "start_of_climb_time" in variables:
             started = samples["time"][0] + float(as_array(variables["start_of_climb_time"][...])[0])
@@ -136,18 +204,17 @@ def _moves(variables: Any, samples: Columns) -> None:
         samples["rotation_deg"] = -(moved - centre) * degrees
 
 
-def _fixes(variables: Any, path: Path, tally: Tally) -> Columns:
+def _fixes(variables: Any, tally: Tally) -> Columns:
     """The three fixes of the dive, in the order in which the file holds them."""
     row: Columns = {}
-    parts = {p: f"log_gps_{p}" for p in ("time", "lat", "lon")}
-    if not all(source in variables for source in parts.values()):
+    if not all(source in variables for source in _FIX_PARTS.values()):
         return row
-    for part, source in parts.items():
+    for part, source in _FIX_PARTS.items():
         values = as_array(variables[source][:])
         for fix, value in zip(_FIXES, values, strict=False):
             row[f"{fix}_{part}"] = np.array([value])
     for fix in _FIXES:
-        flag = variables.get(f"{fix.replace('gps', 'GPS')}_qc")
+        flag = variables.get(_FIX_FLAGS[fix])
         if flag is not None and f"{fix}_time" in row:
             word = b"".join(np.ma.filled(flag[...], b"").ravel()).decode("latin-1")
             if word[:1] in _BAD_QC:

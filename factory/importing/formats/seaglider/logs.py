@@ -18,10 +18,19 @@ from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.seaglider.adcp import adcp_truth
 from factory.importing.formats.seaglider.rotation import rotation_from_counts
 from factory.importing.reading.columns import Table, read_table, stacked, tidy, unix_seconds
-from factory.importing.reading.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, Fixes
+from factory.importing.reading.deployment_log import (
+    EMPTY,
+    NO_FIXES,
+    Channel,
+    DeploymentLog,
+    Fixes,
+    joined,
+)
+from factory.importing.reading.each_file import each_file
 from factory.importing.reading.netcdf import holds_arrays
+from factory.importing.reading.payload import payload_channels, payload_names
 from factory.importing.reading.tally import Tally
-from factory.importing.reading.unread_names import note_unread
+from factory.importing.reading.unread_names import leave_out, note_empty, note_unread
 from factory.importing.repairs.cleaning import (
     clean,
     from_degrees,
@@ -31,6 +40,7 @@ from factory.importing.repairs.cleaning import (
     to_cm3,
     to_dbar,
 )
+from factory.importing.repairs.declination import reference_declination
 from factory.importing.repairs.seawater import ctd_channels
 from twin.errors import InputError
 
@@ -69,6 +79,9 @@ class GliderTables:
     adcp: list[Columns] = dataclasses.field(default_factory=list)
     ctd: list[Columns] = dataclasses.field(default_factory=list)
     """Temperature and salinity with times of their own (netCDF); tables have them in samples."""
+    payload: list[dict[str, Channel]] = dataclasses.field(default_factory=list)
+    """By the files' own names (netCDF); tables have it in samples."""
+    units: dict[str, str] = dataclasses.field(default_factory=dict)
     files: list[str] = dataclasses.field(default_factory=list)
 
 
@@ -81,38 +94,52 @@ def read_seaglider(
       WrongFormat: another kind of file.
       InputError: a glider without samples.
     """
-    gliders: dict[str, GliderTables] = {}
-    for path in paths:
-        if path.suffix.lower() == ".nc" or holds_arrays(path):
-            from factory.importing.formats.seaglider.dive_files import read_dive
+    from factory.importing.formats.seaglider.dive_files import DiveFile, read_dive
 
-            name, samples, dives, adcp, ctd = read_dive(path, tally)
-            glider = gliders.setdefault(name, GliderTables(name))
-            glider.samples.append(samples)
-            glider.dives.append(dives)
-            if adcp:
-                glider.adcp.append(adcp)
-            if ctd:
-                glider.ctd.append(ctd)
-            glider.files.append(path.name)
-        else:
-            _table(read_table(path), gliders, tally)
+    extra = payload_names(options.payload)
+    gliders: dict[str, GliderTables] = {}
+
+    def read(path: Path) -> DiveFile | Table:
+        if path.suffix.lower() == ".nc" or holds_arrays(path):
+            return read_dive(path, extra, tally)
+        table = read_table(path)
+        _kind_of(table)
+        return table
+
+    for path, found in each_file(paths, read, tally):
+        if isinstance(found, Table):
+            _table(found, gliders, extra, tally)
+            continue
+        glider = gliders.setdefault(found.glider, GliderTables(found.glider))
+        glider.samples.append(found.samples)
+        glider.dives.append(found.dive)
+        if found.adcp:
+            glider.adcp.append(found.adcp)
+        if found.ctd:
+            glider.ctd.append(found.ctd)
+        glider.payload.append(found.payload)
+        glider.units |= found.units
+        glider.files.append(path.name)
     for glider in gliders.values():
         if not glider.samples:
             raise InputError(
                 f"{', '.join(glider.files)}: dives of {glider.name} without its table of samples; "
                 f"samples are there of {_others(gliders) or 'no glider'}"
             )
-    return [_log(glider, options.variation_deg, tally) for glider in gliders.values()]
+    return [_log(glider, options, tally) for glider in gliders.values()]
 
 
 def _others(gliders: dict[str, GliderTables]) -> str:
     return ", ".join(g.name for g in gliders.values() if g.samples)
 
 
-def _table(table: Table, gliders: dict[str, GliderTables], tally: Tally) -> None:
-    """Sort a table's rows to the gliders that they are of."""
-    subject = table.path.name
+def _kind_of(table: Table) -> str:
+    """A key of `_READ`, by the table's columns.
+
+    Raises:
+      WrongFormat: no Seaglider's.
+      InputError: it has no rows.
+    """
     names = set(table.columns)
     if {"u_ttw", "v_ttw", "w_ttw"} <= names:
         what = "adcp"
@@ -123,9 +150,20 @@ def _table(table: Table, gliders: dict[str, GliderTables], tally: Tally) -> None
     else:
         raise WrongFormat(table.path, [*table.columns, *table.texts])
     if not len(table):
-        raise InputError(f"{subject} holds column names and no rows")
+        raise InputError(f"{table.path.name} holds column names and no rows")
+    return what
+
+
+def _table(
+    table: Table, gliders: dict[str, GliderTables], extra: Sequence[str], tally: Tally
+) -> None:
+    """Sort a table's rows to the gliders that they are of."""
+    subject = table.path.name
+    what = _kind_of(table)
     tally.add("read", subject, len(table), f"rows of {what}")
-    note_unread(f"table of {what}", [*table.columns, *table.texts], _READ[what], tally)
+    kind, wanted = f"table of {what}", (*_READ[what], *(extra if what == "samples" else ()))
+    note_unread(kind, [*table.columns, *table.texts], wanted, tally)
+    note_empty(kind, [n for n, v in table.columns.items() if not np.isfinite(v).any()], tally)
     owners = table.texts.get("glider")
     fallback = subject.split("_")[0].split(".")[0].upper()
     if owners is None:
@@ -139,8 +177,9 @@ def _table(table: Table, gliders: dict[str, GliderTables], tally: Tally) -> None
             glider.files.append(subject)
 
 
-def _log(glider: GliderTables, variation_deg: float | None, tally: Tally) -> DeploymentLog:
-    samples = stacked(glider.samples, SAMPLE_COLUMNS)
+def _log(glider: GliderTables, options: ReadOptions, tally: Tally) -> DeploymentLog:
+    extra = payload_names(options.payload)
+    samples = stacked(glider.samples, (*SAMPLE_COLUMNS, *extra))
     time = unix_seconds(samples.pop("time"), f"{glider.name} samples", tally)
     time, samples = tidy(time, samples, f"{glider.name} samples", tally)
     if not time.size:
@@ -148,11 +187,23 @@ def _log(glider: GliderTables, variation_deg: float | None, tally: Tally) -> Dep
     every = sorted({name for piece in glider.dives for name in piece})
     dives = stacked(glider.dives, every)
     variation = _per_dive(dives, "magnetic_variation")
-    if variation_deg is not None:
-        variation = Channel(time[:1], np.array([variation_deg]))
     fixes = _fixes(dives, glider.name, tally)
+    if options.variation_deg is not None:
+        if len(variation):
+            leave_out(["magnetic_variation"], "the user gives the variation", tally)
+        variation = Channel(time[:1], np.array([options.variation_deg]))
+    elif not len(variation):
+        variation = reference_declination(fixes, glider.name, tally)
     channels = _channels(time, samples, dives, variation, fixes, glider.name, tally)
     channels |= _ctd(glider, time, samples, channels, fixes, tally)
+    carried = {
+        name: joined([piece[name] for piece in glider.payload if name in piece]) for name in extra
+    }
+    for name in extra:
+        if name in samples:
+            there = np.isfinite(samples[name])
+            carried[name] = joined([carried[name], Channel(time[there], samples[name][there])])
+    channels |= payload_channels(carried, options.payload, tally, units=glider.units)
     auxiliary: dict[str, Channel] = {}
     if "dive" in samples:
         there = np.isfinite(samples["dive"])
@@ -204,7 +255,8 @@ def _channels(
         if not len(variation):
             raise InputError(
                 f"{name}: head_mag_deg is magnetic and no file gives magnetic_variation (the table "
-                "of dives does); give it with --variation-deg, east positive"
+                "of dives does) or a fix from which it follows; give it with --variation-deg, east "
+                "positive"
             )
         magnetic = heading_degrees(samples["head_mag_deg"], "head_mag_deg", tally)
         true = np.mod(magnetic + variation.at(time), 360.0)

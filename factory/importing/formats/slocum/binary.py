@@ -2,14 +2,15 @@
 
 A file's header is read here first: it names the vehicle, the cache file that lists the sensors,
 and how many there are, so that a missing or wrong cache file is told before anything is decoded.
+Compressed files (.dcd, .ecd ...) are unpacked first and are then like the others.
 """
 
 from __future__ import annotations
 
-import shutil
+import dataclasses
 import tempfile
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -17,20 +18,38 @@ from typing import Any
 import numpy as np
 
 from factory.importing.formats.base import ReadOptions
-from factory.importing.formats.slocum.file_names import CACHES
+from factory.importing.formats.slocum.caches import CacheShelf
+from factory.importing.formats.slocum.compressed import is_compressed, unpacked
+from factory.importing.formats.slocum.ending import ends_whole
+from factory.importing.formats.slocum.header import read_header, vehicle_of
 from factory.importing.formats.slocum.native_sensors import WANTED, slocum_log
-from factory.importing.formats.slocum.tables import joined
 from factory.importing.reading.columns import tidy
-from factory.importing.reading.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog
+from factory.importing.reading.deployment_log import (
+    EMPTY,
+    NO_FIXES,
+    Channel,
+    DeploymentLog,
+    joined,
+)
+from factory.importing.reading.each_file import each_file
+from factory.importing.reading.payload import payload_names
 from factory.importing.reading.tally import Tally
+from factory.importing.reading.unread_names import leave_out, note_empty, note_unread
 from twin.errors import InputError
 
-_HEADER_BYTES = 4000
-"""The ASCII header of 14 lines fits."""
-_LABEL = "dbd_label"
-_NEEDED = ("full_filename", "sensor_list_crc", "total_num_sensors", "sensors_per_cycle")
-_END_MARK = b"X"
-"""Last byte of a file that was closed."""
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Decoded:
+    """One binary file."""
+
+    vehicle: str
+    names: tuple[str, ...]
+    """Every sensor that it can hold."""
+    units: dict[str, str]
+    sensors: dict[str, tuple[Any, Any]]
+    """Times and values of the sensors that are read."""
+    whole: bool
+    """Whether it ends with a whole cycle."""
 
 
 def read_slocum_binary(
@@ -40,28 +59,31 @@ def read_slocum_binary(
     *,
     caches: Sequence[Path],
 ) -> list[DeploymentLog]:
-    """One log for each vehicle among the files.
+    """One log for each vehicle among the files. A file that cannot be decoded is left out, told.
 
     Raises:
       ModuleNotFoundError: dbdreader (GPL, an optional extra) is not installed.
-      InputError: a file is not a Slocum file, is cut within its header, or its
-        cache file is missing or another one's.
+      InputError: no file can be decoded: not a Slocum file, cut within its header, or its cache
+        file is missing or another one's. No file has depth or pressure.
     """
     reader = import_module("dbdreader")
+    wanted = (*WANTED, *payload_names(options.payload))
     pieces: dict[str, dict[str, list[Channel]]] = {}
+    units: dict[str, str] = {}
     files: dict[str, list[str]] = {}
-    for path in paths:
-        header = read_header(path)
-        # the name that tables of the vehicle carry: unit_334 is unit334
-        vehicle = vehicle_of(header, path).replace("_", "")
-        with tempfile.TemporaryDirectory() as folder:
-            # dbdreader writes into its cache folder: it gets a copy
-            _gather_caches(path, header, caches, options.cache, Path(folder))
-            sensors = _decode(reader, path, Path(folder))
-        own = pieces.setdefault(vehicle, {})
-        files.setdefault(vehicle, []).append(path.name)
+    kinds: dict[str, set[str]] = {}
+    cut: list[str] = []
+    with tempfile.TemporaryDirectory() as folder:
+        shelf = CacheShelf(Path(folder), options.cache, caches)
+        decoded = each_file(paths, lambda path: _decoded(reader, path, shelf, wanted), tally)
+    for path, one in decoded:
+        own = pieces.setdefault(one.vehicle, {})
+        files.setdefault(one.vehicle, []).append(path.name)
+        units |= one.units
+        kind = f"{path.suffix.lower()} file"
+        note_unread(kind, one.names, wanted, tally)
         rows = 0
-        for name, (time, values) in sensors.items():
+        for name, (time, values) in one.sensors.items():
             time, columns = tidy(
                 np.asarray(time, np.float64),
                 {name: np.asarray(values, np.float64)},
@@ -71,134 +93,94 @@ def read_slocum_binary(
             there = np.isfinite(columns[name])
             own.setdefault(name, []).append(Channel(time[there], columns[name][there]))
             rows = max(rows, int(there.sum()))
+            if there.any():
+                kinds.setdefault(kind, set()).add(name)
         tally.add("read", path.name, rows, "samples of the fullest sensor")
         if not rows:
             tally.add("note", path.name, 1, "holds no sample of a sensor that is used")
-        with path.open("rb") as file:
-            file.seek(-1, 2)
-            if file.read(1) != _END_MARK:
-                tally.add("note", path.name, 1, "truncated: read up to where it ends")
-    logs = []
-    for vehicle, own in pieces.items():
-        native = {name: joined(parts) for name, parts in own.items()}
-        if not any(len(native.get(n, ())) for n in ("m_depth", "m_pressure", "m_water_pressure")):
-            tally.add("note", vehicle, len(files[vehicle]), "no flight file: depth by the CTD")
-            if not len(native.get("sci_water_pressure", ())):
-                if any("truncated" in e.detail for e in tally.entries()):
-                    raise InputError(
-                        f"{', '.join(files[vehicle][:4])}: truncated before the first sample of "
-                        "depth or pressure"
-                    )
-                raise InputError(
-                    f"{vehicle}: neither depth nor pressure in {', '.join(files[vehicle][:4])}; "
-                    "add the flight files (.dbd or .sbd)"
-                )
-        first = min(c.time[0] for c in native.values() if len(c))
-        variation = EMPTY
-        if options.variation_deg is not None:
-            variation = Channel(np.array([first]), np.array([options.variation_deg]))
-        logs.append(
-            slocum_log(
-                vehicle,
-                native,
-                fixes=NO_FIXES,
-                variation=variation,
-                files=files[vehicle],
-                tally=tally,
+        if not one.whole:
+            cut.append(path.name)
+            tally.add("note", path.name, 1, "truncated: read up to where it ends")
+    for kind in {f"{path.suffix.lower()} file" for path, _ in decoded}:
+        note_empty(kind, [n for n in wanted if n not in kinds.get(kind, ())], tally)
+    return [
+        _log(vehicle, own, units, files[vehicle], cut, options, tally)
+        for vehicle, own in pieces.items()
+    ]
+
+
+def _log(
+    vehicle: str,
+    own: dict[str, list[Channel]],
+    units: dict[str, str],
+    files: Sequence[str],
+    cut: Sequence[str],
+    options: ReadOptions,
+    tally: Tally,
+) -> DeploymentLog:
+    native = {name: joined(parts) for name, parts in own.items()}
+    if not any(len(native.get(n, ())) for n in ("m_depth", "m_pressure", "m_water_pressure")):
+        tally.add("note", vehicle, len(files), "no flight file: depth by the CTD")
+        if not len(native.get("sci_water_pressure", ())):
+            some = ", ".join(files[:4])
+            if set(cut) & set(files):
+                raise InputError(f"{some}: truncated before the first sample of depth or pressure")
+            raise InputError(
+                f"{vehicle}: neither depth nor pressure in {some}; add the flight files (.dbd or "
+                ".sbd)"
             )
-        )
-    return logs
+    first = min(c.time[0] for c in native.values() if len(c))
+    variation = EMPTY
+    if options.variation_deg is not None:
+        variation = Channel(np.array([first]), np.array([options.variation_deg]))
+        if len(native.get("m_gps_mag_var", ())):
+            leave_out(["m_gps_mag_var"], "the user gives the variation", tally)
+    return slocum_log(
+        vehicle,
+        native,
+        fixes=NO_FIXES,
+        variation=variation,
+        payload=options.payload,
+        units=units,
+        files=files,
+        tally=tally,
+    )
 
 
-def read_header(path: Path) -> dict[str, str]:
-    """The ASCII header; empty for a compressed file, whose header dbdreader unpacks.
+def _decoded(reader: Any, path: Path, shelf: CacheShelf, wanted: Sequence[str]) -> Decoded:
+    """One file.
 
     Raises:
-      InputError: not a Slocum file, or cut within its header.
+      InputError: it cannot be decoded.
     """
-    if path.suffix.lower()[2:3] == "c":
-        return {}
-    with path.open("rb") as file:
-        start = file.read(_HEADER_BYTES)
-    header: dict[str, str] = {}
-    for line in start.split(b"\n"):
-        key, colon, value = line.decode("latin-1").partition(":")
-        if not colon or not key.strip().isidentifier():
-            if not header:
-                break
-            continue
-        header[key.strip()] = value.strip()
-        if len(header) == int(header.get("num_ascii_tags") or 10**6):
-            break
-    if _LABEL not in header:
-        raise InputError(f"{path.name} is not a Slocum binary file: its header lacks {_LABEL}")
-    lacking = [key for key in _NEEDED if key not in header]
-    if lacking:
-        raise InputError(f"{path.name} is truncated within its header: no {lacking[0]}")
-    return header
-
-
-def vehicle_of(header: Mapping[str, str], path: Path) -> str:
-    """Name of the vehicle: what `full_filename` says before the year."""
-    full = header.get("full_filename", path.stem)
-    return full.rsplit("-", 4)[0] or path.stem
-
-
-def _gather_caches(
-    path: Path,
-    header: Mapping[str, str],
-    caches: Sequence[Path],
-    cache: Path | None,
-    folder: Path,
-) -> None:
-    """Copy the cache files that `path` may need into `folder`; check the one that it names."""
-    if cache is not None and not cache.is_dir():
-        raise InputError(f"no folder {cache} for cache files")
-    places = [cache] if cache is not None else [path.parent, *(c.parent for c in caches)]
-    found: dict[str, Path] = {}
-    for place in places:
-        for one in sorted(place.iterdir()):
-            if one.suffix.lower() in CACHES:
-                found.setdefault(one.stem.lower() + one.suffix.lower(), one)
-    for name, one in found.items():
-        shutil.copyfile(one, folder / name)
-    if not header or header.get("sensor_list_factored") == "0":
-        return
-    wanted = header["sensor_list_crc"].lower()
-    if f"{wanted}.cac" not in found and f"{wanted}.ccc" not in found:
-        others = ", ".join(sorted(found)[:4]) or "no cache file"
-        raise InputError(
-            f"{path.name} needs the cache file {wanted}.cac; there is {others} in "
-            f"{', '.join(dict.fromkeys(str(p) for p in places))}; give its folder with --cache"
-        )
-    if f"{wanted}.cac" in found:
-        lines = found[f"{wanted}.cac"].read_text("latin-1").split("\n")
-        listed = [line.split() for line in lines if line.startswith("s:")]
-        used = sum(1 for words in listed if len(words) > 1 and words[1] == "T")
-        total = (int(header["total_num_sensors"]), int(header["sensors_per_cycle"]))
-        if (len(listed), used) != total:
+    with tempfile.TemporaryDirectory() as folder:
+        plain, cut = unpacked(path, Path(folder)) if is_compressed(path) else (path, False)
+        header = read_header(plain)
+        shelf.prepare(path, header)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                file = reader.DBD(str(plain), cacheDir=str(shelf.folder))
+                try:
+                    names = [name for name in wanted if file.has_parameter(name)]
+                    values = file.get(*names) if names else []
+                finally:
+                    file.close()
+                whole = not cut and ends_whole(
+                    plain.read_bytes(), file.fp_binary_start, file.byteSizes, file.n_state_bytes
+                )
+        except Exception as error:
             raise InputError(
-                f"cache file {wanted}.cac is not the one of {path.name}: it lists {used} of "
-                f"{len(listed)} sensors, the header says {total[1]} of {total[0]}"
-            )
-
-
-def _decode(reader: Any, path: Path, folder: Path) -> dict[str, tuple[Any, Any]]:
-    """Times and values of the wanted sensors that the file holds."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            file = reader.DBD(str(path), cacheDir=str(folder))
-            try:
-                names = [name for name in WANTED if file.has_parameter(name)]
-                if not names:
-                    return {}
-                values = file.get(*names)
-            finally:
-                file.close()
-    except Exception as error:
-        raise InputError(
-            f"{path.name} cannot be decoded: {' '.join(str(error).split())[:160]} "
-            f"({type(error).__name__})"
-        ) from error
-    return dict(zip(names, [values] if len(names) == 1 else values, strict=True))
+                f"{path.name} cannot be decoded: {' '.join(str(error).split())[:160]} "
+                f"({type(error).__name__})"
+            ) from error
+    if len(names) == 1:
+        values = [values]
+    return Decoded(
+        # the name that tables of the vehicle carry: unit_334 is unit334
+        vehicle=vehicle_of(header, path).replace("_", ""),
+        names=tuple(file.parameterNames),
+        units=dict(file.parameterUnits),
+        sensors=dict(zip(names, values, strict=True)),
+        whole=whole,
+    )

@@ -12,20 +12,23 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.formats.slocum.common_times import at_common_times
+from factory.importing.formats.slocum.on_board import ON_BOARD, on_board, on_board_places
 from factory.importing.formats.slocum.pressure_choice import PRESSURES, slocum_pressure
+from factory.importing.formats.slocum.pump_choice import PUMPS, slocum_pump
 from factory.importing.reading.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, Fixes
+from factory.importing.reading.payload import PayloadSignal, payload_channels
 from factory.importing.reading.tally import Tally
 from factory.importing.repairs.angles import jointly_degrees, to_degrees
 from factory.importing.repairs.cleaning import (
     clean,
     positions,
     pressure_by_flight,
-    to_cm3,
     to_dbar,
 )
+from factory.importing.repairs.declination import reference_declination
 from factory.importing.repairs.seawater import ctd_channels, siemens
 from twin.errors import InputError
-from twin.geodesy import turn
 
 Array = NDArray[np.float64]
 Native = Mapping[str, Channel]
@@ -41,19 +44,14 @@ ANGLES = {
 """Native name: schema name, kind of angle."""
 ATTITUDE = {"m_pitch": "pitch", "m_roll": "roll", "m_heading": "heading"}
 """Angles that share a unit in one log."""
-PUMPS = (("m_ballast_pumped", "c_ballast_pumped"), ("m_de_oil_vol", "c_de_oil_vol"))
-"""[cm3] Shallow gliders have a ballast pump, deep ones an oil bladder; both + = lighter."""
-THRUSTERS = ("m_thruster_power", "m_thruster_current", "c_thruster_on")
 GOOD_FIX = 0
 """Status of a valid GPS line."""
 WANTED = (
-    *ANGLES, *PRESSURES, *THRUSTERS, *(name for pair in PUMPS for name in pair),
+    *ANGLES, *PRESSURES, *(name for pair in PUMPS for name in pair),
     "m_depth", "m_heading", "c_heading", "m_battpos", "c_battpos", "sci_water_cond",
-    "sci_water_temp", "m_x_lmc", "m_y_lmc", "m_lat", "m_lon", "m_water_vx", "m_water_vy",
-    "m_final_water_vx", "m_final_water_vy", "m_gps_lat", "m_gps_lon", "m_gps_status",
-    "m_gps_mag_var",
+    "sci_water_temp", *ON_BOARD, "m_gps_lat", "m_gps_lon", "m_gps_status", "m_gps_mag_var",
 )  # fmt: skip
-"""Every native sensor that is read."""
+"""Every native sensor that is read, beside those of the payload."""
 
 
 def slocum_log(
@@ -63,6 +61,8 @@ def slocum_log(
     fixes: Fixes,
     variation: Channel,
     truth_speed: Channel = EMPTY,
+    payload: Sequence[PayloadSignal] = (),
+    units: Mapping[str, str] | None = None,
     files: Sequence[str] = (),
     tally: Tally,
 ) -> DeploymentLog:
@@ -71,17 +71,25 @@ def slocum_log(
     Args:
       native: finite values at increasing times, native units.
       fixes: from elsewhere; those in `m_gps_lat`, `m_gps_lon` are used when it is empty.
-      variation: [degree] east positive; from `m_gps_mag_var` when empty.
+      variation: [degree] east positive; from `m_gps_mag_var` when empty, else by the reference
+        field where the log says where it was.
       truth_speed: [m/s] through the water, by a DVL.
+      payload: what the user maps; `units` are those that the files name.
 
     Raises:
       InputError: pressure and depth do not belong together, or there is a heading but no
         magnetic variation.
     """
     if not len(fixes):
-        fixes = gps_fixes(*_common(native, ("m_gps_lat", "m_gps_lon", "m_gps_status")), tally=tally)
+        fixes = gps_fixes(
+            *at_common_times(native, ("m_gps_lat", "m_gps_lon", "m_gps_status")), tally=tally
+        )
     if not len(variation):
         variation = native_variation(native.get("m_gps_mag_var", EMPTY), tally)
+    if not len(variation):
+        variation = reference_declination(
+            fixes if len(fixes) else on_board_places(native), deployment, tally
+        )
     channels: dict[str, Channel] = {}
     likely = jointly_degrees(native, ATTITUDE)
     for name, (target, kind) in ANGLES.items():
@@ -94,22 +102,13 @@ def slocum_log(
             if not len(variation):
                 raise InputError(
                     f"{deployment}: {name} is magnetic and no file gives the magnetic variation "
-                    "(m_gps_mag_var, mag_var_rad); give it with --variation-deg, east positive"
+                    "(m_gps_mag_var, mag_var_rad) or a position from which it follows; give it "
+                    "with --variation-deg, east positive"
                 )
             magnetic = to_degrees(channel.values, name, tally, kind="heading", likely=likely)
             true = np.mod(magnetic + variation.at(channel.time), 360.0)
             channels[target] = clean(target, channel.time, true, tally, subject=name)
-    # a vehicle with an oil bladder logs a lone 0 of the ballast pump that it does not have
-    pumps = [pair for pair in PUMPS if pair[0] in native]
-    for name, target in zip(
-        max(pumps, key=lambda pair: len(native[pair[0]]), default=()),
-        ("measured_pump", "commanded_pump"),
-        strict=False,
-    ):
-        if name in native and len(native[name]):
-            one = native[name]
-            volume = to_cm3(one.values, name, tally)
-            channels[target] = clean(target, one.time, volume, tally, subject=name)
+    channels |= slocum_pump(native, tally)
     batteries = (("m_battpos", "measured_shift"), ("c_battpos", "commanded_shift"))
     unit = _shift_unit([native[name].values for name, _ in batteries if name in native], tally)
     for name, target in batteries:
@@ -128,15 +127,18 @@ def slocum_log(
             "measured_depth", one.time, one.values, tally, subject="m_depth"
         )
     channels |= _ctd(native, channels, fixes, tally)
+    channels |= payload_channels(native, payload, tally, units=units)
     if len(truth_speed):
         channels["true_speed"] = truth_speed
+    auxiliary, reported = on_board(native, variation, tally)
+    channels |= reported
     return DeploymentLog(
         deployment=deployment,
         platform="Slocum glider",
         channels={name: c for name, c in channels.items() if len(c)},
         fixes=fixes,
         magnetic_variation=variation,
-        auxiliary=_auxiliary(native, variation),
+        auxiliary=auxiliary,
         files=tuple(files),
     )
 
@@ -159,19 +161,6 @@ def gps_fixes(
     latitude, longitude = positions(latitude, longitude, "GPS fixes", tally)
     good = ~bad & np.isfinite(latitude) & np.isfinite(longitude)
     return Fixes(time[good], latitude[good], longitude[good])
-
-
-def _common(native: Native, names: Sequence[str]) -> list[Array]:
-    """Times of the first sensor, and all the sensors at them; NaN where one has no sample."""
-    first = native.get(names[0], EMPTY)
-    columns = [first.time, first.values]
-    for name in names[1:]:
-        values = np.full(len(first), np.nan)
-        other = native.get(name, EMPTY)
-        _, mine, its = np.intersect1d(first.time, other.time, return_indices=True)
-        values[mine] = other.values[its]
-        columns.append(values)
-    return columns
 
 
 _TRAVELS = (
@@ -238,32 +227,3 @@ def _ctd(
         longitude=float(np.median(fixes.longitude)) if len(fixes) else 0.0,
         tally=tally,
     )
-
-
-def _auxiliary(native: Native, variation: Channel) -> dict[str, Channel]:
-    """On-board track, reported currents and thruster."""
-    found: dict[str, Channel] = {}
-    for x, y, target in (
-        ("m_x_lmc", "m_y_lmc", "onboard"),
-        ("m_final_water_vx", "m_final_water_vy", "dac"),
-        ("m_water_vx", "m_water_vy", "dac"),
-    ):
-        if f"{target}_north" in found or not len(variation):
-            continue
-        time, east, north = _common(native, (x, y))
-        both = np.isfinite(east) & np.isfinite(north)
-        if both.any():
-            true = turn(east[both], north[both], variation.at(time[both]))
-            found[f"{target}_north"] = Channel(time[both], true[0])
-            found[f"{target}_east"] = Channel(time[both], true[1])
-    for name in THRUSTERS:
-        if name in native and len(native[name]):
-            found["thruster"] = native[name]
-            break
-    if "onboard_north" not in found and "m_lat" in native and "m_lon" in native:
-        time, latitude, longitude = _common(native, ("m_lat", "m_lon"))
-        latitude, longitude = positions(latitude, longitude, "m_lat, m_lon", Tally())
-        both = np.isfinite(latitude) & np.isfinite(longitude)
-        found["latitude"] = Channel(time[both], latitude[both])
-        found["longitude"] = Channel(time[both], longitude[both])
-    return found

@@ -22,9 +22,17 @@ from factory.importing.formats.slocum.native_sensors import (
     slocum_log,
 )
 from factory.importing.reading.columns import Table, parse_stamps, read_table, tidy, unix_seconds
-from factory.importing.reading.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, Fixes
+from factory.importing.reading.deployment_log import (
+    NO_FIXES,
+    Channel,
+    DeploymentLog,
+    Fixes,
+    joined,
+)
+from factory.importing.reading.each_file import each_file
+from factory.importing.reading.payload import payload_names
 from factory.importing.reading.tally import Tally
-from factory.importing.reading.unread_names import note_unread
+from factory.importing.reading.unread_names import note_empty, note_unread
 from factory.importing.repairs.cleaning import clean
 from twin.errors import InputError
 from twin.geodesy import offset
@@ -41,6 +49,8 @@ _READ: dict[str, tuple[str, ...]] = {
     "science": WANTED,
     "gps": (*LATITUDES, *LONGITUDES, *WANTED, "status", "mag_var_rad"),
     "truth": ("U_dvl_ms",),
+    "events": ("name", "value"),
+    "segments": ("t_start", "magvar_rad"),
 }
 """Columns that each kind of table is read for."""
 _FAR = 50e3
@@ -86,6 +96,22 @@ def role(table: Table) -> str | None:
     return "science" if any(name.startswith("sci_") for name in names) else None
 
 
+def _with_role(path: Path) -> tuple[str, Table]:
+    """A table and what it is.
+
+    Raises:
+      WrongFormat: no Slocum's.
+      InputError: it cannot be read, or is empty.
+    """
+    table = read_table(path)
+    which = role(table)
+    if which is None or (which == "gps" and "NavState" in table.columns):
+        raise WrongFormat(path, [*table.columns, *table.texts])
+    if not len(table):
+        raise InputError(f"{path.name} holds column names and no rows")
+    return which, table
+
+
 def read_slocum_tables(
     paths: Sequence[Path], options: ReadOptions, tally: Tally
 ) -> list[DeploymentLog]:
@@ -96,18 +122,16 @@ def read_slocum_tables(
       InputError: no flight table, or a table that belongs to none.
     """
     tables: dict[str, list[Table]] = {}
-    for path in paths:
-        table = read_table(path)
-        which = role(table)
-        if which is None or (which == "gps" and "NavState" in table.columns):
-            raise WrongFormat(path, [*table.columns, *table.texts])
-        if not len(table):
-            raise InputError(f"{path.name} holds column names and no rows")
+    for _, (which, table) in each_file(paths, _with_role, tally):
         tables.setdefault(which, []).append(table)
+    extra = payload_names(options.payload)
     for which, some in tables.items():
-        if which in _READ:
-            names = [n for table in some for n in (*table.columns, *table.texts)]
-            note_unread(f"{which} table", names, (*TIMES, *_READ[which]), tally)
+        names = [n for table in some for n in (*table.columns, *table.texts)]
+        kind = f"{which} table"
+        wanted = _READ.get(which, ()) + (extra if which in ("flight", "science") else ())
+        note_unread(kind, names, (*TIMES, *wanted), tally)
+        values = {n for t in some for n, v in t.columns.items() if np.isfinite(v).any()}
+        note_empty(kind, [n for n in wanted if n not in values], tally)
     if "flight" not in tables:
         raise InputError(
             "none of the files is a flight table (m_depth or m_pressure, m_pitch, m_heading); "
@@ -119,14 +143,14 @@ def read_slocum_tables(
         tally.add("read", table.path.name, len(time), "flight rows")
         key = _ROLE_WORDS.split(table.path.name.split(".")[0])[0]
         parts = groups.setdefault(key, DeploymentTables(key))
-        _native(parts, time, columns)
+        _native(parts, time, columns, extra)
         parts.files.append(table.path.name)
     for parts in groups.values():
         if not any(parts.native.get(n) for n in ("m_depth", "m_pressure", "m_pitch")):
             raise InputError(f"{parts.name}: the flight table holds no depth, pressure or pitch")
     for which in ("gps", "science", "truth", "events", "segments"):
         for table in tables.get(which, []):
-            _attach(which, table, list(groups.values()), tally)
+            _attach(which, table, list(groups.values()), extra, tally)
     logs = []
     for parts in groups.values():
         native = {name: joined(pieces) for name, pieces in parts.native.items()}
@@ -140,6 +164,7 @@ def read_slocum_tables(
                 fixes=_joined_fixes(parts.fixes),
                 variation=variation,
                 truth_speed=joined(parts.speed),
+                payload=options.payload,
                 files=parts.files,
                 tally=tally,
             )
@@ -163,14 +188,22 @@ def _timed(table: Table, tally: Tally, time_name: str | None = None) -> tuple[Ar
     return tidy(time, columns, subject, tally)
 
 
-def _native(parts: DeploymentTables, time: Array, columns: dict[str, Array]) -> None:
-    for name in WANTED:
+def _native(
+    parts: DeploymentTables, time: Array, columns: dict[str, Array], extra: Sequence[str]
+) -> None:
+    for name in (*WANTED, *extra):
         if name in columns:
             there = np.isfinite(columns[name])
             parts.put(name, Channel(time[there], columns[name][there]))
 
 
-def _attach(which: str, table: Table, groups: list[DeploymentTables], tally: Tally) -> None:
+def _attach(
+    which: str,
+    table: Table,
+    groups: list[DeploymentTables],
+    extra: Sequence[str],
+    tally: Tally,
+) -> None:
     """Give a table to the deployment that it belongs to."""
     subject = table.path.name
     if which == "events":
@@ -209,7 +242,7 @@ def _attach(which: str, table: Table, groups: list[DeploymentTables], tally: Tal
         parts.speed.append(Channel(time[there], values[there]))
         tally.add("read", "U_dvl_ms", int(there.sum()), "finite truth samples")
     else:
-        _native(parts, time, columns)
+        _native(parts, time, columns, extra)
 
 
 _CM_PER_M = 100.0
@@ -299,16 +332,6 @@ def _same_place(subject: str, fixes: Fixes, parts: DeploymentTables, tally: Tall
         f"{subject}: its fixes are {away / 1e3:.0f} km from where {parts.name} says it was; "
         "they are another vehicle's"
     )
-
-
-def joined(pieces: Sequence[Channel]) -> Channel:
-    """Pieces of one channel in time order, repeated times once."""
-    if not pieces:
-        return EMPTY
-    time = np.concatenate([piece.time for piece in pieces])
-    values = np.concatenate([piece.values for piece in pieces])
-    unique, first = np.unique(time, return_index=True)
-    return Channel(unique, values[first])
 
 
 def _joined_fixes(pieces: Sequence[Fixes]) -> Fixes:

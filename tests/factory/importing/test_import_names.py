@@ -1,0 +1,110 @@
+"""Import: what becomes of each name in a file, the pump that is taken, and payloads by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from logs import Flight, slocum_columns, write_slocum
+
+from factory.importing import import_logs
+from twin.errors import InputError
+
+FLIGHT = Flight(depth=100.0, surface=600.0)
+
+
+@pytest.mark.parametrize("column", sorted(set(slocum_columns(FLIGHT)) - {"time"}))
+def test_a_name_that_is_read_makes_a_difference(column: str, tmp_path: Path) -> None:
+    """What the report calls read is in the store: without it something is missing or otherwise."""
+    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    assert column in report.names["flight table"]["read"]
+    paths = write_slocum(tmp_path, FLIGHT, **{column: None})
+    without, _ = import_logs("slocum", paths)
+    same = all(
+        name in without and np.array_equal(dataset[name], without[name], equal_nan=True)
+        for name in report.channels
+    )
+    assert not same or column == "m_depth"  # it only tells the unit of the pressure
+
+
+def test_what_is_known_and_not_used_is_left_out_and_what_is_empty_is_missing(
+    tmp_path: Path,
+) -> None:
+    count = len(FLIGHT.time)
+    paths = write_slocum(
+        tmp_path,
+        FLIGHT,
+        m_de_oil_vol=np.zeros(count),  # of a pump that this vehicle has not
+        c_battpos=np.full(count, np.nan),
+        sci_bird_count=np.ones(count),
+    )
+    _, report = import_logs("slocum", paths)
+    names = report.names["flight table"]
+    assert names["left out"] == ("m_de_oil_vol",)
+    assert names["missing"] == ("c_battpos",)
+    assert names["not read"] == ("sci_bird_count",)
+    table = {(row["what"], row["of"]): row["why"] for row in report.table()}
+    assert "another pump" in str(table[("left out", "m_de_oil_vol")])
+    assert "c_battpos" in str(table[("missing", "flight table")])
+
+
+@pytest.mark.parametrize("rows", ["one", "every"])
+def test_of_two_pumps_the_one_that_moves_is_taken(rows: str, tmp_path: Path) -> None:
+    """A deep Slocum writes a 0 of the ballast pump that it has not, and its oil bladder."""
+    columns = slocum_columns(FLIGHT)
+    oil = columns["m_ballast_pumped"] + 60.0
+    ballast = np.zeros(len(oil))
+    if rows == "one":
+        ballast[1:] = np.nan
+    paths = write_slocum(tmp_path, FLIGHT, m_ballast_pumped=ballast, m_de_oil_vol=oil)
+    dataset, report = import_logs("slocum", paths)
+    pump = dataset["measured_pump"].values
+    assert np.nanmin(pump) == pytest.approx(-170.0)
+    assert np.nanmax(pump) == pytest.approx(290.0)
+    notes = [e.detail for e in report.entries if e.subject == "measured_pump"]
+    assert len(notes) == 1
+    assert "from m_de_oil_vol" in notes[0]
+    assert "not m_ballast_pumped" in notes[0]
+
+
+def test_a_log_without_any_pump_says_that_it_is_missing(tmp_path: Path) -> None:
+    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_ballast_pumped=None))
+    assert "measured_pump" not in dataset
+    assert report.count("missing", "measured_pump") == 1
+
+
+def test_payload_comes_by_known_names_and_by_those_that_the_user_maps(tmp_path: Path) -> None:
+    depth = slocum_columns(FLIGHT)["m_depth"]
+    oxygen, nitrate = 200.0 + depth, 3.0 + 0.1 * depth
+    oxygen[::2] = np.nan  # every 8 s
+    oxygen[(FLIGHT.time > FLIGHT.dive_times(1)[0] + 100.0) & (depth > 30.0)] = np.nan
+    oxygen[5] = -9999.0
+    paths = write_slocum(tmp_path, FLIGHT, sci_oxy4_oxygen=oxygen, sci_suna_no3=nitrate)
+    dataset, report = import_logs("slocum", paths, payload=["nitrate=sci_suna_no3[umol L-1]"])
+    assert dataset["measured_oxygen"].attrs["units"] == "umol L-1"
+    assert dataset["measured_nitrate"].attrs["units"] == "umol L-1"
+    truth = dataset["measured_depth"].values
+    # the tips of the saw-tooth lie between samples
+    off = np.abs(dataset["measured_oxygen"].values - 200.0 - truth)
+    assert np.nanmax(off) < 1.5
+    assert np.nanmedian(off) < 0.05
+    assert np.isnan(dataset["measured_oxygen"].values[2]).mean() > 0.2  # no value where it was off
+    assert np.nanmax(np.abs(dataset["measured_nitrate"].values - 3.0 - 0.1 * truth)) < 0.2
+    assert report.count("removed", "sci_oxy4_oxygen") == 1
+    assert {"sci_oxy4_oxygen", "sci_suna_no3"} <= set(report.names["flight table"]["read"])
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("nitrate", "write NAME=COLUMN"),
+        ("Nitrate=sci_suna_no3", "small letters"),
+        ("pitch=sci_suna_no3", "measured_pitch is a signal of every store"),
+        ("nitrate=sci_suna_no", r"no file has the column 'sci_suna_no'; is it sci_suna_no3"),
+    ],
+)
+def test_a_wrong_mapping_is_refused(word: str, message: str, tmp_path: Path) -> None:
+    paths = write_slocum(tmp_path, FLIGHT, sci_suna_no3=np.ones(len(FLIGHT.time)))
+    with pytest.raises(InputError, match=message):
+        import_logs("slocum", paths, payload=[word])
