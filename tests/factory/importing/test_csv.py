@@ -110,11 +110,23 @@ def test_every_column_is_read_left_out_or_named(folder: Path) -> None:
             if (entry.action in ("read", "left out") and entry.subject == column) or named:
                 became[column] = entry.action
     assert set(became) == set(table_columns(FLIGHT))
+    (told,) = report.names.values()
+    assert set().union(*told.values()) == set(table_columns(FLIGHT))
+    assert told["left out"] == ("ax",)
+    assert told["not read"] == ("comment",)
     assert became["ax"] == "left out"
     assert became["comment"] == "not read"
     assert report.count("read", "theta") == rows
     assert report.count("removed", "vx") == rows - under
     assert report.count("read", "lat") == rows - under
+
+
+def test_a_mapped_column_without_a_value_is_missing(folder: Path) -> None:
+    nothing = np.full(len(FLIGHT.time), np.nan)
+    write_csv(folder / "log.csv", {**table_columns(FLIGHT), "r": nothing})
+    dataset, report = bring(folder, mine())
+    assert report.names["csv table"]["missing"] == ("r",)
+    assert "measured_yaw_rate" not in dataset
 
 
 def test_rows_out_of_order_and_written_twice_are_counted(folder: Path) -> None:

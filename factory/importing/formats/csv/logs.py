@@ -39,7 +39,7 @@ from factory.importing.reading.columns import (
 from factory.importing.reading.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, Fixes
 from factory.importing.reading.tally import Tally
 from factory.importing.reading.units import SECONDS, in_unit
-from factory.importing.reading.unread_names import note_unread
+from factory.importing.reading.unread_names import leave_out, note_empty, note_unread
 from factory.importing.repairs.cleaning import LIMITS, clean
 from factory.importing.repairs.seawater import ctd_channels, pressure_of
 from twin.errors import InputError, unknown_name
@@ -81,6 +81,9 @@ def read_tables(
     for path in paths:
         for deployment, piece in _pieces(path, mapping, tally):
             groups.setdefault(deployment, []).append(piece)
+    every = [piece.columns for pieces in groups.values() for piece in pieces]
+    valued = {n for columns in every for n, values in columns.items() if np.isfinite(values).any()}
+    note_empty(KIND, (s.column for n, s in mapping.signals.items() if n not in valued), tally)
     return [
         _log(name, pieces, mapping, options.variation_deg, tally)
         for name, pieces in groups.items()
@@ -143,12 +146,11 @@ def _account(
     used = {signal.column for signal, _ in signals.values()} | {mapping.time.column}
     if mapping.deployment == "column":
         used.add(mapping.deployment_word)
-    rest = [column for column in present if column not in used]
-    for column in rest:
-        why = mapping.reason(column)
-        if why is not None:
-            tally.add("left out", column, 1, f"files: {why}")
-    note_unread(KIND, (c for c in rest if mapping.reason(c) is None), (), tally)
+    reasons = {c: mapping.reason(c) for c in present if c not in used}
+    ignored = {column: why for column, why in reasons.items() if why is not None}
+    note_unread(KIND, present, used | set(ignored), tally)
+    for column, why in ignored.items():
+        leave_out((column,), f"files: {why}", tally)
     header = column_names(path)
     twice = sorted({name for name in header if header.count(name) > 1})
     if set(twice) & used:
