@@ -235,6 +235,32 @@ def write_seaexplorer(path: Path, flight: Flight, delimiter: str = ",") -> Path:
     )
 
 
+def table_columns(flight: Flight) -> dict[str, Array]:
+    """A table in the layout of the mapping that docs/real.md shows: forward-left-up, from east."""
+    time, state = flight.time, flight.state(flight.time)
+    under = state["under"] > 0.0
+    latitude, longitude = flight.position(time)
+    return {
+        "stamp": (time - START) * 1e3,
+        "z": state["depth"] * 100.0,
+        "theta": -np.radians(state["pitch"]),
+        "yaw": np.radians(90.0 - state["heading"]),
+        "r": np.full(len(time), -0.5),
+        "vx": np.where(under, flight.speed / 0.514444, -99.0),
+        "engine": state["pump"] / 1000.0,
+        "lat": np.where(under, np.nan, latitude),
+        "lon": np.where(under, np.nan, longitude),
+        "ax": np.zeros(len(time)),
+        "comment": np.zeros(len(time)),
+    }
+
+
+def write_table(folder: Path, flight: Flight, page: str) -> list[Path]:
+    """A table and the mapping of the page, which reads it."""
+    (folder / "mine.toml").write_text(example(page, "mine.toml"))
+    return [write_csv(folder / "log.csv", table_columns(flight))]
+
+
 def write_mat(path: Path, flight: Flight) -> Path:
     """An LRAUV log: HDF5 groups of time (MATLAB days), value, units; every sample twice."""
     import netCDF4

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.formats.base import SHORTEST, ReadOptions
+from factory.importing.formats.base import SHORTEST, TABLES, ReadOptions
 from factory.importing.formats.csv.mapping import (
     HEADINGS,
     ISO,
@@ -26,6 +26,7 @@ from factory.importing.formats.csv.mapping import (
 )
 from factory.importing.formats.csv.row_times import row_times
 from factory.importing.formats.csv.velocity_checks import check_track, check_values
+from factory.importing.formats.registry import likely_kind
 from factory.importing.reading.columns import (
     Table,
     column_names,
@@ -68,9 +69,12 @@ def read_tables(
       InputError: no mapping, or one that does not fit the files; a velocity that is none.
     """
     if options.mapping is None:
+        kind = likely_kind(column_names(paths[0])) if paths[0].suffix.lower() in TABLES else None
+        hint = f". It looks like {kind}: use `factory import {kind}`" if kind else ""
         raise InputError(
-            "csv tables need a --mapping: a TOML file that says which column is which signal, or "
-            f"the name of a shipped one ({', '.join(shipped_names())}); docs/real.md shows one"
+            f"{paths[0].name}: csv tables need a --mapping, a TOML file that says which column is "
+            "which signal (docs/real.md shows one), or a shipped one "
+            f"({', '.join(shipped_names())}){hint}"
         )
     mapping = load_mapping(options.mapping)
     groups: dict[str, list[Piece]] = {}
@@ -253,9 +257,11 @@ def _log(
         elif np.isfinite(values).any() or not signal.optional:
             tally.add("missing", name, 1, f"{deployment} has no value of it")
     if mapping.dvl_lock is not None and "measured_dvl_surge" in channels:
-        has = np.isin(time, channels["measured_dvl_surge"].time)
+        has = np.isin(time, channels["measured_dvl_surge"].time).astype(np.float64)
         channels["measured_dvl_mode"] = Channel(time, LOCKS[mapping.dvl_lock] * has)
-        tally.add("note", "measured_dvl_mode", int(has.sum()), f"{mapping.dvl_lock}, says the mapping")
+        tally.add(
+            "note", "measured_dvl_mode", int(has.sum()), f"{mapping.dvl_lock}, says the mapping"
+        )
     variation = channels.pop("magnetic_variation", EMPTY)
     _to_true_north(deployment, channels, mapping, variation, variation_deg, tally)
     fixes = _fixes(channels.pop("gps_latitude", EMPTY), channels.pop("gps_longitude", EMPTY), tally)
@@ -347,9 +353,10 @@ def _with_water(log: DeploymentLog, conductivity: Channel | None, tally: Tally) 
     if not len(warm) or not have_salt or not (len(pressure) or len(depth)):
         return log
     track = log.channel("latitude"), log.channel("longitude")
-    known = len(log.fixes) or len(track[0])
-    latitude = float(np.median(log.fixes.latitude if len(log.fixes) else track[0].values)) if known else 0.0
-    longitude = float(np.median(log.fixes.longitude if len(log.fixes) else track[1].values)) if known else 0.0
+    places = (log.fixes.latitude, log.fixes.longitude) if len(log.fixes) else (
+        track[0].values, track[1].values
+    )  # fmt: skip
+    latitude, longitude = (float(np.median(p)) if len(p) else 0.0 for p in places)
     dbar = pressure if len(pressure) else Channel(depth.time, pressure_of(depth.values, latitude))
     both = warm.time
     made = ctd_channels(
