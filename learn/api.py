@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from learn.data.features import INPUT_SETS, select_features
+from learn.data.labels import LabelConfig
 from learn.data.parts import parts_of
 from learn.data.preparation import check_window
 from learn.networks.config import NetworkConfig
@@ -144,6 +145,9 @@ def fit_settings(
     period: float | None = None,
     start: str | Path | None = None,
     device: str | None = None,
+    labels: str | None = None,
+    known_current: str | None = None,
+    smoothing: str | None = None,
 ) -> FitConfig:
     """The settings of a training: those given here, a resumed run's own, and the defaults.
 
@@ -171,6 +175,11 @@ def fit_settings(
       period: [s] between samples, a multiple of the store's.
       start: run whose weights, inputs, scales and period the training begins with.
       device: cpu, cuda or auto [cpu].
+      labels: `truth`, or `dvl` for what the Doppler log measured through the water [truth].
+      known_current: with `dvl`, what is taken off bottom track: `none` is known and only water
+        track is learned from, `store` for the current that the store holds, or "NORTH,EAST" in
+        m/s, "0,0" in still water [none].
+      smoothing: with `dvl`, after outliers are removed: `gaussian`, `causal` or `none` [gaussian].
 
     Raises:
       InputError: a name is unknown, a value impossible, or a setting has no use here.
@@ -212,6 +221,7 @@ def fit_settings(
     training = _given(
         optimiser=optimiser, seed=seed, device=device, window=window, washin=washin, **budget
     )
+    learned = _given(source=labels, known_current=known_current, smoothing=smoothing)
     config = FitConfig(
         store=_same_place(store, base),
         features=chosen,
@@ -222,8 +232,9 @@ def fit_settings(
         mirror=base.mirror and mirror,
         period=period,
         start=None if start is None else str(start),
+        labels=LabelConfig(**{**dataclasses.asdict(base.labels), **learned}),
     )
-    _check_uses(config, sizes, training)
+    _check_uses(config, sizes, training, learned)
     if window is not None:
         check_window(config.store, window, division=config.division, period=config.period)
     return config
@@ -248,9 +259,18 @@ def _same_place(store: str | Path | None, base: FitConfig) -> str:
 
 
 def _check_uses(
-    config: FitConfig, sizes: Mapping[str, object], training: Mapping[str, object]
+    config: FitConfig,
+    sizes: Mapping[str, object],
+    training: Mapping[str, object],
+    learned: Mapping[str, object],
 ) -> None:
     """Refuse what would be taken and then ignored."""
+    for name in learned if config.labels.source == "truth" else ():
+        if name != "source":
+            raise InputError(
+                f"--{name.replace('_', '-')} is about what a Doppler log measured, and this run "
+                "learns from the truth: leave it out, or give --labels dvl"
+            )
     kind = config.network.kind
     for name in sizes:
         if name not in NETWORKS[kind].sizes:

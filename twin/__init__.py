@@ -23,10 +23,14 @@ if TYPE_CHECKING:
     from twin.mission.controller import Observation as Observation
     from twin.mission.plan import Mission as Mission
     from twin.mission.schedule import Schedule as Schedule
+    from twin.mission.segments import Circle as Circle
     from twin.mission.segments import Hold as Hold
+    from twin.mission.segments import Hover as Hover
+    from twin.mission.segments import LawnMower as LawnMower
     from twin.mission.segments import SawTooth as SawTooth
     from twin.mission.segments import Spiral as Spiral
     from twin.mission.segments import Surface as Surface
+    from twin.mission.segments import Transect as Transect
     from twin.mission.shipped import load_mission as load_mission
     from twin.mission.shipped import mission_names as mission_names
     from twin.physics.scenario import Scenario as Scenario
@@ -59,11 +63,13 @@ if TYPE_CHECKING:
     from twin.water.floor import Bathymetry as Bathymetry
     from twin.water.floor import FlatFloor as FlatFloor
     from twin.water.floor import GridFloor as GridFloor
+    from twin.water.floor import RoughFloor as RoughFloor
     from twin.water.floor import parse_floor as parse_floor
 
 
 _PLACES = {
     "Bathymetry": "twin.water.floor:Bathymetry",
+    "Circle": "twin.mission.segments:Circle",
     "Command": "twin.mission.controller:Command",
     "DensityProfile": "twin.water.density:DensityProfile",
     "Ekman": "twin.water.current.ekman:Ekman",
@@ -72,8 +78,11 @@ _PLACES = {
     "Geostrophic": "twin.water.current.geostrophic:Geostrophic",
     "Grid": "twin.water.current.grid:Grid",
     "GridFloor": "twin.water.floor:GridFloor",
+    "RoughFloor": "twin.water.floor:RoughFloor",
     "Hold": "twin.mission.segments:Hold",
+    "Hover": "twin.mission.segments:Hover",
     "Inertial": "twin.water.current.inertial:Inertial",
+    "LawnMower": "twin.mission.segments:LawnMower",
     "LogLayer": "twin.water.current.log_layer:LogLayer",
     "Mission": "twin.mission.plan:Mission",
     "Observation": "twin.mission.controller:Observation",
@@ -89,6 +98,7 @@ _PLACES = {
     "Surface": "twin.mission.segments:Surface",
     "Tide": "twin.water.current.tide:Tide",
     "Trajectory": "twin.records.trajectory:Trajectory",
+    "Transect": "twin.mission.segments:Transect",
     "Uniform": "twin.water.current.uniform:Uniform",
     "Vehicle": "twin.vehicle.vehicle:Vehicle",
     "check_manoeuvres": "twin.checks.agreement:check_manoeuvres",

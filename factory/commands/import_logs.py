@@ -42,6 +42,14 @@ class ImportLogs(JsonOption):
         Path | None,
         tyro.conf.arg(help=f"folder of cache files, for {CACHED} [default: beside the logs]"),
     ] = None
+    mapping: Annotated[
+        str | None,
+        tyro.conf.arg(
+            metavar="FILE|NAME",
+            help="what the columns of csv tables are: a TOML file (docs/real.md shows one), or a "
+            "shipped one by name",
+        ),
+    ] = None
     payload: tuple[str, ...] = ()
     """NAME=COLUMN or NAME=COLUMN[UNITS]: a column that becomes the signal measured_NAME, beside
     those of oxygen, chlorophyll ... whose names are known"""
@@ -67,6 +75,7 @@ class ImportLogs(JsonOption):
             rules=DiveRules(min_depth=self.min_depth),
             variation_deg=self.variation_deg,
             cache=self.cache,
+            mapping=self.mapping,
             payload=self.payload,
         )
         write_store(dataset, self.out, overwrite=self.overwrite)

@@ -1,4 +1,4 @@
-"""Bounds: stops a simulation whose numbers are finite but physically impossible."""
+"""Bounds: which simulations are missions to keep: possible ones that stay off the ground."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 class Impossible(TwinError):
-    """A simulation stayed finite and still left the possible, at `time_s`."""
+    """A simulation stayed finite and still is no mission to keep, from `time_s` on."""
 
     def __init__(self, message: str, *, time_s: float):
         super().__init__(message)
@@ -42,3 +42,16 @@ def check_possible(truth: Mapping[str, Array], time: Array) -> None:
             f"{time[earliest]:.1f} s, possible are {low:g} to {high:g}",
             time_s=float(time[earliest]),
         )
+
+
+def check_afloat(truth: Mapping[str, Array], time: Array) -> None:
+    """Raise Impossible when the vehicle touched the sea floor or an obstacle.
+
+    Args:
+      truth, time: as `check_possible`; missions where nothing can be touched have no
+        `true_contact`.
+    """
+    contact = truth.get("true_contact")
+    if contact is not None and contact.any():
+        when = float(time[np.argmax(contact)])
+        raise Impossible(f"ran aground at {when:.1f} s", time_s=when)

@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from factory.flight.bounds import check_possible
-from factory.flight.mission_water import bottom_depth, build_current, build_density, origin
+from factory.flight.bounds import check_afloat, check_possible
+from factory.flight.mission_water import (
+    bottom_depth,
+    build_current,
+    build_density,
+    build_floor,
+    origin,
+)
 from factory.flight.vehicle_errors import (
     ballast_of,
     believed_vehicle,
     encoder_zeros,
     spread_vehicle,
 )
-from factory.recipe.sampling import SAW_TOOTH, SURFACE, Parameters, number
-from twin.mission import Mission, SawTooth, Segment, Spiral, Surface
+from factory.recipe.sampling import Parameters, kind_of
+from twin.mission import Mission, Segment
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario
 from twin.physics.simulation import Simulation
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.base import Current
+from twin.water.floor.lookup import floor_depths
 
 if TYPE_CHECKING:
     from twin.records.trajectory import Trajectory
@@ -47,36 +53,13 @@ class Flight:
         return {**self.trajectory.signals, **self.measured}
 
 
-PROFILE = ("max_depth_m", "min_depth_m", "pitch_deg", "climb_pitch_deg")
-"""Fields of every dive and climb"""
-MOTION = {"buoyancy": ("net_mass_kg", "climb_net_mass_kg"), "speed": ("speed_m_s",)}
-"""Fields of those of vehicles with a pump, and of those with a propeller"""
-
-
 def build_mission(parameters: Parameters, vehicle: Vehicle) -> Mission:
     """The mission that the guidance is given."""
-    driven = [
-        name for control, names in MOTION.items() if vehicle.steered(control) for name in names
-    ]
-    heading = parameters.number("mission.start_heading_deg")
-    start_heading = heading
+    start_heading = heading = parameters.number("mission.start_heading_deg")
     segments: list[Segment] = []
     for drawn in parameters.segments:
-        kind = drawn["mission.kind"]
-        if kind == SURFACE:
-            segments.append(Surface(duration_s=number(drawn, "mission.surface_duration_s")))
-            continue
-        profile: dict[str, Any] = {
-            **{name: number(drawn, f"mission.{name}") for name in (*PROFILE, *driven)},
-            "yos": _unless_nan(number(drawn, "mission.yos")),
-            "duration_s": _unless_nan(number(drawn, "mission.segment_duration_s")),
-        }
-        if kind == SAW_TOOTH:
-            if vehicle.steered("heading"):
-                heading = (heading + number(drawn, "mission.heading_change_deg")) % 360.0
-            segments.append(SawTooth(heading_deg=heading, **profile))
-        else:
-            segments.append(Spiral(rotation_deg=number(drawn, "mission.rotation_deg"), **profile))
+        segment, heading = kind_of(drawn).segment(drawn, heading, vehicle)
+        segments.append(segment)
     return Mission(
         segments=tuple(segments),
         duration_s=parameters.duration_s,
@@ -84,10 +67,6 @@ def build_mission(parameters: Parameters, vehicle: Vehicle) -> Mission:
         start_heading_deg=start_heading,
         at_end="hold",
     )
-
-
-def _unless_nan(value: float) -> float | None:
-    return None if math.isnan(value) else value
 
 
 def build_scenario(
@@ -104,6 +83,7 @@ def build_scenario(
         duration=parameters.duration_s,
         current=build_current(parameters) if current is None else current,
         density=build_density(parameters),
+        floor=build_floor(parameters, nominal),
         origin=origin(parameters),
         sample_period=SAMPLE_PERIOD,
     )
@@ -127,21 +107,26 @@ def fly(
     Raises:
       MissionError: the vehicle cannot fly it.
       SimulationUnstable: the simulation left the finite numbers.
-      Impossible: it left the physically possible ones.
+      Impossible: it left the physically possible ones, or ran aground.
     """
     scenario = build_scenario(parameters, nominal, current)
     simulation = Simulation(scenario)
     trajectory = simulation.run()
     check_possible(trajectory.signals, trajectory.time)
+    check_afloat(trajectory.signals, trajectory.time)
     if drawn is None:
         drawn = suite.draw(sensor_seed)
-    water = scenario.current
+    water, floor = scenario.current, simulation.tables.floor
+    bottom: ArrayLike | None = bottom_depth(parameters)
+    if floor.size:
+        bottom = floor_depths(floor, trajectory["true_north"], trajectory["true_east"])
     measured = suite.measure(
         trajectory.signals,
         dt=SAMPLE_PERIOD,
         rng_seed=sensor_seed,
         drawn=drawn,
-        bottom_depth=bottom_depth(parameters),
+        bottom_depth=bottom,
+        floor=floor if floor.size else None,
         latitude=parameters.number("water.latitude"),
         density=scenario.density,
         current=None if water is None else water.compile(simulation.duration, scenario.origin),

@@ -1,10 +1,13 @@
-"""Mission water: the current field and the density profile of one mission, from its parameters."""
+"""Mission water: currents, density profile and sea floor of one mission, from its parameters."""
 
 from __future__ import annotations
 
 import math
 
+from factory.recipe.drawn import number
+from factory.recipe.kinds.level import SHALLOWEST_FLOOR_M
 from factory.recipe.sampling import Parameters
+from twin.vehicle.vehicle import Vehicle
 from twin.water.current import (
     Current,
     CurrentSum,
@@ -20,7 +23,12 @@ from twin.water.current import (
 from twin.water.current.log_layer import VON_KARMAN
 from twin.water.current.origin import Origin, coriolis
 from twin.water.density import REFERENCE_DENSITY, DensityProfile
+from twin.water.floor import RoughFloor
 
+CURRENT_MARGIN = 0.5
+"""[m/s] of current beyond the fastest speed through the water: a floor reaches as far as both go"""
+DEEPEST_FLOOR_M = 130.0
+"""[m] The sea floor of a survey is cut off here: shallow water, beyond the DVL's reach in places"""
 PARTS = ("steady", "shear", "tide", "inertial", "ekman", "bottom", "wander")
 WANDER_MEAN, WANDER_STD, WANDER_DIRECTION_STD_DEG = 0.6, 0.2, 30.0
 """Mean and deviation of the wandering part as shares of its largest speed, and of its direction."""
@@ -92,8 +100,31 @@ def build_current(parameters: Parameters) -> Current | None:
     return parts[0] if len(parts) == 1 else CurrentSum(parts=tuple(parts))
 
 
+def build_floor(parameters: Parameters, vehicle: Vehicle) -> RoughFloor | None:
+    """The sea floor of a survey, as far as it can go; None for missions in open water."""
+    if "floor.depth_m" not in parameters.values:
+        return None
+    value = parameters.number
+    speeds = [number(segment, "mission.speed_m_s") for segment in parameters.segments]
+    fastest = max((s for s in speeds if not math.isnan(s)), default=0.0)
+    fastest = max(fastest, vehicle.cruise_speed) + CURRENT_MARGIN
+    return RoughFloor(
+        depth_m=value("floor.depth_m"),
+        height_m=value("floor.roughness_m"),
+        length_m=value("floor.correlation_m"),
+        slope=value("floor.slope"),
+        slope_direction_deg=value("floor.slope_direction_deg"),
+        seed=int(value("floor.seed")),
+        shallowest_m=SHALLOWEST_FLOOR_M,
+        deepest_m=DEEPEST_FLOOR_M,
+        reach_m=fastest * parameters.duration_s,
+    )
+
+
 def bottom_depth(parameters: Parameters) -> float | None:
-    """Depth of the bottom [m]; None is out of reach of everything."""
+    """Depth of the bottom [m], in surveys the mean; None is out of reach of everything."""
+    if "floor.depth_m" in parameters.values:
+        return parameters.number("floor.depth_m")
     below = parameters.number("water.bottom_below_m")
     return None if math.isnan(below) else parameters.deepest_m + below
 

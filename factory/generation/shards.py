@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from factory.generation.checkpoint import Checkpoint
 from factory.generation.flown_mission import FailedAttempt, FlownMission
 from factory.recipe.distribution import Choice, Fixed, Value
+from factory.recipe.kinds import kinds_for
 from factory.recipe.parameter import Parameter
 from factory.recipe.recipe import Recipe, sha256
-from factory.recipe.sampling import KINDS
 from twin.errors import StoreError
 from twin.physics.scenario import SAMPLE_PERIOD
 from twin.records import attributes as names
@@ -175,7 +175,7 @@ def _parameter_array(
 def option_names(recipe: Recipe, name: str) -> tuple[str, ...]:
     """The words that a parameter can be; stores keep their positions."""
     if name == "mission.kind":
-        return KINDS
+        return kinds_for(recipe.vehicle)
     distribution = recipe.distributions[name]
     if isinstance(distribution, Choice):
         return tuple(option for option in distribution.options if isinstance(option, str))

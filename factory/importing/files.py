@@ -96,6 +96,8 @@ def _check_contents(importer: Importer, path: Path) -> None:
         names, endings = column_names(path), TABLES
     else:
         return
+    if importer.takes_mapping and endings is TABLES:
+        return  # the mapping says what its columns are
     foreign = not importer.marks & set(names) and likely_kind(names) is not None
     if foreign or not importer.suffixes & endings:
         raise WrongFormat(path, names)

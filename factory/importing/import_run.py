@@ -36,6 +36,7 @@ def import_logs(
     rules: DiveRules | None = None,
     variation_deg: float | None = None,
     cache: Path | None = None,
+    mapping: Path | str | None = None,
     payload: Sequence[str] = (),
 ) -> tuple[xr.Dataset, ImportReport]:
     """Read logs, cut them into dives, and put these on one time grid.
@@ -43,10 +44,11 @@ def import_logs(
     Args:
       kind: a name in `factory.importing.IMPORTERS`, such as slocum.
       files: files or folders.
-      period: [s] between samples [default: the importer's].
+      period: [s] between samples [default: the log's own where it says one, else the importer's].
       rules: how the dives are cut.
       variation_deg: [degree] magnetic variation, east positive, instead of the log's own.
       cache: folder of a Slocum's cache files [default: beside the logs].
+      mapping: what the columns of csv tables are: a file, or the name of a shipped one.
       payload: NAME=COLUMN or NAME=COLUMN[UNITS]: columns that become the signals `measured_NAME`,
         beside those that are known (`factory.importing.reading.payload`).
 
@@ -54,29 +56,35 @@ def import_logs(
       InputError: a file cannot be used; the message names it and says why.
     """
     importer = IMPORTERS[kind]
-    step = importer.period if period is None else float(period)
-    if not SHORTEST <= step <= LONGEST:
-        raise InputError(f"period must be within {SHORTEST:g} to {LONGEST:g} s, not {step:g}")
+    if period is not None and not SHORTEST <= period <= LONGEST:
+        raise InputError(f"period must be within {SHORTEST:g} to {LONGEST:g} s, not {period:g}")
     if variation_deg is not None and not -180.0 <= variation_deg <= 180.0:
         raise InputError(f"magnetic variation must be within +-180 degree, not {variation_deg:g}")
     if cache is not None and not importer.takes_cache:
         takers = ", ".join(one.name for one in IMPORTERS.values() if one.takes_cache)
         raise InputError(f"{kind} logs have no cache files: leave --cache out (it is for {takers})")
+    if mapping is not None and not importer.takes_mapping:
+        takers = ", ".join(one.name for one in IMPORTERS.values() if one.takes_mapping)
+        raise InputError(f"{kind} logs have names of their own: leave --mapping out ({takers})")
     tally = Tally()
     try:
         paths = expand(importer, [Path(f) for f in files], tally)
         options = ReadOptions(
-            variation_deg=variation_deg, cache=cache, payload=parse_payload(payload)
+            variation_deg=variation_deg,
+            cache=cache,
+            mapping=mapping,
+            payload=parse_payload(payload),
         )
         logs = _read(importer, paths, options, tally)
     except WrongFormat as error:
         raise _explained(error, importer) from error
     _expect_mapped(options, tally)
     read = {name for log in logs for name in log.files}
+    own = [log.period for log in logs if log.period is not None]
     return build(
         logs,
         kind=kind,
-        period=step,
+        period=period or min(own, default=importer.period),
         rules=rules or DiveRules(),
         tally=tally,
         files=[path.name for path in paths if path.name in read] or [p.name for p in paths],

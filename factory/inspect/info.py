@@ -88,7 +88,8 @@ def deployment_rows(logs: LogStore) -> list[dict[str, object]]:
             datetime.datetime.fromtimestamp(float(unix), datetime.UTC)
             for unix in (logs.starts[first], logs.time(last)[-1])
         )
-        deepest = max(float(np.nanmax(logs.signal("measured_depth", k))) for k in missions)
+        depths = np.concatenate([logs.signal("measured_depth", k) for k in missions])
+        deepest = float(np.nanmax(depths)) if np.isfinite(depths).any() else None
         fixed = [logs.fixes(k)[0] for k in missions if np.isfinite(logs.fixes(k)[0]).all()]
         splits = [logs.splits[k] for k in missions]
         rows.append(

@@ -150,7 +150,13 @@ def _dates(logs: LogStore, mission: int) -> Array:
 
 def _draw_depths(axes: Axes, logs: LogStore, missions: list[int]) -> None:
     deepest = 0.0
-    for k in missions:
+    known = [k for k in missions if np.isfinite(logs.signal("measured_depth", k)).any()]
+    axes.set_title("depth of all dives")
+    if not known:  # a log whose rows are no dives may have none
+        axes.text(0.5, 0.5, "not in the log", transform=axes.transAxes, ha="center", va="center")
+        axes.set_axis_off()
+        return
+    for k in known:
         depth, gap = logs.signal("measured_depth", k), logs.signal("measured_gap", k) > 0.0
         deepest = max(deepest, float(np.nanmax(depth)))
         date = _dates(logs, k)
@@ -167,7 +173,6 @@ def _draw_depths(axes: Axes, logs: LogStore, missions: list[int]) -> None:
     axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
     axes.margins(x=0.01)
     axes.set_xlabel("time [UTC]")
-    axes.set_title("depth of all dives")
 
 
 def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> None:
@@ -220,7 +225,8 @@ def dive_figures(logs: LogStore, missions: list[int]) -> dict[str, Array]:
         known = logs.signal("measured_gap", k) == 0.0
         rate = np.gradient(depth, logs.period)
         pitch = logs.signal("measured_pitch", k)
-        found["deepest"].append(float(np.nanmax(depth)))
+        deepest = float(np.nanmax(depth)) if np.isfinite(depth).any() else np.nan
+        found["deepest"].append(deepest)
         for flag, speed, angle in ((1.0, "sink", "pitch_down"), (2.0, "rise", "pitch_up")):
             there = (phase == flag) & known
             found[speed].append(100.0 * abs(_median(rate[there])))

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.recipe.kinds.surface import SURFACE
 from factory.recipe.plan import HOUR
 from factory.recipe.presets import PRESETS
 from factory.recipe.recipe import sha256
-from factory.recipe.sampling import SURFACE
 from factory.stores.generated import GeneratedStore
 from twin.errors import StoreError
 from twin.frames import euler_to_matrix
@@ -190,7 +190,7 @@ def _check_parameters(run: GeneratedStore, check: Check) -> None:
         parameters = run.parameters(mission)
         drawn = [(name, value, False) for name, value in parameters.values.items()]
         drawn += [
-            (name, value, segment["mission.kind"] == SURFACE)
+            (name, value, segment["mission.kind"] == SURFACE.name)
             for segment in parameters.segments
             for name, value in segment.items()
         ]

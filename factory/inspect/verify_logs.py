@@ -32,11 +32,13 @@ from twin.records.schema import MISSION, TIME, VARIABLES
 Array = NDArray[np.float64]
 
 NEEDED = (
-    N_SAMPLES, SPLIT, DEPLOYMENT, DIVE, START_TIME, DIVE_DURATION, "measured_depth",
-    "measured_pressure", "measured_gap", "measured_phase", TIME, MISSION,
+    N_SAMPLES, SPLIT, DEPLOYMENT, DIVE, START_TIME, DIVE_DURATION, "measured_gap", TIME, MISSION,
 )  # fmt: skip
 """Arrays that every import writes."""
-COMPLETE = frozenset({"measured_depth", "measured_pressure", "measured_gap", "measured_phase"})
+WITH_DEPTH = ("measured_depth", "measured_pressure", "measured_phase")
+"""Arrays that an import writes together, or not at all: a log whose rows are no dives may have no
+depth."""
+COMPLETE = frozenset({"measured_gap", *WITH_DEPTH})
 """Signals without a hole: the import bridges and marks them."""
 CODES = {"measured_gap": (0.0, 1.0), "measured_phase": (0.0, 1.0, 2.0, 3.0)}
 OFFSET_TOLERANCE = 0.02, 2.0
@@ -70,7 +72,8 @@ def verify_logs(logs: LogStore, watch: Callable[[int], None] | None = None) -> R
 def _check_metadata(logs: LogStore, names: list[str], check: Check) -> None:
     data = logs.dataset
     check.problems += [f"array {n!r} is gone" for n in logs.gone_arrays()]
-    for needed in NEEDED:
+    deep = any(name in data.variables for name in WITH_DEPTH)
+    for needed in (*NEEDED, *(WITH_DEPTH if deep else ())):
         check.expect(needed in data.variables, lambda n=needed: f"array {n!r} is missing")  # type: ignore[misc]
     if check.problems:
         return
@@ -160,6 +163,8 @@ def _check_dive(logs: LogStore, mission: int, rows: Block, checks: Mapping[str, 
                 not odd.size,
                 lambda n=name, o=odd: f"{what}: {n} has the unknown code {o[0]:g}",  # type: ignore[misc]
             )
+    if "measured_depth" not in rows:
+        return
     depth = rows["measured_depth"][:samples].astype(float)
     pressure = rows["measured_pressure"][:samples].astype(float)
     rate = np.abs(np.diff(depth)) / logs.period

@@ -14,9 +14,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import fields
 
 from factory.recipe.distribution import Distribution, Value
+from factory.recipe.kinds import MISSION_KINDS
 from factory.recipe.parameters import Table
 from factory.recipe.plan import TEST, Plan
-from factory.recipe.sampling import KINDS, Parameters, draw_values
+from factory.recipe.sampling import Parameters, draw_values
 from twin.errors import InputError, MissionError
 from twin.mission import Mission, Spiral, load_mission
 from twin.mission.segments import Profile
@@ -83,7 +84,7 @@ def _segments(mission: Mission, table: Table) -> list[Mapping[str, Value]]:
     for segment in mission.segments:
         assert isinstance(segment, Profile)
         row: dict[str, Value] = {n: math.nan for n, p in table.items() if p.per_segment}
-        assert segment.kind in KINDS
+        assert segment.kind in MISSION_KINDS
         row["mission.kind"] = segment.kind
         for field in fields(Profile):
             name = {"duration_s": "segment_duration_s"}.get(field.name, field.name)

@@ -2,9 +2,10 @@
 
 This is the one table of distributions. A row gives the parameter's name, its unit, what preset
 `paper` and preset `field` draw it from, and why. The rows below depend on no vehicle; those that
-do are in `factory.recipe.vehicle_parameters`, and a vehicle file may replace what any row draws
-for it. `--set NAME=DISTRIBUTION` and TOML files replace entries by name; stores keep the table
-that was used, and every drawn value under the name with an underscore for the dot.
+do are in `factory.recipe.vehicle_parameters`, those of vehicles with a propeller in
+`factory.recipe.survey_parameters` and with the kinds of segments, and a vehicle file may replace
+what any row draws for it. `--set NAME=DISTRIBUTION` and TOML files replace entries by name; stores
+keep the table that was used, and every drawn value under the name with an underscore for the dot.
 
 Rows of the group `mission` that are marked per segment are drawn for every segment of a mission.
 """
@@ -16,7 +17,9 @@ import difflib
 from collections.abc import Mapping
 
 from factory.recipe.distribution import Distribution, parse_distribution
+from factory.recipe.kinds.base import propelled
 from factory.recipe.parameter import Parameter
+from factory.recipe.survey_parameters import FLOOR, as_survey, survey_rows
 from factory.recipe.vehicle_parameters import motion_rows, vehicle_rows
 from twin.errors import InputError, VehicleError, unknown_name
 from twin.vehicle.vehicle import SPREAD, Vehicle
@@ -137,8 +140,14 @@ def parameter_table(vehicle: Vehicle) -> dict[str, Parameter]:
     mission = list(_MISSION)
     if vehicle.steered("heading") is None:
         mission = [_LEVEL if row.name == _LEVEL.name else row for row in mission]
-    mission[_MOTION:_MOTION] = motion_rows(vehicle)
-    rows = {row.name: row for row in (*mission, *vehicle_rows(vehicle), *_WATER)}
+    water = list(_WATER)
+    moving = motion_rows(vehicle)
+    if propelled(vehicle):
+        mission = [as_survey(row, vehicle) for row in mission]
+        moving += survey_rows(vehicle)
+        water = [as_survey(row, vehicle) for row in water if row.name != BOTTOM] + [*FLOOR]
+    mission[_MOTION:_MOTION] = moving
+    rows = {row.name: row for row in (*mission, *vehicle_rows(vehicle), *water)}
     for name, text in vehicle.spreads.items():
         where = f"vehicle file {vehicle.path}: <text name={SPREAD + name!r}>"
         if name not in rows:
@@ -159,6 +168,8 @@ def parameter_table(vehicle: Vehicle) -> dict[str, Parameter]:
 
 
 SPREADS = ("paper", "field")
+BOTTOM = "water.bottom_below_m"
+"""Of missions in open water; surveys have a sea floor"""
 
 
 def declared(spread: str, table: Table) -> dict[str, Distribution]:

@@ -13,16 +13,19 @@ class Preset:
     spread: str
     """column of the table of parameters"""
     sensors: str
-    """sensor suite"""
+    """sensor suite of gliders"""
+    survey_sensors: str
+    """that of vehicles with a propeller"""
     fixed_missions: bool = False
     """its missions are given, not drawn"""
 
 
 PRESETS: Mapping[str, Preset] = {
-    "paper": Preset("paper", "ideal"),
-    "field": Preset("field", "field"),
-    "paper-test": Preset("paper", "ideal", fixed_missions=True),
+    "paper": Preset("paper", "ideal", "survey"),
+    "field": Preset("field", "field", "survey-field"),
+    "paper-test": Preset("paper", "ideal", "survey", fixed_missions=True),
 }
-"""`paper`: noise-free, one constant current per mission. `field`: the paper's list of further work:
+"""`paper`: a glider noise-free, in one constant current per mission; a propelled vehicle in still
+water with the instruments of the paper's tables. `field`: the paper's list of further work:
 sensor errors, GPS fixes, a current with vertical structure, and a vehicle that is not as its file
 says. `paper-test`: the paper's test trajectory in three currents."""

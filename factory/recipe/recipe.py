@@ -17,6 +17,7 @@ import numpy as np
 
 from factory.recipe.distribution import Distribution, Fixed
 from factory.recipe.given_current import GivenCurrent, given_current
+from factory.recipe.kinds.base import propelled
 from factory.recipe.paper_test import check_paper_test, paper_test_parameters, paper_test_plan
 from factory.recipe.parameters import Table, declared, override, parameter_table
 from factory.recipe.plan import Plan, plan_missions
@@ -76,7 +77,9 @@ class Recipe:
         if isinstance(self.sensors, SensorSuite):
             named = (name for name, suite in SUITE_PRESETS.items() if suite == self.sensors)
             return next(named, "custom")
-        return self.sensors or PRESETS[self.preset].sensors
+        preset = PRESETS[self.preset]
+        own = preset.survey_sensors if propelled(self.vehicle) else preset.sensors
+        return self.sensors or own
 
     @cached_property
     def suite(self) -> SensorSuite:

@@ -15,9 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from factory.recipe.distribution import Distribution, Fixed, Value
+from factory.recipe.drawn import Drawn
+from factory.recipe.kinds import MISSION_KINDS, MissionKind, kinds_for
+from factory.recipe.kinds.surface import SURFACE, Streams
 from factory.recipe.parameters import Table
-from twin.errors import InputError, MissionError
-from twin.mission.way import way
+from twin.errors import InputError, MissionError, unknown_name
 from twin.vehicle.vehicle import Vehicle
 
 PLAN_STREAM, MISSION_STREAM = 0, 1
@@ -26,10 +28,6 @@ SENSOR_STREAM = 1
 """Below a mission's key: the sensors. Parameters use the checksum of their name, a larger one."""
 MAX_SEGMENTS = 100
 """A mission of more segments means a wrong distribution of their length."""
-TIME_RESERVE = 1.5
-"""Segments without a clock are drawn until their steady ways take this many mission times."""
-SAW_TOOTH, SPIRAL, SURFACE = "saw-tooth", "spiral", "surface"
-KINDS = (SAW_TOOTH, SPIRAL, SURFACE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +38,7 @@ class Parameters:
     """[s]"""
     values: Mapping[str, Value]
     """By name of the table: those drawn once per mission."""
-    segments: tuple[Mapping[str, Value], ...]
+    segments: tuple[Drawn, ...]
     """By name of the table: those drawn for each segment, NaN where a segment does not use one."""
 
     def number(self, name: str) -> float:
@@ -52,17 +50,14 @@ class Parameters:
 
     @property
     def deepest_m(self) -> float:
-        """Deepest turning depth of all segments [m]; 0 without one."""
-        depths = [number(segment, "mission.max_depth_m") for segment in self.segments]
-        return max((depth for depth in depths if not math.isnan(depth)), default=0.0)
+        """Greatest depth that a segment is given [m]; 0 without one."""
+        depths = (kind_of(segment).deepest_m(segment) for segment in self.segments)
+        return max(depths, default=0.0)
 
 
-def number(segment: Mapping[str, Value], name: str) -> float:
-    """A segment's value that must be a number; raises InputError for a word."""
-    value = segment[name]
-    if isinstance(value, str):
-        raise InputError(f"{name} = {value}: give numbers")
-    return value
+def kind_of(segment: Drawn) -> MissionKind:
+    """The kind of a drawn segment; raises UnknownName for a word that is none."""
+    return MISSION_KINDS[str(segment["mission.kind"])]
 
 
 def sensor_seed(seed: int, mission: int, attempt: int) -> np.random.SeedSequence:
@@ -111,10 +106,10 @@ def draw_parameters(
     surface_every = values["mission.surface_every"]
     if isinstance(surface_every, str):
         raise InputError(f"mission.surface_every = {surface_every}: give a number or none")
-    segments: list[Mapping[str, Value]] = []
+    segments: list[Drawn] = []
     surfaces = not math.isnan(surface_every)
     if surfaces:
-        segments.append(_surfacing(streams))
+        segments.append(SURFACE.stay(streams))
     elapsed, dives = 0.0, 0
     while elapsed < duration_s:
         if len(segments) >= MAX_SEGMENTS:
@@ -122,13 +117,13 @@ def draw_parameters(
                 f"more than {MAX_SEGMENTS} segments do not fill {duration_s:g} s: draw longer ones "
                 "(mission.segment_duration_s, mission.yos)"
             )
-        segment = _dive(streams)
+        segment = _draw(streams, vehicle)
         segments.append(segment)
-        elapsed += _shortest_time(segment, vehicle)
+        elapsed += kind_of(segment).shortest_time(segment, vehicle)
         dives += 1
         if surfaces and dives % max(1, round(surface_every)) == 0:
-            segments.append(_surfacing(streams))
-            elapsed += number(segments[-1], "mission.surface_duration_s")
+            segments.append(SURFACE.stay(streams))
+            elapsed += SURFACE.shortest_time(segments[-1], vehicle)
     return Parameters(duration_s=duration_s, values=values, segments=tuple(segments))
 
 
@@ -143,42 +138,15 @@ def _stream(
     return lambda: distribution.draw(rng)
 
 
-def _surfacing(streams: Mapping[str, Callable[[], Value]]) -> Mapping[str, Value]:
-    segment: dict[str, Value] = dict.fromkeys(streams, math.nan)
-    segment["mission.kind"] = SURFACE
-    segment["mission.surface_duration_s"] = streams["mission.surface_duration_s"]()
-    return segment
+def _draw(streams: Streams, vehicle: Vehicle) -> Drawn:
+    """One segment that is not a stay at the surface.
 
-
-def _dive(streams: Mapping[str, Callable[[], Value]]) -> Mapping[str, Value]:
-    segment = {name: draw() for name, draw in streams.items()}
-    segment["mission.surface_duration_s"] = math.nan
-    unused = {SAW_TOOTH: "mission.rotation_deg", SPIRAL: "mission.heading_change_deg"}
-    kind = segment["mission.kind"]
-    if kind not in unused:
-        raise InputError(f"mission.kind = {kind}: choose among {SAW_TOOTH} and {SPIRAL}")
-    if unused[str(kind)] in segment:
-        segment[unused[str(kind)]] = math.nan
-    return segment
-
-
-def _shortest_time(segment: Mapping[str, Value], vehicle: Vehicle) -> float:
-    """Time [s] that a segment lasts at least, up to TIME_RESERVE."""
-    clock, yos = number(segment, "mission.segment_duration_s"), number(segment, "mission.yos")
-    times = [] if math.isnan(clock) else [clock]
-    if not math.isnan(yos):
-        height = number(segment, "mission.max_depth_m") - number(segment, "mission.min_depth_m")
-        slowness = 0.0
-        speed = number(segment, "mission.speed_m_s") if "mission.speed_m_s" in segment else None
-        for sign, pitch, mass in (
-            (1.0, "pitch_deg", "mission.net_mass_kg"),
-            (-1.0, "climb_pitch_deg", "mission.climb_net_mass_kg"),
-        ):
-            angle = -sign * number(segment, f"mission.{pitch}")
-            heavy = sign * number(segment, mass) if mass in segment else 0.0
-            kind = str(segment["mission.kind"])
-            steady = way(vehicle, kind, pitch, angle, heavy, speed, within_travel=True)
-            slowness += 1.0 / abs(steady.vertical_speed)
-        times.append(yos * height * slowness / TIME_RESERVE)
-    # a segment without limits is the last one
-    return min(times, default=math.inf)
+    All parameters are drawn for every segment, so that no draw depends on the kinds before it.
+    """
+    drawn = {name: draw() for name, draw in streams.items()}
+    word = str(drawn["mission.kind"])
+    allowed = [name for name in kinds_for(vehicle) if name != SURFACE.name]
+    if word not in allowed:
+        what = unknown_name(f"kind of mission of vehicle {vehicle.name!r}", word, allowed)
+        raise InputError(f"mission.kind = {word}: {what}")
+    return MISSION_KINDS[word].keep(drawn)

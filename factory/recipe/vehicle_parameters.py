@@ -6,6 +6,7 @@ zeros, lags and rates are what guidance does not know.
 
 from __future__ import annotations
 
+from factory.recipe.kinds.base import propelled
 from factory.recipe.parameter import Parameter
 from twin.vehicle.uncertainty import Uncertainty, coefficient
 from twin.vehicle.vehicle import Vehicle
@@ -36,7 +37,7 @@ def motion_rows(vehicle: Vehicle) -> list[Parameter]:
     """What segments draw of weight, speed and turns, as far as the vehicle has parts for them."""
     rows: list[Parameter] = []
     pump, turning = vehicle.steered("buoyancy"), vehicle.steered("heading")
-    if pump is not None:
+    if pump is not None and not propelled(vehicle):  # which is neutral while its propeller turns
         for name, end, why in (
             ("net_mass_kg", pump.low, "how heavy the dive is (pump volume)"),
             ("climb_net_mass_kg", pump.high, "how light the climb is"),
@@ -44,7 +45,7 @@ def motion_rows(vehicle: Vehicle) -> list[Parameter]:
             reach = abs(vehicle.net_mass_for_pump(end))
             paper, field = (_uniform(low * reach, high * reach) for low, high in NET_MASS.values())
             rows.append(_segment(name, "kg", paper, field, why))
-    if vehicle.steered("speed") is not None:
+    if propelled(vehicle):
         speed = _uniform(*(share * vehicle.cruise_speed for share in SPEED))
         why = "speed through the water; the propeller turns as fast as that takes"
         rows.append(_segment("speed_m_s", "m s-1", speed, speed, why))

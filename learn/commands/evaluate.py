@@ -123,6 +123,7 @@ class Evaluate(JsonOption):
                 title=f"{run.name} on {self.store.name}",
                 lead=f"{found.figures['missions']} missions ({self.split}) of {self.store}",
                 test=found,
+                labels=run.label_sentences(),
                 error_model=run.error_model(),
                 provenance=provenance(run),
                 command=shlex.join(["learn", *sys.argv[1:]]),
@@ -132,6 +133,6 @@ class Evaluate(JsonOption):
 
 def _count(options: Evaluate) -> int:
     """Missions that will be evaluated; errors as `load_missions`."""
-    from learn.data.dataset import load_missions
+    from learn.data.dataset import any_channel, load_missions
 
-    return len(load_missions(options.store, ("measured_depth",), split=options.split))
+    return len(load_missions(options.store, any_channel(options.store), split=options.split))

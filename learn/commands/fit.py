@@ -20,6 +20,7 @@ from twin.errors import InputError, unknown_name
 from twin.registry import Registry
 
 if TYPE_CHECKING:
+    from learn.studies.folds import Unit
     from learn.runs.run import Run
     from learn.training.settings import FitConfig, Job
     from learn.training.trainer import Report
@@ -32,6 +33,8 @@ CHOICES = {
     "optimiser": OPTIMISERS,
     "division": ("missions", "samples"),
     "device": ("auto", "cpu", "cuda"),
+    "labels": ("truth", "dvl"),
+    "smoothing": ("gaussian", "causal", "none"),
 }
 """Options of few words. They are text for the parser, which would list None among the words."""
 
@@ -41,7 +44,7 @@ def _words(option: str) -> Any:
     return tyro.conf.arg(metavar="{" + ",".join(CHOICES[option]) + "}")
 
 
-NETWORK, INPUTS, OPTIMISER, DIVISION, DEVICE = (_words(option) for option in CHOICES)
+NETWORK, INPUTS, OPTIMISER, DIVISION, DEVICE, LABELS, SMOOTHING = map(_words, CHOICES)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +90,15 @@ class Fit(JsonOption):
     [default: missions]"""
     no_mirror: bool = False
     """do not show every mission mirrored too, port for starboard: for a lopsided vehicle"""
+    labels: Annotated[str | None, LABELS] = None
+    """what is learned: the truth of a simulated store, or what its Doppler log measured, cleaned
+    [default: truth]"""
+    known_current: str | None = None
+    """--labels dvl: what is taken off bottom track. none: nothing is known, only water track is
+    learned from; store: the store's current; or NORTH,EAST in m/s, 0,0 in still water
+    [default: none]"""
+    smoothing: Annotated[str | None, SMOOTHING] = None
+    """--labels dvl: after outliers are removed; causal looks back only [default: gaussian]"""
     period: float | None = None
     """seconds between samples, a multiple of the store's: simulated missions as slow as a log"""
     start: Path | None = None
@@ -94,6 +106,8 @@ class Fit(JsonOption):
     simulation then real"""
     leave_out_each_dive: bool = False
     """real logs: train once per dive with truth, without it, and judge it; then go on as usual"""
+    leave_out_each_deployment: bool = False
+    """the same per deployment, such as one run of a vehicle"""
     device: Annotated[str | None, DEVICE] = None
     """auto takes a GPU when there is one [default: cpu]"""
     workers: int | None = None
@@ -125,17 +139,19 @@ class Fit(JsonOption):
         )
         if self.tensorboard:
             _event_writer_type()
-        if self.leave_out_each_dive:
-            from learn.studies.folds import dives_with_truth
+        units = [unit for unit in UNITS if getattr(self, f"leave_out_each_{unit}")]
+        if units:
+            from learn.studies.folds import folds_with_labels
 
-            dives_with_truth(config)
+            for unit in units:
+                folds_with_labels(config, unit)
         workers = len(os.sched_getaffinity(0)) if self.workers is None else self.workers
         with _Watcher(console, config, folder, events=self.tensorboard) as watcher:
 
             def studies(run: Run) -> None:
                 watcher.close()
-                if self.leave_out_each_dive:
-                    self._leave_out(console, run, config, workers)
+                for unit in units:
+                    self._leave_out(console, run, config, unit, workers)
                 if self.ablation:
                     self._ablate(console, run, config, workers)
 
@@ -182,11 +198,13 @@ class Fit(JsonOption):
 
             ablate(run, config, workers=workers, watch=see, say=progress.note)
 
-    def _leave_out(self, console: Console, run: Run, config: FitConfig, workers: int) -> None:
-        from learn.studies.folds import dives_with_truth, leave_out_each
+    def _leave_out(
+        self, console: Console, run: Run, config: FitConfig, unit: Unit, workers: int
+    ) -> None:
+        from learn.studies.folds import folds_with_labels, leave_out_each
 
-        dives = dives_with_truth(config)
-        jobs = len(dives) * len(config.jobs())
+        folds = folds_with_labels(config, unit)
+        jobs = len(folds) * len(config.jobs())
         with console.progress(total=100.0 * jobs, label="leave one out", unit="%") as progress:
             shares: dict[tuple[tuple[int, ...], str], float] = {}
 
@@ -195,9 +213,13 @@ class Fit(JsonOption):
                 progress.update(100.0 * (report.share - shares.get(key, 0.0)))
                 shares[key] = report.share
 
-            found = leave_out_each(run, config, dives, workers=workers, watch=see)
-        console.answer(leave_out_each_dive=found.to_json())
-        console.table(found.rows(), title="each dive by networks that never saw it", digits=3)
+            found = leave_out_each(run, config, folds, unit=unit, workers=workers, watch=see)
+        console.answer(**{f"leave_out_each_{unit}": found.to_json()})
+        console.table(
+            found.rows(),
+            title=f"each {unit} by networks that never saw it, RMSE in m/s",
+            digits=3,
+        )
         console.say(found.sentence())
         console.say()
 
@@ -211,6 +233,7 @@ class Fit(JsonOption):
             report=run.report,
             settings=run.description["settings"],
             networks=run.description["networks"],
+            label_counts=run.description.get("label_counts"),
         )
         console.table(
             summary_rows(figures),
@@ -219,17 +242,19 @@ class Fit(JsonOption):
             digits=3,
         )
         console.say()
-        for sentence in verdicts(figures):
+        for sentence in (*run.label_sentences(), *verdicts(figures)):
             console.say(f"- {sentence}")
         console.say()
         console.say(f"run:    {run.folder}")
         console.say(f"report: {run.report}")
 
 
+UNITS: tuple[Unit, ...] = ("dive", "deployment")
+"""What `--leave-out-each-...` leaves out."""
 SETTINGS = (
     *("store", "network", "hidden", "layers", "delays", "inputs", "features", "without"),
     *("optimiser", "seconds", "epochs", "window", "washin", "seed", "members", "division"),
-    *("period", "start", "device"),
+    *("period", "start", "device", "labels", "known_current", "smoothing"),
 )
 """Options that `learn.fit_settings` takes under the same name."""
 

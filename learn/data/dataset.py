@@ -105,6 +105,12 @@ def load_missions(
         return _load(reader, tuple(dict.fromkeys(channels)), split, limit, period)
 
 
+def any_channel(store: str | Path) -> tuple[str, ...]:
+    """A channel that a store has whatever its vehicle measured: to ask for its missions alone."""
+    with MissionStore(store) as reader:
+        return ("measured_depth",) if "measured_depth" in reader else ("measured_gap",)
+
+
 def open_reader(store: str | Path) -> MissionStore:
     """A store as what it is, simulated or logged.
 

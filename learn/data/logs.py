@@ -14,14 +14,17 @@ Array = NDArray[np.float64]
 
 SPEED = "true_speed"
 """Truth of a log with a Doppler log only."""
+NO_BRIDGE = ("measured_gps", "measured_dvl")
+"""Beginnings of channels whose holes say that nothing was measured."""
 
 
 def filled(name: str, values: Array) -> Array:
-    """A channel with holes bridged by straight lines; truth and fixes stay as they are.
+    """A channel with holes bridged by straight lines; truth, fixes and what a Doppler log measured
+    stay as they are.
 
     A channel without any value stays without.
     """
-    if not name.startswith(("measured_", "commanded_")) or name.startswith("measured_gps"):
+    if not name.startswith(("measured_", "commanded_")) or name.startswith(NO_BRIDGE):
         return values
     known = np.isfinite(values)
     if known.all() or not known.any():

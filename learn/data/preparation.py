@@ -10,8 +10,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.data.dataset import TARGETS, Mirror, Mission, Sequences, load_missions, sample_split
+from learn.data.dataset import (
+    TARGETS,
+    Mirror,
+    Mission,
+    Sequences,
+    any_channel,
+    load_missions,
+    sample_split,
+)
 from learn.data.features import channels_of, mirror_signs
+from learn.data.labels import LabelConfig, LabelCounts, count_labels
 from learn.data.logs import SPEED
 from learn.data.normalisation import Normalisation, fit_normalisation
 from learn.data.parts import parts_of
@@ -19,6 +28,8 @@ from twin.errors import InputError, StoreError, unknown_name
 from twin.records.reader import MissionStore
 
 Division = Literal["missions", "samples"]
+
+TRUTH = LabelConfig()
 
 TARGET_SIGNS = {"surge": 1.0, "sway": -1.0}
 """What the mirror port to starboard makes of the velocities."""
@@ -44,6 +55,7 @@ def prepare(
     period: float | None = None,
     scales: Normalisation | None = None,
     held_out: Sequence[int] = (),
+    labels: LabelConfig = TRUTH,
 ) -> Prepared:
     """Training and validation data of one velocity.
 
@@ -59,6 +71,7 @@ def prepare(
       scales: of a network whose training goes on; fitted to the data without.
       held_out: rows of the store that are neither trained nor validated on. With any, the store's
         split is not asked: of the other rows every fourth validates, the rest train.
+      labels: what is learned, the truth or what a Doppler log measured.
 
     Raises:
       InputError: an unknown target or division; a part of the vehicle that has no mirror image.
@@ -67,10 +80,11 @@ def prepare(
     if target not in TARGETS:
         raise InputError(unknown_name("target", target, TARGETS))
     signs = mirror_signs(features, parts_of(store)) if mirror else None
-    channels = [*channels_of(features), TARGETS[target], *_speed(store)]
+    own = [TARGETS[target], *_speed(store)] if labels.source == "truth" else labels.channels()
+    channels = [*channels_of(features), *own]
     if division == "missions":
         missions = load_missions(store, channels, split="all", period=period)
-        missions = _with_truth(missions, target, store)
+        missions = _labelled(missions, target, store, labels)
         if held_out:
             missions = _held_out(missions, held_out, store)
         train = [m for m in missions if m.split == "train"]
@@ -80,12 +94,12 @@ def prepare(
                 f"store {store} has no missions for training; it needs a split into train, "
                 "validation and test, as `factory generate` makes"
             )
-        return _assemble(train, validation, features, target, None, signs, scales)
+        return _assemble(train, validation, features, target, None, signs, scales, labels)
     if division == "samples":
         missions = load_missions(store, channels, split="all", period=period)
-        missions = _with_truth(missions, target, store)
+        missions = _labelled(missions, target, store, labels)
         weights = sample_split([m.samples for m in missions], seed)
-        return _assemble(missions, missions, features, target, weights, signs, scales)
+        return _assemble(missions, missions, features, target, weights, signs, scales, labels)
     raise InputError(unknown_name("division", division, ("missions", "samples")))
 
 
@@ -99,15 +113,33 @@ def _speed(store: str | Path) -> list[str]:
         return [SPEED] if reader.logged and SPEED in reader else []
 
 
-def _with_truth(missions: list[Mission], target: str, store: str | Path) -> list[Mission]:
-    """Missions that say something about a target; in a simulated store all do."""
-    kept = [m for m in missions if m.row is None or np.isfinite(m.target(target)).any()]
+def _labelled(
+    missions: list[Mission], target: str, store: str | Path, labels: LabelConfig
+) -> list[Mission]:
+    """Missions that say something about a target; the truth of a simulated store always does."""
+    certain = labels.source == "truth"
+    kept = [
+        m
+        for m in missions
+        if (certain and m.row is None) or np.isfinite(labels.of(m, target)).any()
+    ]
     if not kept:
-        raise _no_truth(store, target)
+        raise _no_labels(store, target, labels)
     return kept
 
 
-def _no_truth(store: str | Path, target: str) -> StoreError:
+def _no_labels(store: str | Path, target: str, labels: LabelConfig = TRUTH) -> StoreError:
+    if labels.source == "dvl":
+        why = "its Doppler log never had lock"
+        if labels.known_current == "none":
+            why = (
+                "its Doppler log never had water lock, and no current is known to take off what it "
+                "measured over ground: give --known-current NORTH,EAST in m/s, 0,0 in still water"
+            )
+        return StoreError(
+            f"store {store} has no sample to learn {target} from: {why}; or learn from the truth "
+            "with --labels truth"
+        )
     return StoreError(
         f"store {store} has no truth to learn {target} from (neither {TARGETS[target]} nor "
         f"{SPEED}); a run that is trained on another store can be judged on it: "
@@ -125,7 +157,22 @@ def check_truth(store: str | Path) -> None:
         if reader.logged:
             for target, channel in TARGETS.items():
                 if channel not in reader and SPEED not in reader:
-                    raise _no_truth(store, target)
+                    raise _no_labels(store, target)
+
+
+def labels_in(
+    store: str | Path,
+    labels: LabelConfig,
+    *,
+    division: Division = "missions",
+    period: float | None = None,
+) -> LabelCounts:
+    """What the Doppler logs of the missions that are trained on and validated give; errors as
+    `load_missions`."""
+    missions = load_missions(store, labels.channels(), split="all", period=period)
+    if division == "missions":
+        missions = [m for m in missions if m.split in ("train", "validation")]
+    return count_labels(missions, labels)
 
 
 def check_window(
@@ -137,7 +184,7 @@ def check_window(
       InputError: it is longer than the longest of them.
       StoreError: see `load_missions`.
     """
-    missions = load_missions(store, ("measured_depth",), split="all", period=period)
+    missions = load_missions(store, any_channel(store), split="all", period=period)
     if division == "missions":
         missions = [m for m in missions if m.split == "train"]
     longest = max(missions, key=lambda m: m.samples, default=None)
@@ -166,9 +213,10 @@ def _assemble(
     weights: list[list[NDArray[np.float32]]] | None,
     signs: NDArray[np.float32] | None,
     scales: Normalisation | None,
+    labels: LabelConfig,
 ) -> Prepared:
     matrices = [m.features(features) for m in train]
-    targets = [m.target(target) for m in train]
+    targets = [labels.of(m, target) for m in train]
     image = None if signs is None else Mirror(signs, TARGET_SIGNS[target])
     centred = [] if signs is None else [n for n, s in zip(features, signs, strict=True) if s < 0]
     if signs is not None and TARGET_SIGNS[target] < 0:
@@ -212,7 +260,7 @@ def _assemble(
         sequences(matrices, targets, None),
         sequences(
             [m.features(features) for m in validation],
-            [m.target(target) for m in validation],
+            [labels.of(m, target) for m in validation],
             None,
         ),
         normalisation,

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from learn.data.dataset import Mission, load_missions
+from learn.data.dataset import Mission, any_channel, load_missions
 from learn.data.features import channels_of
+from learn.data.labels import LabelConfig
 from learn.data.logs import SPEED
+from learn.evaluation.against_dvl import DvlComparison, compare, summarise
 from learn.evaluation.log_score import score_logs
 from learn.evaluation.score import (
     GPS_CHANNELS,
@@ -32,7 +34,7 @@ from twin.vehicle.vehicle import Vehicle
 if TYPE_CHECKING:
     from learn.networks.predictor import Ensemble
 
-NETWORK, FLOOR = "network", "floor"
+NETWORK, FLOOR, DVL = "network", "floor", "dvl"
 GROUP = 16
 """Missions that are predicted at once; progress is shown after each group."""
 
@@ -62,6 +64,10 @@ class Evaluation:
     """Why a baseline is left out, by name."""
     provenance: Mapping[str, Any]
     """Attributes of the store."""
+    propelled: bool = False
+    """Whether the store's vehicle has a propeller."""
+    against_dvl: tuple[DvlComparison, ...] = ()
+    """The networks beside the Doppler log, of missions in which it had lock."""
     counts: Mapping[str, int] = dataclasses.field(default_factory=dict)
     """Of a store of logs: what was judged and what was not, see `learn.evaluation.log_score`."""
 
@@ -74,6 +80,7 @@ class Evaluation:
             "split": self.split,
             **self.methods[NETWORK].figures,
             **({"counts": dict(self.counts)} if self.counts else {}),
+            **({"against_dvl": summarise(self.against_dvl)} if self.against_dvl else {}),
             FLOOR: figures.pop(FLOOR),
             "baselines": {name: figures.get(name, empty) for name in BASELINES},
         }
@@ -92,6 +99,7 @@ def evaluate(
     limit: int | None = None,
     watch: Watch | None = None,
     period: float | None = None,
+    labels: LabelConfig | None = None,
 ) -> Evaluation:
     """Run networks, floor and baselines over missions of a store.
 
@@ -103,6 +111,9 @@ def evaluate(
       limit: the first so many missions only.
       watch: sees every mission with its estimates, for tracks, figures and progress.
       period: [s] between the samples that the networks were trained on; a finer store is thinned.
+      labels: how velocities are taken from a Doppler log, to set the networks beside them, and by
+        which a store of real logs is judged; None: tracks alone are set beside the log's, and
+        real logs are judged by their truth.
 
     A store of real logs is judged by what it knows, see `learn.evaluation.log_score`; its
     watch is given a `LogReference`.
@@ -122,16 +133,22 @@ def evaluate(
         *NAVIGATION_CHANNELS,
         *TRUTH_CHANNELS,
         *(c for ensemble in networks.values() for c in channels_of(ensemble.members[0].features)),
-        *(c for runner in runners.values() for c in runner.channels),
+        *(c for runner in runners.values() for c in runner.needs(vehicle)),
         *(c for c in GPS_CHANNELS if c in present),
     ]
+    if labels is not None and (logged or DVL in runners):
+        wanted += labels.channels()
     if logged:
+        # a log is judged by what it has; one whose rows are no dives may have no depth
+        wanted = [c for c in wanted if c in present or c not in NAVIGATION_CHANNELS]
         wanted += [c for c in (SPEED,) if c in present]
         return _evaluate_logs(
-            networks, store, split, wanted, runners, missing, attributes, vehicle, watch, period
-        )
+            networks, store, split, wanted, runners, missing, attributes, vehicle, watch, period,
+            labels or LabelConfig(),
+        )  # fmt: skip
     missions = load_missions(store, wanted, split=split, limit=limit, period=period)
     scores: dict[str, list[MissionScore]] = {NETWORK: [], FLOOR: [], **{n: [] for n in runners}}
+    beside_log: list[DvlComparison] = []
     for first in range(0, len(missions), GROUP):
         group = missions[first : first + GROUP]
         predictions = {name: ensemble.predict(group) for name, ensemble in networks.items()}
@@ -144,12 +161,15 @@ def evaluate(
                 }
                 seen = visible(mission)
                 for name, runner in runners.items():
-                    found = runner.estimate(seen, mission.period)
-                    estimates[name] = check_estimate(name, found, mission.samples)
+                    guess = runner.estimate(seen, mission.period)
+                    estimates[name] = check_estimate(name, guess, mission.samples)
             except StoreError as error:
                 raise StoreError(f"store {store}, mission {mission.index}: {error}") from error
             for name, estimate in estimates.items():
                 scores[name].append(score_mission(reference, estimate))
+            if DVL in estimates:
+                found = compare(reference, estimates[NETWORK], estimates[DVL], labels)
+                beside_log += [] if found is None else [found]
             if watch is not None:
                 watch(reference, estimates)
     return Evaluation(
@@ -158,6 +178,8 @@ def evaluate(
         methods={name: Method(name, tuple(rows)) for name, rows in scores.items()},
         missing=missing,
         provenance=attributes,
+        propelled=vehicle.steered("speed") is not None,
+        against_dvl=tuple(beside_log),
     )
 
 
@@ -172,10 +194,11 @@ def _evaluate_logs(
     vehicle: Vehicle,
     watch: Any,
     period: float | None,
+    labels: LabelConfig,
 ) -> Evaluation:
     missions = load_missions(store, channels, split="all", period=period)
     if split != "all":
-        load_missions(store, ("measured_depth",), split=split)  # says which parts there are
+        load_missions(store, any_channel(store), split=split)  # says which parts there are
 
     def predict(group: Sequence[Mission]) -> list[Estimate]:
         found = {name: ensemble.predict(group) for name, ensemble in networks.items()}
@@ -189,6 +212,7 @@ def _evaluate_logs(
         predict=predict,
         baselines=runners,
         vehicle=vehicle,
+        labels=labels,
         visible=visible,
         together=GROUP,
         watch=watch,
@@ -215,7 +239,7 @@ def visible(mission: Mission) -> dict[str, Array]:
 def _unusable(name: str, vehicle: Vehicle, present: set[str]) -> str:
     """Why a baseline cannot run on a store of this vehicle with these channels; empty: it can."""
     why = BASELINES[name].unsuited(vehicle)
-    gone = [channel for channel in BASELINES[name].channels if channel not in present]
+    gone = [channel for channel in BASELINES[name].needs(vehicle) if channel not in present]
     if not why and gone:
         why = f"the store has no channel {gone[0]}"
     return why

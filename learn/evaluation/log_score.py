@@ -1,7 +1,8 @@
 """Log score: networks and baselines on real logs, by the truth that a log has.
 
 Two things can be known of a real vehicle. Where a current profiler or a Doppler log was, its
-velocity through the water: samples without are left out and counted. And where it was at each fix:
+velocity through the water: samples without are left out and counted. Networks that learned from a
+Doppler log are judged by the same one, on rows that they did not learn from. And where it was at each fix:
 one row is one dive, so a track is judged at the row's end, and the depth-averaged current of the
 row before it is carried over if that one ended less than an hour ago. Between the fixes nothing is
 known, so that a track that is corrected afterwards, which ends at the fix, has no error to show.
@@ -20,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from learn.data.dataset import Mission
+from learn.data.labels import LabelConfig
 from learn.evaluation.score import LAUNCH_S, TARGETS, MissionScore, TrackError
 from learn.navigation.baselines.base import Baseline, Estimate, check_estimate
 from learn.navigation.baselines.pitch_plus_alpha import PitchPlusAlpha
@@ -45,14 +47,14 @@ class LogReference:
     truth: Mapping[str, Array]
     """Surge and sway [m/s] through the water, (time,); NaN where unknown."""
     measured: Attitude
-    depth_rate: Array
-    """[m/s] measured"""
+    depth_rate: Array | None
+    """[m/s] measured; None in a log without depth, of which velocities are judged, not tracks"""
     path: float
-    """[m] horizontal path through the water, see the module"""
+    """[m] horizontal path through the water, see the module; NaN without depth"""
 
     @classmethod
-    def of(cls, mission: Mission, vehicle: Vehicle) -> LogReference:
-        """From a row with its navigation channels.
+    def of(cls, mission: Mission, vehicle: Vehicle, labels: LabelConfig) -> LogReference:
+        """From a row with its navigation channels; `labels` says which velocities are known.
 
         Raises:
           StoreError: one has no value at all.
@@ -60,6 +62,22 @@ class LogReference:
         assert mission.row is not None
         signals = mission.signals
         measured = Attitude.of(signals, "measured")
+        truth = {
+            "surge": np.asarray(labels.of(mission, "surge"), float),
+            # a log with a speed only is learned from with sway zero, but nothing is judged so
+            "sway": np.asarray(labels.of(mission, "sway"), float)
+            if labels.source == "dvl"
+            else signals.get("true_sway", np.full(mission.samples, np.nan)),
+        }
+        if "measured_depth" not in signals:
+            return cls(
+                mission=mission,
+                row=mission.row,
+                truth=truth,
+                measured=measured,
+                depth_rate=None,
+                path=math.nan,
+            )
         rate = depth_rate(finite_channel(signals, "measured_depth"), mission.period)
         simple = PitchPlusAlpha(vehicle=vehicle).estimate(signals, mission.period)
         assert simple.surge is not None
@@ -68,19 +86,16 @@ class LogReference:
         return cls(
             mission=mission,
             row=mission.row,
-            truth={
-                "surge": np.asarray(mission.target("surge"), float),
-                # a log with a speed only is learned from with sway zero, but nothing is judged so
-                "sway": signals.get("true_sway", np.full(mission.samples, np.nan)),
-            },
+            truth=truth,
             measured=measured,
             depth_rate=rate,
             path=float(integrate(np.hypot(*velocity.T), mission.period)[-1]),
         )
 
     def moved(self, estimate: Estimate) -> Array | None:
-        """North, east [m], (2,), that an estimate moves through the water over the row."""
-        if estimate.surge is None or estimate.sway is None:
+        """North, east [m], (2,), that an estimate moves through the water over the row; None where
+        the velocities or the depth are not known."""
+        if estimate.surge is None or estimate.sway is None or self.depth_rate is None:
             return None
         velocity = horizontal_velocity(
             np.asarray(estimate.surge, float),
@@ -113,7 +128,7 @@ def score_row(
     known = np.isfinite(reference.truth["surge"])
     tracks: dict[str, TrackError] = {}
     dives: dict[str, tuple[TrackError, ...]] = {}
-    if reference.row.displacement is not None:
+    if reference.row.displacement is not None and math.isfinite(reference.path):
         _over_ground(reference, estimate, before, tracks, dives)
     return MissionScore(
         mission=mission.index,
@@ -181,6 +196,7 @@ def score_logs(
     predict: Predict,
     baselines: Mapping[str, Baseline],
     vehicle: Vehicle,
+    labels: LabelConfig,
     visible: Callable[[Mission], dict[str, Array]],
     together: int,
     watch: Watch | None = None,
@@ -193,6 +209,7 @@ def score_logs(
       network, floor: names of the networks and of the floor, which is empty here: the true
         velocities of a log are not a track.
       predict: the networks' estimates of some rows.
+      labels: which velocities are known, those of the truth or of a Doppler log.
       visible: channels of a row without truth.
       together: rows that are predicted at once.
     """
@@ -207,7 +224,7 @@ def score_logs(
         for k, estimate in enumerate(predict(group)):
             mission = group[k]
             try:
-                reference = LogReference.of(mission, vehicle)
+                reference = LogReference.of(mission, vehicle, labels)
             except StoreError:  # a row without depth or attitude
                 counts["rows_left_out"] += 1
                 last = None

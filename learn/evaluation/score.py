@@ -253,9 +253,9 @@ def summarise_scores(scores: Sequence[MissionScore]) -> dict[str, Any]:
         figures[f"{name}_mse_after_30s"] = _pooled(scores, "squared_late", "late_samples", name)
     for name in TRACKS:
         errors = [score.tracks[name] for score in scores if name in score.tracks]
-        figures |= _statistics(f"dr_{name}", errors)
+        figures |= track_statistics(f"dr_{name}", errors)
     figures["dives"] = {
-        knowledge: _statistics("dr", [e for s in scores for e in s.dives.get(knowledge, ())])
+        knowledge: track_statistics("dr", [e for s in scores for e in s.dives.get(knowledge, ())])
         | {"dives": sum(len(score.dives.get(knowledge, ())) for score in scores)}
         for knowledge in KNOWLEDGE
     }
@@ -268,7 +268,9 @@ def _pooled(scores: Sequence[MissionScore], sums: str, counts: str, target: str)
     return math.fsum(getattr(s, sums)[target] for s in known) / count if count else None
 
 
-def _statistics(prefix: str, errors: Sequence[TrackError]) -> dict[str, float | None]:
+def track_statistics(prefix: str, errors: Sequence[TrackError]) -> dict[str, float | None]:
+    """Mean, median and 90th percentile of errors at the end [%, m] and on the way [%]."""
+
     def statistics(name: str, values: list[float]) -> dict[str, float | None]:
         finite = np.array([v for v in values if math.isfinite(v)])
         if not finite.size:

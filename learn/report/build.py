@@ -19,13 +19,16 @@ def build_page(folder: Path, contents: Contents) -> Path:
     test = contents.test
     drawn = Drawings(page, contents)
     _key_figures(page, test.figures)
-    page.points(tables.verdicts(test.figures))
+    page.points([*contents.labels, *tables.verdicts(test.figures)])
     page.section("Velocities")
     _velocities(page, test)
     drawn.place("velocities")
     page.section("Dead reckoning")
     _dead_reckoning(page, test)
     drawn.place("dead_reckoning")
+    if rows := tables.doppler_rows(test.figures):
+        _doppler(page, rows, test.figures)
+        drawn.place("doppler")
     _over_ground(page, test)
     drawn.place("over_ground")
     if contents.paper_test is not None:
@@ -66,11 +69,12 @@ def _key_figures(page: Page, found: Mapping[str, Any]) -> None:
 
 def _velocities(page: Page, evaluated: RunEvaluation) -> None:
     rows = tables.velocity_rows(evaluated.figures)
+    paper = tables.PAPER_PROPELLED if evaluated.evaluation.propelled else tables.PAPER
     rows.append(
         {
             "method": "the paper's networks, as printed",
-            "surge MSE [(m/s)²]": tables.PAPER["surge_mse"],
-            "sway MSE [(m/s)²]": tables.PAPER["sway_mse"],
+            "surge MSE [(m/s)²]": paper["surge_mse"],
+            "sway MSE [(m/s)²]": paper["sway_mse"],
         }
     )
     page.table(rows, "Mean squared errors, all samples of the free run from launch to end.")
@@ -92,6 +96,24 @@ def _dead_reckoning(page: Page, evaluated: RunEvaluation) -> None:
     absent = tables.without_track(evaluated.figures, "water")
     if absent:
         page.say(absent)
+
+
+def _doppler(page: Page, rows: list[tables.Row], figures: Mapping[str, Any]) -> None:
+    page.section("Beside DVL-aided dead reckoning")
+    page.table(
+        rows,
+        "Over ground, no fixes: distance between two tracks at mission end over the horizontal "
+        "path through the water. The Doppler log sees the bottom and so the current; the networks "
+        "do not.",
+    )
+    velocities = figures["against_dvl"]
+    if velocities["surge_mse"] is not None:
+        page.say(
+            f"From the cleaned velocities of the log, at the {velocities['samples']} samples that "
+            f"have one, the networks differ by {format_number(velocities['surge_mse'], 3)} (m/s)² "
+            f"in surge and {format_number(velocities['sway_mse'], 3)} (m/s)² in sway (mean "
+            "squares); part of that is the log's own error."
+        )
 
 
 def _over_ground(page: Page, evaluated: RunEvaluation) -> None:

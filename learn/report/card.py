@@ -29,13 +29,13 @@ def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:
     origin = Origin(run.description)
     lines = [
         "---",
-        "tags: [underwater-glider, dead-reckoning, time-series]",
+        "tags: [underwater-vehicle, dead-reckoning, time-series]",
         "library_name: pytorch",
         "---",
         "",
-        f"# {run.name}: surge and sway of an underwater glider",
+        f"# {run.name}: surge and sway of an underwater vehicle",
         "",
-        "Networks that estimate a glider's velocity through the water, forward (surge) and to "
+        "Networks that estimate a vehicle's velocity through the water, forward (surge) and to "
         "starboard (sway), from what the vehicle measures and commands. With measured attitude and "
         "depth they give a dead-reckoned track without a Doppler log.",
         "",
@@ -61,6 +61,7 @@ def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:
         *(f"- {line}" for line in origin.made_from()),
         *(f"- {name}: {value}" for name, value in run.description["store"].items()),
         f"- division into training and validation: {origin.division()}",
+        *(f"- {sentence}" for sentence in run.label_sentences()),
         "",
         f"## How good they are ({split} {origin.rows} of that store)",
         "",

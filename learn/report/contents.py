@@ -32,6 +32,8 @@ class Contents:
     test: RunEvaluation
     paper_test: RunEvaluation | None = None
     """The paper's three missions."""
+    labels: Sequence[str] = ()
+    """What was learned, in sentences, where it was not the truth."""
     error_model: ErrorModel | None = None
     metrics: Sequence[Mapping[str, Any]] = ()
     training: Mission | None = None

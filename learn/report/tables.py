@@ -16,6 +16,11 @@ Row = dict[str, object]
 
 PAPER = {"surge_mse": 2.12e-4, "sway_mse": 4.59e-6}
 """[(m/s)^2] of the paper's glider networks (its table II); of which samples is not said."""
+PAPER_PROPELLED = {"surge_mse": 3.47e-2, "sway_mse": 5.88e-3}
+"""[(m/s)^2] of the paper's networks for Tethys (its first study), against a Doppler log."""
+STILL_PERCENT = 1e-6
+"""[% of the path] by which the truth through the water may miss the one over ground where the water
+stands still."""
 
 
 def methods_of(evaluation: Figures) -> Iterator[tuple[str, Figures]]:
@@ -65,6 +70,29 @@ def track_rows(evaluation: Figures, track: str) -> list[Row]:
             }
         )
     return rows
+
+
+def doppler_rows(evaluation: Figures) -> list[Row]:
+    """Networks and DVL-aided dead reckoning over ground, each against the truth, and one against
+    the other; empty without a Doppler log."""
+    if "against_dvl" not in evaluation:
+        return []
+    compared = {
+        "networks, from the truth": (evaluation, "dr_ground"),
+        "networks, from DVL-aided": (evaluation["against_dvl"], "dr"),
+        "DVL-aided, from the truth": (evaluation["baselines"]["dvl"], "dr_ground"),
+    }
+    return [
+        {
+            "track": words,
+            "mean [%]": figures[f"{key}_percent_mean"],
+            "median [%]": figures[f"{key}_percent_median"],
+            "p90 [%]": figures[f"{key}_percent_p90"],
+            "mean [m]": figures[f"{key}_m_mean"],
+            "p90 [m]": figures[f"{key}_m_p90"],
+        }
+        for words, (figures, key) in compared.items()
+    ]
 
 
 def without_track(evaluation: Figures, track: str) -> str:
@@ -174,18 +202,41 @@ def verdicts(evaluation: Figures) -> list[str]:
             named = _list([f"{title_of(name)} ({value:.3g} %)" for name, value in lost.items()])
             text += f"{'; they do' if beaten else ' and do'} not beat {named}"
         sentences.append(text + ".")
-    mine, floor = (f["dr_ground_percent_mean"] for f in (evaluation, evaluation["floor"]))
-    if mine is not None and floor is not None:
-        sentences.append(
-            f"Over ground with nothing known of the current and no fixes the current decides: "
-            f"{mine:.3g} % for the networks, {floor:.3g} % for the true surge and sway."
-        )
+    sentences += _ground_verdicts(evaluation)
     for knowledge in ("previous", "corrected"):
         sentence = _dive_verdict(evaluation, knowledge)
         if sentence:
             sentences.append(sentence)
     if columns := _columns_lost(evaluation):
         sentences.append(f"A baseline has the lower figure in {'; '.join(columns)}.")
+    return sentences
+
+
+def _ground_verdicts(evaluation: Figures) -> list[str]:
+    """What is known over ground without fixes, and what cannot be."""
+    floor = evaluation["floor"]
+    mine, best = (f["dr_ground_percent_mean"] for f in (evaluation, floor))
+    if mine is None or best is None:
+        return []
+    sentences = []
+    if abs(best - floor["dr_water_percent_mean"]) <= STILL_PERCENT:
+        sentences.append(
+            f"The water stood still, so that over ground is through the water: {mine:.3g} % for "
+            f"the networks, {best:.3g} % for the true surge and sway."
+        )
+    else:
+        sentences.append(
+            f"Over ground with nothing known of the current and no fixes the current decides: "
+            f"{mine:.3g} % for the networks, {best:.3g} % for the true surge and sway. A steady "
+            "current leaves no trace in what a vehicle feels of the water, so that no method can "
+            "know it without sight of the bottom or a fix."
+        )
+    if rows := doppler_rows(evaluation):
+        away, own = rows[1], rows[2]
+        sentences.append(
+            f"DVL-aided dead reckoning ends {own['mean [%]']:.3g} % from the truth over ground; "
+            f"the networks end {away['mean [%]']:.3g} % from the DVL-aided track."
+        )
     return sentences
 
 

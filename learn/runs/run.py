@@ -26,6 +26,7 @@ from twin.records.attributes import SAMPLE_PERIOD
 from twin.version import __version__
 
 if TYPE_CHECKING:
+    from learn.data.labels import LabelConfig
     from learn.evaluation.uncertainty import ErrorModel
     from learn.networks.prediction import Prediction
     from learn.networks.predictor import Ensemble
@@ -44,6 +45,8 @@ FORMAT = 1
 """Version of `run.json`."""
 TRUTH = "truth"
 """Entry of `run.json`: the channels of truth in its store; runs of version 0.1.0 lack it."""
+LABELS = "label_counts"
+"""Entry of `run.json`: what Doppler logs gave to learn from, of a run that learned from them."""
 ORIGIN = "started_from"
 """Entry of `run.json`: the run whose weights the training went on from, and what its store was."""
 SETTINGS = ("store", "features", "network", "training", "members", "division")
@@ -87,6 +90,20 @@ class Run:
     def features(self) -> tuple[str, ...]:
         """Inputs of its networks, by name, in order."""
         return tuple(self.description["settings"]["features"])
+
+    @property
+    def labels(self) -> LabelConfig:
+        """What its networks learned from."""
+        from learn.data.labels import label_config
+
+        return label_config(self.description["settings"])
+
+    def label_sentences(self) -> list[str]:
+        """What the Doppler log gave to learn from; nothing where the truth was learned from."""
+        from learn.data.labels import LabelCounts
+
+        counts = self.description.get(LABELS)
+        return [] if counts is None else LabelCounts(**counts).sentences(self.labels)
 
     @property
     def report(self) -> Path:

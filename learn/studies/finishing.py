@@ -7,7 +7,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from learn.data.dataset import Mission, load_missions
+import numpy as np
+
+from learn.data.dataset import TARGETS, Mission, load_missions
 from learn.data.features import GLIDER_PARTS
 from learn.data.parts import parts_of
 from learn.evaluation.evaluation import NETWORK, Evaluation, evaluate
@@ -18,7 +20,7 @@ from learn.navigation.baselines.base import Estimate
 from learn.report.build import build_page
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation
-from learn.report.figures.training_data import TRAINING_PANELS
+from learn.report.figures.training_data import LABELS, TRAINING_PANELS
 from learn.report.log_page import build_log_page
 from learn.runs.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
 from learn.studies.run_evaluation import evaluate_run, evaluation_split, is_log_store
@@ -67,6 +69,7 @@ def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, hi
         f"{test.evaluation.split} missions of {test.evaluation.store}",
         test=test,
         paper_test=paper,
+        labels=run.label_sentences(),
         error_model=run.error_model(),
         metrics=run.metrics(),
         training=_training_mission(run),
@@ -147,5 +150,11 @@ def _training_mission(run: Run) -> Mission | None:
         present = set(reader.dataset.data_vars)
     channels = [name for name, _ in TRAINING_PANELS if name in present]
     split = "train" if "split" in present else "all"
-    missions = load_missions(run.store, channels, split=split, limit=1)
-    return missions[0] if missions else None
+    labels = run.labels
+    learned = () if labels.source == "truth" else labels.channels()
+    missions = load_missions(run.store, [*channels, *learned], split=split, limit=1)
+    if not missions or not learned:
+        return missions[0] if missions else None
+    first = missions[0]
+    found = {LABELS[TARGETS[n]]: np.asarray(labels.of(first, n), float) for n in TARGETS}
+    return dataclasses.replace(first, signals={**first.signals, **found})

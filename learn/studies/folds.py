@@ -1,16 +1,21 @@
-"""Folds: networks trained without one dive at a time, each judged on that dive."""
+"""Folds: networks trained without one dive or deployment at a time, each judged on what it lacked.
+
+Beside the networks stand two that need no inputs: the mean over what they were trained on, and the
+best constant, which is the mean of what is judged and which nobody can know before.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
 
 import numpy as np
 
-from learn.data.dataset import TARGETS, load_missions
+from learn.data.dataset import TARGETS, Mission, load_missions
 from learn.data.features import channels_of
+from learn.data.labels import LabelConfig
 from learn.data.logs import SPEED
 from learn.files import write_json
 from learn.runs.run import Run
@@ -20,111 +25,194 @@ from twin.cli.console import to_json
 from twin.errors import InputError
 from twin.records.reader import MissionStore
 
-FOLDS = "leave-out-each-dive.json"
-LEAST_DIVES = 3
-"""One to judge, one to validate, one to train."""
+Unit = Literal["dive", "deployment"]
+LEAST = {"dive": 3, "deployment": 2}
+"""One to judge, one to validate, one to train; two deployments have dives enough for that."""
+METHODS = ("network", "training_mean", "own_mean")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Errors:
+    """Sums over the samples of one fold whose velocity is known."""
+
+    samples: int
+    squared: Mapping[str, float]
+    """[(m/s)^2] by method, of `METHODS`"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fold:
-    """One dive, judged by networks that were trained on the others."""
+    """One dive or deployment, judged by networks that were trained on the others."""
 
-    row: int
-    samples: int
-    """With truth."""
-    squared: float
-    """[(m/s)^2] sum over them, surge"""
+    name: str
+    rows: tuple[int, ...]
+    errors: Mapping[str, Errors]
+    """By velocity: surge, and sway where it is known"""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Folds:
-    """All dives of a store."""
+    """All dives or deployments of a store."""
 
+    unit: Unit
     folds: tuple[Fold, ...]
 
-    @property
-    def rmse(self) -> float:
-        """[m/s] of surge over all samples with truth"""
-        return math.sqrt(sum(f.squared for f in self.folds) / sum(f.samples for f in self.folds))
+    def rmse(self, target: str, method: str = "network") -> float:
+        """[m/s] over all samples whose velocity is known; NaN without any."""
+        known = [fold.errors[target] for fold in self.folds if target in fold.errors]
+        return _rmse(known, method)
 
     def rows(self) -> list[dict[str, object]]:
-        """For a table."""
-        return [
-            {
-                "row": fold.row,
-                "samples": fold.samples,
-                "surge RMSE [m/s]": math.sqrt(fold.squared / fold.samples),
-            }
-            for fold in self.folds
-        ]
+        """For a table: every fold, and all together."""
+        folds = [(fold.name, [fold]) for fold in self.folds]
+        rows: list[dict[str, object]] = []
+        for name, some in [*folds, ("all", list(self.folds))]:
+            row: dict[str, object] = {self.unit: name}
+            for target in TARGETS:
+                known = [fold.errors[target] for fold in some if target in fold.errors]
+                if not known:
+                    continue
+                row.setdefault("samples", sum(one.samples for one in known))
+                for method, title in zip(METHODS, _TITLES, strict=True):
+                    row[f"{target}, {title}"] = _rmse(known, method)
+            rows.append(row)
+        return rows
 
     def sentence(self) -> str:
         """The result in words."""
+        known = [t for t in TARGETS if any(t in fold.errors for fold in self.folds)]
+        samples = sum(fold.errors[known[0]].samples for fold in self.folds)
+        figures = ", ".join(
+            f"{target} {self.rmse(target):.3g} m/s RMSE (mean of the others "
+            f"{self.rmse(target, 'training_mean'):.3g}, best constant "
+            f"{self.rmse(target, 'own_mean'):.3g})"
+            for target in known
+        )
         return (
-            f"Leave one dive out: surge {self.rmse:.3g} m/s RMSE over "
-            f"{sum(f.samples for f in self.folds)} samples of {len(self.folds)} dives."
+            f"Leave one {self.unit} out: {figures}, over {samples} samples of "
+            f"{len(self.folds)} {self.unit}s."
         )
 
     def to_json(self) -> dict[str, Any]:
         """For programs."""
-        found: dict[str, Any] = to_json({"surge_rmse": self.rmse, "folds": list(self.folds)})
+        rmse = {
+            f"{target}_rmse{'' if method == 'network' else '_' + method}": self.rmse(target, method)
+            for target in TARGETS
+            for method in METHODS
+            if any(target in fold.errors for fold in self.folds)
+        }
+        found: dict[str, Any] = to_json({**rmse, "folds": list(self.folds)})
         return found
 
 
-def dives_with_truth(config: FitConfig) -> list[int]:
-    """Rows of a store of logs that have a truth of surge.
+_TITLES = ("network", "mean of the others", "best constant")
+
+
+def _rmse(known: Sequence[Errors], method: str) -> float:
+    samples = sum(one.samples for one in known)
+    return math.sqrt(sum(one.squared[method] for one in known) / samples) if samples else math.nan
+
+
+def file_name(unit: Unit) -> str:
+    """Where a run keeps its folds."""
+    return f"leave-out-each-{unit}.json"
+
+
+def folds_with_labels(config: FitConfig, unit: Unit) -> dict[str, tuple[int, ...]]:
+    """Rows of a store of logs whose surge is known, by dive or by deployment.
 
     Raises:
-      InputError: the store is simulated, or too few rows have truth.
+      InputError: the store is simulated, or too few have it.
     """
-    missions = load_missions(config.store, _truth_channels(config.store), split="all")
-    rows = [m.index for m in missions if m.row is not None and np.isfinite(m.target("surge")).any()]
-    if len(rows) < LEAST_DIVES:
+    missions = load_missions(config.store, _known_channels(config), split="all")
+    known = [
+        m
+        for m in missions
+        if m.row is not None and np.isfinite(config.labels.of(m, "surge")).any()
+    ]
+    found: dict[str, tuple[int, ...]] = {}
+    for mission in known:
+        assert mission.row is not None
+        name = mission.row.deployment if unit == "deployment" else str(mission.index)
+        found[name] = (*found.get(name, ()), mission.index)
+    if len(found) < LEAST[unit]:
+        what = "truth" if config.labels.source == "truth" else "a velocity of their Doppler log"
         raise InputError(
-            f"store {config.store} has {len(rows)} dives of real logs with truth; leaving one out "
-            f"needs at least {LEAST_DIVES}"
+            f"store {config.store} has {len(found)} {unit}s of real logs with {what}; leaving one "
+            f"out needs at least {LEAST[unit]}"
         )
-    return rows
+    return found
 
 
 def leave_out_each(
     run: Run,
     config: FitConfig,
-    dives: Sequence[int],
+    folds: Mapping[str, Sequence[int]],
     *,
+    unit: Unit,
     workers: int = 2,
     watch: Watch | None = None,
 ) -> Folds:
-    """Train without each dive, in folders of their own inside the run, and judge it.
+    """Train without each dive or deployment, in folders of their own inside the run, and judge it.
 
-    What is there already is kept. The figures are written to `leave-out-each-dive.json`.
+    What is there already is kept. The figures are written into the run, see `file_name`.
+
+    Args:
+      folds: rows of the store by name, see `folds_with_labels`.
     """
-    folds = []
-    for row in dives:
-        settings = dataclasses.replace(config, held_out=(row,))
+    found = []
+    every = [*channels_of(config.features), *_known_channels(config)]
+    missions = load_missions(config.store, every, split="all", period=config.period)
+    for name, rows in folds.items():
+        settings = dataclasses.replace(config, held_out=tuple(rows))
         part = fit(
-            settings, run.folder / f"without-{row}", resume=True, workers=workers, watch=watch
+            settings, run.folder / f"without-{name}", resume=True, workers=workers, watch=watch
         )
         networks = part.networks()
-        channels = [*channels_of(config.features), *_truth_channels(config.store)]
-        missions = load_missions(config.store, channels, split="all", period=config.period)
-        judged = [m for m in missions if m.index == row]
-        mean, _ = networks["surge"].predict(judged)[0]
-        error = np.asarray(mean, float) - judged[0].target("surge")
-        known = np.isfinite(error)
-        folds.append(
-            Fold(row=row, samples=int(known.sum()), squared=float(np.square(error[known]).sum()))
-        )
-    found = Folds(tuple(folds))
-    write_json(run.folder / FOLDS, found.to_json())
-    return found
+        judged = [m for m in missions if m.index in rows]
+        others = [m for group in folds.values() for m in missions if m.index in group]
+        others = [m for m in others if m.index not in rows]
+        errors = {}
+        for target in TARGETS:
+            truth = _velocities(judged, target, config.labels)
+            known = np.isfinite(truth)
+            if not known.any():
+                continue
+            means = [np.asarray(mean, float) for mean, _ in networks[target].predict(judged)]
+            trained = float(np.nanmean(_velocities(others, target, config.labels)))
+            guesses = (np.concatenate(means), trained, float(truth[known].mean()))
+            errors[target] = Errors(
+                samples=int(known.sum()),
+                squared={
+                    method: float(np.square((guess - truth)[known]).sum())
+                    for method, guess in zip(METHODS, guesses, strict=True)
+                },
+            )
+        found.append(Fold(name=name, rows=tuple(rows), errors=errors))
+    study = Folds(unit=unit, folds=tuple(found))
+    write_json(run.folder / file_name(unit), study.to_json())
+    return study
 
 
-def _truth_channels(store: str) -> list[str]:
-    """Channels of truth that a store has; a simulated one has both velocities."""
-    with MissionStore(store) as reader:
+def _velocities(missions: Sequence[Mission], target: str, labels: LabelConfig) -> Any:
+    """What is known of a velocity [m/s] in these rows, one after the other; NaN elsewhere.
+
+    A log that has a speed through the water alone teaches a sway of zero, but is not judged by it.
+    """
+    values = []
+    for m in missions:
+        known = labels.source == "dvl" or target == "surge" or TARGETS[target] in m.signals
+        values.append(np.asarray(labels.of(m, target)) if known else np.full(m.samples, np.nan))
+    return np.concatenate(values).astype(float)
+
+
+def _known_channels(config: FitConfig) -> list[str]:
+    """Channels that velocities are known from; a simulated store has both true ones."""
+    if config.labels.source == "dvl":
+        return list(config.labels.channels())
+    with MissionStore(config.store) as reader:
         names = (*TARGETS.values(), SPEED) if reader.logged else tuple(TARGETS.values())
         found = [name for name in names if name in reader]
     if not found:
-        raise InputError(f"store {store} has no truth (none of {', '.join(names)})")
+        raise InputError(f"store {config.store} has no truth (none of {', '.join(names)})")
     return found

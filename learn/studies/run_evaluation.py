@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from learn.data.dataset import SPLITS, load_missions
+from learn.data.dataset import SPLITS, any_channel, load_missions
 from learn.evaluation.evaluation import Watch, evaluate
 from learn.evaluation.score import Reference
 from learn.evaluation.uncertainty import Coverage
@@ -36,7 +36,13 @@ def evaluate_run(
             see(reference, estimates)
 
     evaluation = evaluate(
-        run.networks(), store, split=split, baselines=baselines, watch=watch, period=run.period
+        run.networks(),
+        store,
+        split=split,
+        baselines=baselines,
+        watch=watch,
+        period=run.period,
+        labels=run.labels if run.labels.source == "dvl" else None,
     )
     found = {
         "run": str(run.folder),
@@ -67,7 +73,13 @@ def _evaluate_on_logs(
             see(reference, estimates)
 
     evaluation = evaluate(
-        run.networks(), store, split=split, baselines=baselines, watch=watch, period=run.period
+        run.networks(),
+        store,
+        split=split,
+        baselines=baselines,
+        watch=watch,
+        period=run.period,
+        labels=run.labels if run.labels.source == "dvl" else None,
     )
     found = {"run": str(run.folder), **evaluation.to_json()}
     return RunEvaluation(evaluation=evaluation, figures=to_json(found), shown=())
@@ -80,6 +92,6 @@ def evaluation_split(run: Run) -> tuple[str, str]:
     """
     if run.description["settings"]["division"] == "samples":
         return "all", "all"
-    parts = {m.split for m in load_missions(run.store, ("measured_depth",), split="all")}
+    parts = {m.split for m in load_missions(run.store, any_channel(run.store), split="all")}
     held_out = [split for split in reversed(SPLITS) if split in parts] or ["all"]
     return held_out[0], held_out[min(1, len(held_out) - 1)]

@@ -13,12 +13,13 @@ from typing import Any
 from learn.data.dataset import load_missions
 from learn.data.features import channels_of
 from learn.data.logs import SPEED
-from learn.data.preparation import check_truth
+from learn.data.preparation import check_truth, labels_in
 from learn.networks.registry import NETWORKS
 from learn.runs.rollback import Rollback, recover
 from learn.runs.run import (
     DESCRIPTION,
     FORMAT,
+    LABELS,
     METRICS,
     ORIGIN,
     TARGETS,
@@ -178,8 +179,9 @@ def _check_sources(config: FitConfig, workers: int) -> str:
         for ensemble in open_run(config.start).networks().values():
             if ensemble.members[0].features != config.features:
                 raise InputError(f"run {config.start} has other inputs; leave them to --start")
-    check_truth(config.store)
-    channels = (*channels_of(config.features), *(f"true_{name}" for name in TARGETS))
+    if config.labels.source == "truth":
+        check_truth(config.store)
+    channels = (*channels_of(config.features), *config.labels.channels())
     load_missions(config.store, channels, limit=1, period=config.period)
     return content_hash(config.store, (*channels, SPEED))
 
@@ -219,10 +221,19 @@ def _describe(config: FitConfig, content: str, history: str) -> dict[str, Any]:
         "settings": to_json(config),
         "store": attributes,
         TRUTH: truth,
+        **_labels(config),
         **origins,
         CONTENT: content,
         "versions": versions(),
     }
+
+
+def _labels(config: FitConfig) -> dict[str, Any]:
+    """What the Doppler log gave to learn from, where it was learned from."""
+    if config.labels.source == "truth":
+        return {}
+    counts = labels_in(config.store, config.labels, division=config.division, period=config.period)
+    return {LABELS: to_json(dataclasses.asdict(counts))}
 
 
 def _figures(job: Job, report: Report | None) -> dict[str, Any]:

@@ -36,6 +36,7 @@ def train(job: Job, folder: Path, report: Callable[[Report], None]) -> Report | 
         period=config.period,
         scales=None if start is None else start.normalisation,
         held_out=config.held_out,
+        labels=config.labels,
     )
     threads = torch.get_num_threads()
     try:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from learn.data.labels import LabelConfig
 from learn.data.preparation import Division
 from learn.networks.config import NetworkConfig
 from learn.runs.run import DESCRIPTION, TARGETS
@@ -41,6 +42,8 @@ class FitConfig:
     """Run whose weights and scales the training goes on from; None starts at random."""
     held_out: tuple[int, ...] = ()
     """Rows of the store that are not trained on, see `learn.data.preparation.prepare`."""
+    labels: LabelConfig = dataclasses.field(default_factory=LabelConfig)
+    """What is learned: the truth, or what a Doppler log measured."""
 
     def __post_init__(self) -> None:
         if self.members < 1:
@@ -61,6 +64,7 @@ class FitConfig:
         try:
             values["network"] = NetworkConfig(**values["network"])
             values["training"] = TrainingConfig(**values["training"])
+            values["labels"] = LabelConfig(**values.get("labels", {}))
             for name in ("features", "held_out"):
                 values[name] = tuple(values.get(name, ()))
             return cls(**values)
@@ -72,7 +76,7 @@ class FitConfig:
     def differences(self, other: FitConfig) -> list[str]:
         """What `other` has otherwise, setting by setting, without those that may change."""
         ours, theirs = (dataclasses.asdict(config) for config in (self, other))
-        for part in ("network", "training"):
+        for part in ("network", "training", "labels"):
             for values in (ours, theirs):
                 values |= {k: v for k, v in values.pop(part).items() if k not in FREE}
         found = []

@@ -9,7 +9,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.checks.published import PublishedGlide, published_glides
+from twin.checks.held_flight import MODELS, held_flight
+from twin.checks.published import PublishedMotion, published_flights, published_glides
 from twin.fossen import FossenModel, FossenState, FossenTrajectory
 from twin.fossen.model import DEFAULT_DT
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
@@ -219,9 +220,9 @@ def check_manoeuvres(
     return differences
 
 
-def check_published(vehicle: str | None = None) -> list[tuple[PublishedGlide, str, Trim]]:
-    """Every published glide computed by both models: (glide, model name, trim)."""
-    results = []
+def check_published(vehicle: str | None = None) -> list[tuple[PublishedMotion, str, Trim]]:
+    """Every published motion computed by both models: (motion, model name, trim)."""
+    results: list[tuple[PublishedMotion, str, Trim]] = []
     for glide in published_glides(vehicle):
         loaded = load_vehicle(glide.vehicle)
         models: dict[str, Callable[[float, float, float], Trim]] = {
@@ -231,4 +232,9 @@ def check_published(vehicle: str | None = None) -> list[tuple[PublishedGlide, st
         for name, solve in models.items():
             trim = solve(glide.shift, glide.rotation_rad, glide.net_mass)
             results.append((glide, name, trim))
+    for flight in published_flights(vehicle):
+        loaded = load_vehicle(flight.vehicle)
+        for name in MODELS:
+            request = flight.request(loaded.steering["heading"])
+            results.append((flight, name, held_flight(loaded, model=name, **request).trim))
     return results

@@ -14,8 +14,8 @@ VEHICLE, MANOEUVRES, SEED = "glider", 20, 0
 
 @dataclass(frozen=True, kw_only=True)
 class Check(JsonOption):
-    """Fly random manoeuvres in both models and recompute the published glides; with --logs fly a
-    vehicle's twin beside its own logs.
+    """Fly random manoeuvres in both models and recompute the published motions; with --logs fly
+    a vehicle's twin beside its own logs.
     """
 
     vehicle: str | None = None
@@ -76,7 +76,7 @@ class Check(JsonOption):
         return _verdict(console, found.beyond)
 
     def _models(self, console: Console) -> int:
-        """The two models and the published glides."""
+        """The two models and the published motions."""
         from twin.checks import agreement as check
         from twin.checks.published import ANGLES
         from twin.errors import InputError
@@ -91,25 +91,26 @@ class Check(JsonOption):
         vehicle = load_vehicle(VEHICLE if self.vehicle is None else self.vehicle)
         rows, broken = [], []
         published = check.check_published()
-        for glide, model, trim in published:
-            violations = glide.violations(trim)
-            broken += [f"{glide.vehicle}, {glide.source}, {model}: {v}" for v in violations]
-            found = glide.differences(trim)
+        for motion, model, trim in published:
+            violations = motion.violations(trim)
+            broken += [f"{motion.vehicle}, {motion.source}, {model}: {v}" for v in violations]
+            found = motion.differences(trim)
             rows.append(
                 {
-                    "vehicle": glide.vehicle,
-                    "published in": glide.source,
+                    "vehicle": motion.vehicle,
+                    "published in": motion.source,
                     "model": model,
                     "speed m/s": trim.speed_m_s,
-                    "off by": found["speed"],
+                    "off by": found.get("speed"),
                     "pitch deg": trim.pitch_deg,
                     "off by deg": max(
-                        (found[n] for n in ANGLES if n in found), key=abs, default=0.0
+                        (found[n] for n in ANGLES if n in found), key=abs, default=None
                     ),
+                    "rad/s off by": found.get("turn_rate"),
                     "ok": "no" if violations else "yes",
                 }
             )
-        console.table(rows, title="Published glides (largest angle difference of each)")
+        console.table(rows, title="Published motions (largest angle difference of each)")
         differences = check.check_manoeuvres(
             vehicle, count=count, seed=seed, timestep=self.timestep
         )

@@ -9,7 +9,9 @@ from twin.cli.console import Console, JsonOption
 
 @dataclass(frozen=True, kw_only=True)
 class Vehicles(JsonOption):
-    """The shipped vehicles: mass, pump, speed in the usual glide, and the source of the numbers."""
+    """The shipped vehicles and their presets: mass, propeller, pump, usual speed, and the source of
+    the numbers.
+    """
 
     def run(self, console: Console) -> int:
         """Print one line for each, then what each is and where its numbers are from."""
@@ -19,7 +21,7 @@ class Vehicles(JsonOption):
 
         lines = shipped_vehicles()
         console.table(
-            [line.cells() for line in lines], title="Shipped vehicles in their usual glide"
+            [line.cells() for line in lines], title="Shipped vehicles in their usual glide, or at their cruise"
         )
         console.say()
         console.pairs({line.name: line.summary for line in lines})

@@ -2,17 +2,31 @@
 
 from twin.mission.glide import SteadyGlide, steady_glide
 from twin.mission.plan import Mission
-from twin.mission.segments import Hold, SawTooth, Segment, Spiral, Surface
+from twin.mission.segments import (
+    Circle,
+    Hold,
+    Hover,
+    LawnMower,
+    SawTooth,
+    Segment,
+    Spiral,
+    Surface,
+    Transect,
+)
 from twin.mission.shipped import load_mission, mission_names
 
 __all__ = [
+    "Circle",
     "Hold",
+    "Hover",
+    "LawnMower",
     "Mission",
     "SawTooth",
     "Segment",
     "Spiral",
     "SteadyGlide",
     "Surface",
+    "Transect",
     "load_mission",
     "mission_names",
     "steady_glide",

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, MissionError, unknown_name
 from twin.mission import Mission, guidance
+from twin.mission.table import ABORTED, DONE, SEGMENT
 from twin.vehicle.vehicle import Vehicle
 
 
@@ -148,14 +149,14 @@ class MissionController:
     @property
     def segment(self) -> int:
         """Index of the segment being flown; the number of segments once they are flown."""
-        return int(self.state[guidance.SEGMENT])
+        return int(self.state[SEGMENT])
 
     @property
     def done(self) -> bool:
         """True once the plan is flown, and the surface reached where it ends there."""
-        return bool(self.state[guidance.DONE])
+        return bool(self.state[DONE])
 
     @property
     def aborted(self) -> bool:
         """True once the mission's maximum depth was exceeded."""
-        return bool(self.state[guidance.ABORTED])
+        return bool(self.state[ABORTED])

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from twin.errors import MissionError, unknown_name
 from twin.mission import fields as check
-from twin.mission import guidance as g
+from twin.mission import table as g
 from twin.mission.segments import SEGMENTS, Profile, Segment, Surface
+from twin.vehicle.parts import BatterySlide
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -79,22 +80,24 @@ class Mission:
         for index, segment in enumerate(self.segments):
             label = self._label(index)
             if not segment.limited and (index < last or self.duration_s is None):
-                limits = ("duration_s", "until_depth_m")
-                allowed = ("yos", *limits) if isinstance(segment, Profile) else limits
+                limits = ("yos", "turns", "length_m", "duration_s", "until_depth_m")
+                allowed = [name for name in limits if hasattr(segment, name)]
                 raise MissionError(
                     f"{label} never ends: give one of {', '.join(allowed)} (only the last segment "
                     "of a mission with a duration_s may do without)"
                 )
+            field = "max_depth_m" if isinstance(segment, Profile) else "depth_m"
+            deepest = getattr(segment, field, None)
             if (
-                isinstance(segment, Profile)
+                deepest is not None
                 and self.max_depth_m is not None
-                and segment.max_depth_m > self.max_depth_m - OVERSHOOT_MARGIN_M
+                and deepest > self.max_depth_m - OVERSHOOT_MARGIN_M
             ):
                 rule = (
                     f"{OVERSHOOT_MARGIN_M:g} m less than the mission's max_depth_m = "
-                    f"{self.max_depth_m:g} m, for the overshoot of an inflection"
+                    f"{self.max_depth_m:g} m, for the overshoot"
                 )
-                check.fail(label, "max_depth_m", segment.max_depth_m, rule)
+                check.fail(label, field, deepest, rule)
 
     def _label(self, index: int) -> str:
         return f"mission {self.name!r}: segments[{index}] {self.segments[index].kind}"
@@ -149,20 +152,30 @@ class Mission:
 
     @property
     def needs_floor(self) -> bool:
-        """Whether a dive turns at an altitude above the sea floor."""
-        return any(getattr(s, "min_altitude_m", None) is not None for s in self.segments)
+        """Whether something is flown by the altitude above the sea floor."""
+        return any(
+            getattr(segment, name, None) is not None
+            for segment in self.segments
+            for name in ("altitude_m", "min_altitude_m")
+        )
 
     def check(self, vehicle: Vehicle) -> None:
         """Raise MissionError when `vehicle` cannot fly this: pump, rotation, pitch, trim."""
         self.compile(vehicle)
 
     def compile(self, vehicle: Vehicle) -> tuple[Array, Array]:
-        """Table (segments + 1, SEGMENT_COLUMNS + 3 parts) and gains (GAINS,) for guidance.
+        """Table (rows + 1, SEGMENT_COLUMNS + 3 parts) and gains (GAINS,) for guidance.
+
+        A segment has one row, those that are made of others have several.
 
         Raises:
           MissionError: a segment is beyond the vehicle.
         """
-        rows = [s.row(vehicle, self._label(i)) for i, s in enumerate(self.segments)]
+        rows = [
+            part.row(vehicle, self._label(i))
+            for i, segment in enumerate(self.segments)
+            for part in segment.flown_as()
+        ]
         last = self._ascent().row(vehicle, f"mission {self.name!r}: ascent_")
         last[g.KIND] = g.END_AT_SURFACE if self.at_end == "surface" else g.END_HOLDING
         last[g.DURATION] = np.nan
@@ -223,12 +236,30 @@ def _plain(data: Mapping[str, Any]) -> dict[str, Any]:
 
 def _gains(vehicle: Vehicle) -> Array:
     """The two loops' gains and parts, shape (GAINS,), for `guidance_step`."""
-    gains = np.empty(g.GAINS)
-    gains[g.PITCH_KP : g.PERIOD] = [*vehicle.pitch_pid, *vehicle.heading_pid]
+    gains = np.zeros(g.GAINS)
+    for first, pid in (
+        (g.PITCH_KP, vehicle.pitch_pid),
+        (g.HEADING_KP, vehicle.heading_pid),
+        (g.DEPTH_KP, vehicle.depth_pid),
+        (g.TRIM_KP, vehicle.trim_pid),
+        (g.BUOYANCY_KP, vehicle.buoyancy_pid),
+    ):
+        gains[first : first + 3] = pid or (0.0, 0.0, 0.0)
     gains[g.PERIOD] = vehicle.control_period
-    for control, place in (("pitch", g.PITCH_PART), ("heading", g.TURN_PART)):
+    for control, place in (
+        ("pitch", g.PITCH_PART),
+        ("heading", g.TURN_PART),
+        ("trim", g.TRIM_PART),
+        ("buoyancy", g.BUOYANCY_PART),
+    ):
         index = vehicle.steered_index(control)
         gains[place] = -1.0 if index is None else index
-    pitching = vehicle.steered("pitch")
-    gains[g.PITCH_SENSE] = 1.0 if pitching is None else pitching.sense("pitch")
+    for control, sense in (("pitch", g.PITCH_SENSE), ("trim", g.TRIM_SENSE)):
+        part = vehicle.steered(control)
+        gains[sense] = 1.0 if part is None else part.sense("pitch")
+    for control, low in (("trim", g.TRIM_LOW), ("buoyancy", g.BUOYANCY_LOW)):
+        part = vehicle.steered(control)
+        if part is not None:
+            gains[low], gains[low + 1] = part.low, part.high
+    gains[g.PITCHES_AT_REST] = float(isinstance(vehicle.steered("pitch"), BatterySlide))
     return gains

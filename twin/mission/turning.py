@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import MissionError
-from twin.mission.way import Way, way
+from twin.mission.balance import imbalance, newton
+from twin.mission.way import Way, level_way, way
+from twin.vehicle.parts import Fin
 
 if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
@@ -28,8 +30,8 @@ STEP = 1e-5
 """[m/s, rad, rad/s] of the differences; the law is smooth there"""
 PART_STEP = 1e-4
 """Part of the turning part's travel, likewise"""
-DEEP = 1e3
-"""[m] where everything is under water"""
+SLOWER_TURNS = 5
+"""on the way to a steady turn, each begun from the one before"""
 LARGEST_FACTOR = 4.0
 """A loop is never made stronger than this, nor weaker than its inverse"""
 
@@ -38,8 +40,7 @@ def turn_per_position(vehicle: Vehicle, steady: Way) -> float:
     """Turn rate [rad/s] about the vertical, to starboard, per unit of the turning part.
 
     Side force, roll moment and yaw moment vanish for the three unknowns sway, roll and turn rate:
-    Kirchhoff's equations with the rigid body's (Fossen 2021, sections 3.3 and 8.1), linearised
-    about the straight way. 0 for vehicles that nothing turns.
+    `twin.mission.balance`, linearised about the straight way. 0 for vehicles that nothing turns.
 
     Raises:
       MissionError: no steady turn is near: the three equations do not determine one.
@@ -69,15 +70,21 @@ def turn_per_position(vehicle: Vehicle, steady: Way) -> float:
 def turn_factor(vehicle: Vehicle, steady: Way) -> float:
     """What the heading loop of a vehicle file is multiplied by in a way.
 
-    It has the sign of the turn there, and the inverse of its size over that in the usual dive,
-    within LARGEST_FACTOR.
+    It has the sign of the turn there, and the inverse of its size over that on the usual way,
+    within LARGEST_FACTOR. A hull whose fins do not keep it straight turns by itself, so its steady
+    turns say nothing of its rudder: there the sign is that of the rudder's moment, and the size
+    the inverse of the speed.
 
     Raises:
       MissionError: as `turn_per_position`, or the part does not turn the vehicle.
     """
     if vehicle.steered("heading") is None:
         return 1.0
-    here, there = turn_per_position(vehicle, steady), _usual_turn(vehicle)
+    usual = _usual_way(vehicle)
+    here, there = turn_per_position(vehicle, steady), turn_per_position(vehicle, usual)
+    turning = vehicle.steered("heading")
+    if isinstance(turning, Fin) and min(here * turning.sense("heading"), here * there) < 0.0:
+        here, there = turning.sense("heading") * steady.speed, usual.speed
     if here == 0.0 or not math.isfinite(here):
         raise MissionError(
             f"vehicle {vehicle.name!r}: its {vehicle.steering['heading']} does not turn it"
@@ -86,18 +93,74 @@ def turn_factor(vehicle: Vehicle, steady: Way) -> float:
     return math.copysign(size, here)
 
 
+def circling(vehicle: Vehicle, steady: Way, turn_rate: float) -> Array:
+    """Positions of the parts, shape (parts,), in a level turn under the propeller.
+
+    Surge, side force, roll and yaw moment vanish for sway, roll, the propeller's rate and the
+    position of what turns it, at the speed of the straight way.
+
+    Args:
+      steady: the straight level way. turn_rate: [rad/s] about the vertical, positive to starboard.
+
+    Raises:
+      MissionError: nothing turns it, there is no such turn, or a part has not the travel for it.
+    """
+    turning, driving = vehicle.steered_index("heading"), vehicle.steered_index("speed")
+    if turning is None or driving is None:
+        what = "part that turns it" if turning is None else "propeller"
+        raise MissionError(f"vehicle {vehicle.name!r} has no {what}: it flies no circle")
+    free = [turning, driving]
+    scale = np.array([vehicle.parts[i].high - vehicle.parts[i].low for i in free])
+
+    def positions(x: Array) -> Array:
+        position = steady.command.copy()
+        position[free] = x[2:] * scale
+        return position
+
+    def left_at(x: Array, rate: float) -> Array:
+        sway, roll = x[:2]
+        ahead = math.sqrt(max(steady.speed**2 - sway**2, 0.0))
+        alpha = steady.angle_of_attack
+        velocity = np.array([ahead * math.cos(alpha), sway, ahead * math.sin(alpha)])
+        wrench = imbalance(
+            vehicle, positions(x), velocity, pitch=steady.pitch, roll=roll, turn_rate=rate
+        )
+        return wrench[[0, *LATERAL]] / (vehicle.mass * vehicle.gravity)
+
+    x: Array | None = np.array([0.0, 0.0, *(steady.command[free] / scale)])
+    for rate in np.linspace(0.0, turn_rate, SLOWER_TURNS + 1)[1:]:
+        assert x is not None
+        x = newton(functools.partial(left_at, rate=float(rate)), x)
+        if x is None:
+            raise MissionError(
+                f"vehicle {vehicle.name!r} has no steady turn of {math.degrees(turn_rate):.3g} "
+                f"deg/s at {steady.speed:g} m/s"
+            )
+    assert x is not None
+    found = positions(x)
+    for i in free:
+        part = vehicle.parts[i]
+        if not part.low <= found[i] <= part.high:
+            raise MissionError(
+                f"vehicle {vehicle.name!r} has no turn of {math.degrees(turn_rate):.3g} deg/s at "
+                f"{steady.speed:g} m/s: it takes the {part.name} at {part.text(found[i])}"
+            )
+    return found
+
+
 @functools.lru_cache(maxsize=64)
-def _usual_turn(vehicle: Vehicle) -> float:
-    """`turn_per_position` in the dive that the gains of the file are for: the usual one."""
+def _usual_way(vehicle: Vehicle) -> Way:
+    """The way that the gains of the file are for: level at cruising speed, or the usual dive."""
+    if vehicle.steered("speed") is not None:
+        return level_way(vehicle, f"vehicle {vehicle.name!r}: its usual way", None)
     pitch, net_mass = vehicle.usual_glide
     pump = vehicle.steered("buoyancy")
     if pump is not None:
         net_mass = min(net_mass, vehicle.net_mass_for_pump(float(pump.low)))
     label = f"vehicle {vehicle.name!r}: the usual dive"
-    dive = way(
+    return way(
         vehicle, label, "pitch_deg", -math.degrees(pitch), net_mass, None, within_travel=True
     )
-    return turn_per_position(vehicle, dive)
 
 
 def _imbalance(vehicle: Vehicle, steady: Way, x: Array, index: int, moved: float) -> Array:
@@ -106,43 +169,11 @@ def _imbalance(vehicle: Vehicle, steady: Way, x: Array, index: int, moved: float
     `x`: sway [m/s], roll [rad], turn rate [rad/s]; `moved`: of part `index` from its rest.
     """
     sway, roll, turn_rate = x
-    pitch, alpha = steady.pitch, steady.angle_of_attack
-    down = np.array(
-        [-math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll)]
-    )
+    alpha = steady.angle_of_attack
     velocity = np.array([steady.speed * math.cos(alpha), sway, steady.speed * math.sin(alpha)])
-    omega = turn_rate * down
-    nu = np.concatenate([velocity, omega])
     position = steady.command.copy()
     position[index] = vehicle.parts[index].rest + moved
-
-    density, gravity = vehicle.reference_density, vehicle.gravity
-    mass, first, inertia = vehicle.static_mass, vehicle.static_mass * vehicle.static_cg, np.zeros(3)
-    inertia = vehicle.static_inertia @ omega
-    inertia = inertia + _point(vehicle.static_mass, vehicle.static_cg, omega)
-    at = dict(zip(vehicle.part_names, position, strict=True))
-    for moving in vehicle.masses:
-        place = moving.position(at.get(moving.slide or "", 0.0), at.get(moving.hinge or "", 0.0))
-        mass += moving.mass
-        first = first + moving.mass * place
-        inertia = inertia + moving.inertia @ omega + _point(moving.mass, place, omega)
-    impulse = mass * velocity + np.cross(omega, first)
-    spin = inertia + np.cross(first, velocity)
-    water = vehicle.added_mass @ nu if vehicle.added_mass_coupling else np.zeros(6)
-
-    wrench = vehicle.law.wrench(nu, density)
-    volume = vehicle.neutral_volume
-    for part, place in zip(vehicle.parts, position, strict=True):
-        wrench = wrench + part.wrench(float(place), nu, density, DEEP)
-        own = part.displaced(float(place))
-        volume += own
-        wrench[3:] -= density * own * gravity * np.cross(part.position, down)
-    wrench[:3] += (mass - density * volume) * gravity * down - np.cross(omega, impulse + water[:3])
-    wrench[3:] += gravity * np.cross(first, down) - np.cross(omega, spin + water[3:])
-    wrench[3:] -= np.cross(velocity, impulse + water[:3])
+    wrench = imbalance(
+        vehicle, position, velocity, pitch=steady.pitch, roll=roll, turn_rate=turn_rate
+    )
     return wrench[list(LATERAL)]
-
-
-def _point(mass: float, place: Array, omega: Array) -> Array:
-    """Angular momentum [N m s] of a point mass that turns about the CB, shape (3,)."""
-    return mass * np.cross(place, np.cross(omega, place))

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import MissionError, unknown_name
-from twin.mission.cruise import cruise_rate
+from twin.mission.balance import imbalance
+from twin.mission.cruise import steady_flight
 from twin.mission.fields import fail
 from twin.mission.glide import steady_glide
-from twin.vehicle.parts import BatterySlide
+from twin.vehicle.parts import BatterySlide, Part
 
 if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
@@ -53,6 +54,7 @@ def way(
     net_mass: float,
     speed: float | None,
     *,
+    trim_share: float = 0.0,
     within_travel: bool = False,
 ) -> Way:
     """The steady way at a pitch, driven by a propeller where the vehicle has one.
@@ -61,6 +63,7 @@ def way(
       label, field: of the mission's segment and its key, for errors.
       pitch_deg: signed [deg]. net_mass: signed [kg], positive heavy; vehicles without a pump have
         none. speed: [m/s] through the water, None: the cruising speed; of propelled vehicles.
+      trim_share: part of the pitch that a battery beside an elevator holds, 0 to 1.
       within_travel: let what pitches the vehicle stop at its end, in place of an error.
 
     Raises:
@@ -71,20 +74,9 @@ def way(
     pump = vehicle.steered_index("buoyancy")
     if pump is not None:
         command[pump] = vehicle.pump_for_net_mass(net_mass)
-    driving = vehicle.steered_index("speed")
-    if driving is not None:
+    if vehicle.steered("speed") is not None:
         speed = vehicle.cruise_speed if speed is None else speed
-        try:
-            command[driving] = cruise_rate(vehicle, speed)
-        except MissionError as error:
-            raise MissionError(f"{label}: {error}") from None
-        return Way(
-            pitch=pitch,
-            vertical_speed=-speed * math.sin(pitch),
-            speed=speed,
-            angle_of_attack=0.0,
-            command=command,
-        )
+        return _driven(vehicle, label, field, pitch, speed, command, within_travel, trim_share)
     if pump is None:
         raise MissionError(
             f"{label}: vehicle {vehicle.name!r} has neither a pump nor a propeller: nothing "
@@ -113,6 +105,78 @@ def way(
     )
 
 
+def level_way(vehicle: Vehicle, label: str, speed: float | None) -> Way:
+    """The steady level way of a vehicle with a propeller, at its neutral weight.
+
+    Args:
+      label: of the mission's segment, for errors. speed: [m/s] through the water, None: cruising.
+
+    Raises:
+      MissionError: the vehicle has no propeller, or cannot fly so fast.
+    """
+    if vehicle.steered("speed") is None:
+        raise MissionError(
+            f"{label}: vehicle {vehicle.name!r} has no propeller, so it keeps no depth while it "
+            "goes ahead: give a saw-tooth"
+        )
+    speed = vehicle.cruise_speed if speed is None else speed
+    return _driven(vehicle, label, "speed_m_s", None, speed, vehicle.rest, False)
+
+
+def _driven(
+    vehicle: Vehicle,
+    label: str,
+    field: str,
+    pitch: float | None,
+    speed: float,
+    command: Array,
+    within_travel: bool,
+    trim_share: float = 0.0,
+) -> Way:
+    """The steady way under the propeller; pitch [rad], None: level."""
+    pitching, trimming = vehicle.steered("pitch"), vehicle.steered("trim")
+    if pitch is not None and trimming is not None:
+        place = vehicle.part_names.index(trimming.name)
+        shift = trim_share * standing_shift(vehicle, trimming, pitch)
+        command[place] = min(max(shift, trimming.low), trimming.high)
+    try:
+        flight = steady_flight(vehicle, pitch, speed, command)
+    except MissionError as error:
+        raise MissionError(f"{label}: {error}") from None
+    command = flight.position
+    if pitching is not None:
+        place = vehicle.part_names.index(pitching.name)
+        low, high = pitching.low, pitching.high
+        if not (within_travel or low <= command[place] <= high):
+            rule = (
+                f"a shallower pitch or a higher speed_m_s (it needs the {pitching.name} at "
+                f"{pitching.text(command[place])}, and vehicle {vehicle.name!r} moves it from "
+                f"{pitching.text(low)} to {pitching.text(high)})"
+            )
+            value = speed if pitch is None else abs(math.degrees(pitch))
+            fail(label, field, round(value, 6), rule)
+        command[place] = min(max(command[place], low), high)
+    return Way(
+        pitch=flight.pitch,
+        vertical_speed=speed * math.sin(flight.angle_of_attack - flight.pitch),
+        speed=speed,
+        angle_of_attack=flight.angle_of_attack,
+        command=command,
+    )
+
+
+def standing_shift(vehicle: Vehicle, slide: Part, pitch: float) -> float:
+    """Shift [m] of a battery slide that holds a pitch [rad] without speed."""
+    place, position = vehicle.part_names.index(slide.name), vehicle.rest
+
+    def moment(shift: float) -> float:
+        position[place] = shift
+        return float(imbalance(vehicle, position, np.zeros(3), pitch=pitch)[4])
+
+    neutral, slope = moment(0.0), moment(1.0) - moment(0.0)  # linear in the shift
+    return -neutral / slope
+
+
 def reject_missing(vehicle: Vehicle, label: str, segment: Any) -> None:
     """Raise MissionError for a field that speaks of a part which the vehicle has not.
 
@@ -125,6 +189,7 @@ def reject_missing(vehicle: Vehicle, label: str, segment: Any) -> None:
             ("speed_m_s", vehicle.steered("speed") is not None, "propeller"),
             ("rotation_deg", vehicle.steered("heading") is not None, "part that turns it"),
             ("shift_m", slides, "battery slide"),
+            ("trim_share", vehicle.steered("trim") is not None, "battery beside an elevator"),
         ):
             if field.name.endswith(ending) and not there:
                 value = getattr(segment, field.name)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import SimulationUnstable
-from twin.mission import Mission, guidance
+from twin.mission import Mission
+from twin.mission.table import ABORTED, DONE
 from twin.physics.log_signals import from_log
 from twin.physics.mujoco_model import header, table
 from twin.physics.obstacles import has_contacts
@@ -104,9 +105,9 @@ def _ending(scenario: Scenario, ours: Any, failed: bool) -> str:
         return "unstable"
     if not isinstance(scenario.plan, Mission):
         return "duration"
-    if ours["guidance"][guidance.ABORTED]:
+    if ours["guidance"][ABORTED]:
         return "aborted"
-    if ours["guidance"][guidance.DONE]:
+    if ours["guidance"][DONE]:
         return "flown"
     return "time limit" if scenario.open_ended else "duration"
 

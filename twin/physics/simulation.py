@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, SimulationUnstable, TwinError
 from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector, quaternion_to_matrix
-from twin.mission import guidance
 from twin.mission.controller import Command, Controller, Observation
+from twin.mission.table import DONE
 from twin.physics.mujoco_model import (
     compile_model,
     header,
@@ -281,7 +281,7 @@ class Simulation:
     @property
     def flown(self) -> bool:
         """True when an open-ended mission has been flown to its end."""
-        done = state(self.data)["guidance"][guidance.DONE]
+        done = state(self.data)["guidance"][DONE]
         return self.scenario.open_ended and bool(done)
 
     @property

@@ -129,7 +129,7 @@ class MissionStore:
         Raises:
           StoreError, VehicleError: the description is damaged.
         """
-        if self.logged:
+        if self.logged and VEHICLE_MJCF not in self.attributes:
             kind = str(self.attributes[SOURCE_FORMAT])
             return load_vehicle(LOGGED_VEHICLES.get(kind, OTHER_LOGGED_VEHICLE))
         if SCENARIO in self.attributes:

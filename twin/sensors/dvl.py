@@ -3,10 +3,12 @@
 Each ping, beam i along b_i (azimuth 45, 135, 225, 315 deg, tilted from the instrument's axis)
 reads b_i . (v + omega x r) (1 + scale error) + noise, where v is the velocity over ground in
 bottom lock and the velocity through the water of the cell layer in water lock, and r the lever
-arm. A beam sees the bottom while its slant range lies in the instrument's range and the beam is
-not too far from the vertical. Three beams are enough: least squares over the ones that are left
-gives the velocity. Pings are averaged to the mission's grid, over the interval centred on the
-sample at which the lock is decided, and the vehicle removes the lever arm with its own gyro.
+arm. A beam sees the bottom while its slant range to the sea floor lies in the instrument's range
+and the beam is not too far from the vertical; over an uneven floor each beam ends where it meets
+it. Water lock needs the whole cell layer above the floor. Three beams are enough: least squares
+over the ones that are left gives the velocity. Pings are averaged to the mission's grid, over the
+interval centred on the sample at which the lock is decided, and the vehicle removes the lever arm
+with its own gyro.
 
 The instrument sits turned by a small fixed rotation in its mount, which the vehicle does not know:
 the beams point that way, and the velocity is given in the instrument's axes as if they were the
@@ -52,6 +54,8 @@ CELL_SAMPLES = 3
 """depths across the cell layer at which the current is averaged"""
 CELL_PERIOD = 5.0
 """[s] between evaluations of the current below; the layer is 40 m thick and changes slowly"""
+MARCH = 2.0
+"""[m] steps in which a beam looks for the floor, as the altimeter's"""
 BODY_RATES = ("roll_rate", "pitch_rate", "yaw_rate")
 OUTPUTS = ("measured_dvl_surge", "measured_dvl_sway", "measured_dvl_heave")
 
@@ -223,7 +227,7 @@ class Dvl(Sensor):
     ) -> None:  # fmt: skip
         from twin.sensors.kernels import body_kernel, dvl_kernel
 
-        current, bottom_depth = surroundings.current, surroundings.bottom_depth
+        current = surroundings.current
         n = mode.shape[0]
         angles = [signal(truth, f"true_{name}") for name in ("roll", "pitch", "heading")]
         over_ground = [signal(truth, f"true_velocity_{name}") for name in ("north", "east", "down")]
@@ -243,27 +247,48 @@ class Dvl(Sensor):
             body_kernel(*angles, *through, water, np.empty((3, n)))
         rates = np.stack([signal(truth, f"true_{name}") for name in BODY_RATES])
         depth = signal(truth, "true_depth")
-        bottom = np.full(n, np.inf)
-        if bottom_depth is not None:
-            bottom[:] = np.asarray(bottom_depth, float)
         ping_dt = 1.0 / self.ping_rate
         pings = max(1, math.ceil((n - 0.5) * dt * self.ping_rate))
         tilt = self.tilt_deg * DEG
         outlier, outlier_beam = self._outliers(rng, pings)
         mount = rotation(np.array([drawn_value(drawn, f"dvl_misalignment_{a}") for a in "xyz"]))
+        beams = beam_directions(tilt) @ mount.T
+        cell_reach = self.cell_max / math.cos(tilt)
+        slant = self._slant(truth, angles, plumb, beams, cell_reach, surroundings)
         factor = 1.0 + drawn_value(drawn, "dvl_scale") + drawn_value(drawn, "dvl_sound_speed")
         dvl_kernel(
-            ground, water, rates, plumb, depth, bottom, np.array(self.lever_arm, float),
-            beam_directions(tilt) @ mount.T, beam_solutions(tilt), ping_dt / dt,
+            ground, water, rates, plumb, depth, slant, np.array(self.lever_arm, float),
+            beams, beam_solutions(tilt), ping_dt / dt,
             self._locked(rng, pings, ping_dt), factor, self.bottom_noise, self.water_noise,
             normals(rng, n, 4), outlier, outlier_beam, self.min_range, self.max_range,
-            math.cos(self.max_beam_angle_deg * DEG), self.cell_max / math.cos(tilt), velocity, mode,
+            math.cos(self.max_beam_angle_deg * DEG), cell_reach, velocity, mode,
         )  # fmt: skip
         x, y, z = self.lever_arm
         p, q, r = (signal(truth, f"measured_{name}") for name in BODY_RATES)
         velocity[0] -= q * z - r * y
         velocity[1] -= r * x - p * z
         velocity[2] -= p * y - q * x
+
+    def _slant(
+        self, truth: Signals, angles: list[Array], plumb: Array, beams: Array, cell_reach: float,
+        surroundings: Surroundings,
+    ) -> Array:  # fmt: skip
+        """Distances [m] along the beams to the bottom, shape (4, n); inf where there is none."""
+        from twin.sensors.kernels import level_slant_kernel, slant_kernel
+
+        depth = signal(truth, "true_depth")
+        slant = np.full((len(beams), depth.shape[0]), np.inf)
+        lever = np.array(self.lever_arm, float)
+        if surroundings.floor is not None:
+            place = [signal(truth, f"true_{name}") for name in ("north", "east")]
+            farthest = max(self.max_range, cell_reach)
+            slant_kernel(
+                surroundings.floor, *place, depth, *angles, lever, beams, farthest, MARCH, slant
+            )
+        elif surroundings.bottom_depth is not None:
+            bottom = np.full(depth.shape[0], np.asarray(surroundings.bottom_depth, float))
+            level_slant_kernel(plumb, depth, bottom, lever, beams, slant)
+        return slant
 
     @classmethod
     def observed(cls, name: str, signals: Signals) -> NDArray[Any] | None:

@@ -184,6 +184,15 @@ class Imu(Sensor):
 IMU_PRESETS: dict[str, Imu] = {
     "ideal": Imu.ideal(),
     "3DM-GX5-25": Imu(),
+    # What the paper's table says of it, with the sheet's noise: its filter has removed the turn-on
+    # biases, and the table has neither scale factors nor misalignments.
+    "3DM-GX5-25-table": Imu(
+        gyro_turn_on_bias=0.0,
+        gyro_scale=0.0,
+        accel_turn_on_bias=0.0,
+        accel_scale=0.0,
+        misalignment_deg=0.0,
+    ),
     # Secondary text with the higher accelerometer noise for the same device.
     "3DM-GX5-25-80ug": Imu(accel_noise_density=80e-6 * STANDARD_GRAVITY),
     # As in the osrf/lrauv simulation of the Tethys class.

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from twin.compiled import jit
+from twin.water.floor.lookup import beam_length
 
 DEG = math.pi / 180.0
 BEAMS = 4
@@ -200,19 +201,71 @@ def body_kernel(  # type: ignore[no-untyped-def]
 
 
 @jit
+def level_slant_kernel(plumb, depth, bottom_depth, lever, beams, slant):  # type: ignore[no-untyped-def]
+    """slant = distance [m] along each beam from the instrument to a level bottom, (4, n).
+
+    plumb: (3, n). depth, bottom_depth: (n,) [m]. lever: (3,) [m] and beams: (4, 3), body FRD.
+    inf for a beam that does not look down.
+    """
+    for k in range(depth.shape[0]):
+        altitude = bottom_depth[k] - depth[k]
+        for i in range(3):
+            altitude -= lever[i] * plumb[i, k]
+        for i in range(BEAMS):
+            cosine = (
+                beams[i, 0] * plumb[0, k] + beams[i, 1] * plumb[1, k] + beams[i, 2] * plumb[2, k]
+            )
+            slant[i, k] = altitude / cosine if cosine > 0.0 else math.inf
+
+
+@jit
+def slant_kernel(  # type: ignore[no-untyped-def]
+    table, north, east, depth, roll, pitch, heading, lever, beams, farthest, step, slant
+):
+    """slant = distance [m] along each beam from the instrument to the sea floor, (4, n).
+
+    table: the compiled sea floor. north, east, depth: (n,) [m] of the CB; angles (n,) [deg].
+    lever: (3,) [m] and beams: (4, 3), body FRD. inf beyond `farthest` [m] and for a beam that
+    does not look down. `step` [m] is that of the search, see `beam_length`.
+    """
+    toward = np.empty(3)
+    for k in range(depth.shape[0]):
+        sin_r, cos_r = math.sin(roll[k] * DEG), math.cos(roll[k] * DEG)
+        sin_p, cos_p = math.sin(pitch[k] * DEG), math.cos(pitch[k] * DEG)
+        sin_h, cos_h = math.sin(heading[k] * DEG), math.cos(heading[k] * DEG)
+        ahead, beside, below = lever[0], lever[1], lever[2]
+        for i in range(BEAMS + 1):
+            # first the lever arm, then the beams, from body axes to NED
+            across = cos_r * beside - sin_r * below
+            plumb = sin_r * beside + cos_r * below
+            level = cos_p * ahead + sin_p * plumb
+            toward[0] = cos_h * level - sin_h * across
+            toward[1] = sin_h * level + cos_h * across
+            toward[2] = -sin_p * ahead + cos_p * plumb
+            if i == 0:
+                x, y, z = north[k] + toward[0], east[k] + toward[1], depth[k] + toward[2]
+            elif toward[2] > 0.0:
+                slant[i - 1, k] = beam_length(table, x, y, z, toward, farthest, step)
+            else:
+                slant[i - 1, k] = math.inf
+            if i < BEAMS:
+                ahead, beside, below = beams[i, 0], beams[i, 1], beams[i, 2]
+
+
+@jit
 def dvl_kernel(  # type: ignore[no-untyped-def]
-    ground, water, rates, plumb, depth, bottom_depth, lever, beams, solve, ping_step, locked,
+    ground, water, rates, plumb, depth, slant, lever, beams, solve, ping_step, locked,
     factor, bottom_std, water_std, white, outlier, outlier_beam, min_range, max_range, min_cosine,
     cell_reach, velocity, mode,
 ):  # fmt: skip
     """Velocity at the instrument [m/s], body FRD, (3, n), and mode (n,), from single pings.
 
     ground, water, rates, plumb: (3, n) body velocity over ground and through the cell layer,
-    angular velocity and the plumb line. depth, bottom_depth (n,) [m]. beams: (4, 3) unit
-    vectors; solve: (16, 3, 4) least-squares inverses by the set of beams. ping_step: samples
-    from ping to ping. Per ping: locked (m,) bool, outlier (m,) [m/s]: 0 none, NaN the beam
-    reports its neighbour's velocity, outlier_beam (m,). white: standard normals (n, 4).
-    cell_reach [m] is the slant range of the farthest water cell.
+    angular velocity and the plumb line. depth (n,) [m]; slant (4, n) [m] from the instrument to
+    the bottom along each beam. beams: (4, 3) unit vectors; solve: (16, 3, 4) least-squares
+    inverses by the set of beams. ping_step: samples from ping to ping. Per ping: locked (m,) bool,
+    outlier (m,) [m/s]: 0 none, NaN the beam reports its neighbour's velocity, outlier_beam (m,).
+    white: standard normals (n, 4). cell_reach [m] is the slant range of the farthest water cell.
     The lock is decided at each sample; the sample is the mean over its pings.
     """
     n = depth.shape[0]
@@ -224,7 +277,6 @@ def dvl_kernel(  # type: ignore[no-untyped-def]
         z = depth[k]
         for i in range(3):
             z += lever[i] * plumb[i, k]
-        altitude = bottom_depth[k] - z
         bottom_set = 0
         bottom_count = 0
         water_set = 0
@@ -233,10 +285,10 @@ def dvl_kernel(  # type: ignore[no-untyped-def]
             cosine = (
                 beams[i, 0] * plumb[0, k] + beams[i, 1] * plumb[1, k] + beams[i, 2] * plumb[2, k]
             )
-            if cosine > min_cosine and min_range * cosine <= altitude <= max_range * cosine:
+            if cosine > min_cosine and min_range <= slant[i, k] <= max_range:
                 bottom_set |= 1 << i
                 bottom_count += 1
-            if -z < cell_reach * cosine < altitude:
+            if -z < cell_reach * cosine and cell_reach < slant[i, k]:
                 water_set |= 1 << i
                 water_count += 1
         kind = NO_LOCK
@@ -348,6 +400,45 @@ def onboard_kernel(  # type: ignore[no-untyped-def]
                 current_e = drift_e + (gps_east[k] - east) / since_fix
             north, east = gps_north[k], gps_east[k]
             since_fix = 0.0
+        out[0, k] = north
+        out[1, k] = east
+        out[2, k] = current_n
+        out[3, k] = current_e
+
+
+@jit
+def dvl_track_kernel(  # type: ignore[no-untyped-def]
+    velocity_north, velocity_east, mode, gps_north, gps_east, dt, min_dive_time, use_current, out
+):
+    """Dead reckoning by a Doppler log, `twin.sensors.onboard`; out: (4, n) as `onboard_kernel`.
+
+    Measured velocity [m/s] NED and mode of its lock, (n,), GPS [m] with NaN where there is no fix.
+    """
+    north, east = 0.0, 0.0
+    current_n, current_e = 0.0, 0.0
+    speed_n, speed_e = 0.0, 0.0
+    in_water = False
+    water_time = 0.0
+    for k in range(mode.shape[0]):
+        if mode[k] != NO_LOCK:
+            speed_n, speed_e = velocity_north[k], velocity_east[k]
+            in_water = mode[k] == WATER_LOCK
+        if k > 0:
+            north += speed_n * dt
+            east += speed_e * dt
+            if in_water:
+                water_time += dt
+                if use_current:
+                    north += current_n * dt
+                    east += current_e * dt
+        if gps_north[k] == gps_north[k]:
+            if water_time >= min_dive_time:
+                drift_n = current_n if use_current else 0.0
+                drift_e = current_e if use_current else 0.0
+                current_n = drift_n + (gps_north[k] - north) / water_time
+                current_e = drift_e + (gps_east[k] - east) / water_time
+            north, east = gps_north[k], gps_east[k]
+            water_time = 0.0
         out[0, k] = north
         out[1, k] = east
         out[2, k] = current_n

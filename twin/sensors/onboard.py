@@ -1,7 +1,8 @@
-"""On-board track: the position that a glider dead-reckons and logs by itself.
+"""On-board track: the position that a vehicle dead-reckons and logs by itself.
 
-As buoyancy gliders do it (OceanGliders' depth-averaged current procedure: Slocum takes the
-horizontal speed as w / tan(pitch + angle of attack), Spray assumes an angle of attack of 3 deg):
+As buoyancy gliders do it, `speed_by="depth-rate"` (OceanGliders' depth-averaged current procedure:
+Slocum takes the horizontal speed as w / tan(pitch + angle of attack), Spray assumes an angle of
+attack of 3 deg):
 
 1. depth rate = change of the measured depth over the last `window` seconds, and pitch = mean of
    the measured pitch over the same window;
@@ -14,6 +15,11 @@ horizontal speed as w / tan(pitch + angle of attack), Spray assumes an angle of 
    also gives the depth-averaged current: what was used plus (fix - position) / time since the
    last fix.
 
+As propelled vehicles with a Doppler log do it, `speed_by="dvl"`: the measured velocity in body
+axes, turned by the measured roll, pitch and heading, moves the position; the last one is held while
+there is no lock. A velocity through the water takes the depth-averaged current with it, which a fix
+gives after at least `min_dive_time` of water lock; one over ground needs none.
+
 The track starts at the mission's origin, or at the first fix if there is one at the start.
 """
 
@@ -21,17 +27,25 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Mapping
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError
+from twin.errors import InputError, unknown_name
 from twin.records.schema import variables
 from twin.sensors.base import NOWHERE, Sensor, Surroundings
 from twin.sensors.checks import Drawn, Signals, require_non_negative, require_positive, signal
 
 Array = NDArray[np.float64]
+
+DEPTH_RATE, DVL = "depth-rate", "dvl"
+SPEEDS = (DEPTH_RATE, DVL)
+DVL_READS = (
+    "measured_roll", "measured_dvl_surge", "measured_dvl_sway", "measured_dvl_heave",
+    "measured_dvl_mode",
+)  # fmt: skip
 
 
 class OnboardTrack(NamedTuple):
@@ -58,7 +72,10 @@ class Onboard(Sensor):
         "measured_gps_north", "measured_gps_east",
     )  # fmt: skip
     writes = variables("measured_onboard_north", "measured_onboard_east")
+    unset: ClassVar[Mapping[str, Any]] = {"speed_by": DEPTH_RATE}
 
+    speed_by: str = DEPTH_RATE
+    """What gives the speed: "depth-rate" or "dvl" """
     angle_of_attack_deg: float = 3.0
     """[deg] one constant for every glide, as Spray assumes; the Sea-Wing's is 1.3 to 3 deg"""
     window: float = 20.0
@@ -68,13 +85,15 @@ class Onboard(Sensor):
     surface_depth: float = 1.0
     """[m] above this the vehicle counts as surfaced"""
     max_speed: float = 1.0
-    """[m/s] no buoyancy glider is faster through the water for long"""
+    """[m/s] no buoyancy glider is faster through the water for long; by depth rate"""
     use_current: bool = True
     """Add the last depth-averaged current"""
     min_dive_time: float = 300.0
     """[s] shorter times without a fix give no depth-averaged current"""
 
     def __post_init__(self) -> None:
+        if self.speed_by not in SPEEDS:
+            raise InputError(f"Onboard: {unknown_name('speed_by', str(self.speed_by), SPEEDS)}")
         require_non_negative(self, "angle_of_attack_deg", "surface_depth", "min_dive_time")
         require_positive(self, "window", "max_speed", "min_pitch_deg")
         for name in ("angle_of_attack_deg", "min_pitch_deg"):
@@ -88,6 +107,10 @@ class Onboard(Sensor):
         """The same algorithm: it has no error of its own."""
         return cls()
 
+    def inputs(self, signals: Iterable[str]) -> tuple[str, ...]:
+        """Depth, attitude and GPS, and the Doppler log where it gives the speed."""
+        return self.reads + (DVL_READS if self.speed_by == DVL else ())
+
     @classmethod
     def observed(cls, name: str, signals: Signals) -> NDArray[Any] | None:
         """The true position."""
@@ -99,6 +122,9 @@ class Onboard(Sensor):
 
         depth = signal(measured, "measured_depth")
         out = np.empty((4, depth.shape[0]))
+        if self.speed_by == DVL:
+            self._by_dvl(measured, dt, out)
+            return OnboardTrack(*out)
         onboard_kernel(
             depth, signal(measured, "measured_pitch"), signal(measured, "measured_heading"),
             signal(measured, "measured_gps_north"), signal(measured, "measured_gps_east"), dt,
@@ -107,6 +133,21 @@ class Onboard(Sensor):
             self.min_dive_time, self.use_current, out,
         )  # fmt: skip
         return OnboardTrack(*out)
+
+    def _by_dvl(self, measured: Signals, dt: float, out: Array) -> None:
+        """The rows of the track, shape (4, n)."""
+        from twin.frames import euler_to_matrix
+        from twin.sensors.kernels import dvl_track_kernel
+
+        angles = (signal(measured, f"measured_{n}") for n in ("roll", "pitch", "heading"))
+        to_ned = euler_to_matrix(*(np.deg2rad(angle) for angle in angles))
+        body = np.stack([signal(measured, name) for name in DVL_READS[1:4]], axis=-1)
+        velocity = np.einsum("tij,tj->it", to_ned, body)
+        dvl_track_kernel(
+            velocity[0], velocity[1], signal(measured, "measured_dvl_mode"),
+            signal(measured, "measured_gps_north"), signal(measured, "measured_gps_east"), dt,
+            self.min_dive_time, self.use_current, out,
+        )  # fmt: skip
 
     def measure(
         self,

@@ -13,7 +13,6 @@ from twin.physics.start import Start
 from twin.suite.environment import Environment, build
 from twin.suite.physics import Physics
 from twin.suite.task import (
-    CRUISE_PITCH,
     Array,
     GliderTask,
     Reference,
@@ -92,5 +91,5 @@ class Depth(GliderTask):
         ahead = self.error(physics) - LEAD * physics.depth_rate()
         effort = min(max(ahead / APPROACH, -1.0), 1.0)
         return Reference(
-            pitch=-effort * CRUISE_PITCH, heading=None, net_mass=effort * self.cruise_mass
+            pitch=-effort * self.cruise_pitch, heading=None, net_mass=effort * self.cruise_mass
         )

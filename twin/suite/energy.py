@@ -12,7 +12,6 @@ from dm_control.utils import rewards
 from twin.suite.environment import Environment, build
 from twin.suite.physics import Physics
 from twin.suite.task import (
-    CRUISE_PITCH,
     Array,
     GliderTask,
     Reference,
@@ -82,7 +81,7 @@ class Energy(GliderTask):
         draw = self.random.uniform
         self.course = draw(0.0, 2.0 * math.pi)
         heading = (self.course + draw(-LARGEST_TURN, LARGEST_TURN)) % (2.0 * math.pi)
-        self.start_gliding(physics, depth=draw(*START_DEPTHS), heading=heading, pitch=-CRUISE_PITCH)
+        self.start_gliding(physics, depth=draw(*START_DEPTHS), heading=heading, pitch=-self.cruise_pitch)
         self.spent = 0.0
         self._before = physics.activation()
         self._time = physics.time()
@@ -135,5 +134,5 @@ class Energy(GliderTask):
         """Deep yos on the course."""
         sense = yo_sense(physics, self.vehicle, *TURN_DEPTHS)
         return Reference(
-            pitch=-sense * CRUISE_PITCH, heading=self.course, net_mass=sense * self.cruise_mass
+            pitch=-sense * self.cruise_pitch, heading=self.course, net_mass=sense * self.cruise_mass
         )

@@ -22,6 +22,8 @@ START_DEPTHS = (200.0, 300.0)
 """[m]: far from both ends of the water for the whole episode"""
 PITCHES = (math.radians(30.0), math.radians(45.0))
 """[rad] magnitudes of wanted and initial pitch"""
+PROPELLED_PITCHES = (math.radians(8.0), math.radians(18.0))
+"""[rad] likewise of a vehicle under a propeller"""
 LARGEST_TURN = math.radians(90.0)
 """[rad] between initial and wanted heading"""
 PITCH_BAND, PITCH_MARGIN = math.radians(1.0), math.radians(20.0)
@@ -69,7 +71,8 @@ class Hold(GliderTask):
 
     def _draw_pitch(self) -> float:
         sense = 1.0 if self.random.uniform() < 0.5 else -1.0
-        return sense * float(self.random.uniform(*PITCHES))
+        pitches = PROPELLED_PITCHES if self.propelled else PITCHES
+        return sense * float(self.random.uniform(*pitches))
 
     def pitch_error(self, physics: Physics) -> float:
         """Wanted minus present pitch [rad]."""

@@ -25,6 +25,8 @@ Observation = collections.OrderedDict[str, Array]
 
 CRUISE_PITCH = math.radians(35.0)
 """[rad] of the glide that rewards and starts take as normal"""
+PROPELLED_PITCH = math.radians(15.0)
+"""[rad] likewise of a vehicle under a propeller, whose elevator holds no glider's pitch"""
 CRUISE_PUMP = 0.5
 """Part of the pump's travel in that glide"""
 MARKER = "target"
@@ -77,12 +79,16 @@ class GliderTask(base.Task):
         self.max_depth = float(max_depth)
         self.normalised = normalised
         self._low, self._high = vehicle.actuator_min, vehicle.actuator_max
+        self.propelled = vehicle.steered("speed") is not None
+        self.cruise_pitch = PROPELLED_PITCH if self.propelled else CRUISE_PITCH
+        """[rad] magnitude in the cruise"""
         pump = vehicle.steered("buoyancy")
         self.cruise_mass = 0.0
-        """[kg] net buoyancy of a cruise down; 0 without a pump"""
-        if pump is not None:
-            self.cruise_mass = vehicle.net_mass_for_pump(CRUISE_PUMP * float(pump.low))
-        self.cruise = self.way(-CRUISE_PITCH)
+        """[kg] net buoyancy of a cruise down; 0 without a pump, or under a propeller"""
+        if pump is not None and not self.propelled:
+            volume = pump.rest + CRUISE_PUMP * (pump.low - pump.rest)
+            self.cruise_mass = vehicle.net_mass_for_pump(float(volume))
+        self.cruise = self.way(-self.cruise_pitch)
         self._colour: Array | None = None
 
     # --- actions ------------------------------------------------------------------------------

@@ -12,7 +12,6 @@ from dm_control.utils import rewards
 from twin.suite.environment import Environment, build
 from twin.suite.physics import Physics
 from twin.suite.task import (
-    CRUISE_PITCH,
     Array,
     GliderTask,
     Reference,
@@ -85,7 +84,7 @@ class Waypoints(GliderTask):
             physics,
             depth=START_DEPTH,
             heading=self.random.uniform(0.0, 2.0 * math.pi),
-            pitch=-CRUISE_PITCH,
+            pitch=-self.cruise_pitch,
         )
         self.reached = 0
         self._draw_waypoint(physics)
@@ -143,7 +142,7 @@ class Waypoints(GliderTask):
         lead = math.asin(min(max(across / self.cruise_progress, -1.0), 1.0))
         sense = yo_sense(physics, self.vehicle, *TURN_DEPTHS)
         return Reference(
-            pitch=-sense * CRUISE_PITCH,
+            pitch=-sense * self.cruise_pitch,
             heading=bearing - lead,
             net_mass=sense * self.cruise_mass,
         )

@@ -16,6 +16,7 @@ STEERING = {
     "heading": "what turns it: a battery hinge or a rudder",
     "buoyancy": "what makes it heavy or light: a pump",
     "speed": "what drives it: a propeller",
+    "trim": "what pitches it without speed: a battery slide beside an elevator",
 }
 
 
@@ -151,6 +152,8 @@ def read_steering(reader: MjcfReader, parts: tuple[Part, ...]) -> dict[str, str]
     steering: dict[str, str] = {}
     for control, meaning in STEERING.items():
         able = [part.name for part in parts if control in part.controls()]
+        if control == "trim":
+            able = _trims(parts, steering.get("pitch"))
         chosen = reader.text(f"steer.{control}", able[0] if able else "")
         if not chosen:
             continue
@@ -161,3 +164,9 @@ def read_steering(reader: MjcfReader, parts: tuple[Part, ...]) -> dict[str, str]
             )
         steering[control] = chosen
     return steering
+
+
+def _trims(parts: tuple[Part, ...], pitching: str | None) -> list[str]:
+    """Batteries that slide beside another part that pitches the vehicle."""
+    slides = [part.name for part in parts if isinstance(part, BatterySlide)]
+    return [] if pitching is None or pitching in slides else slides

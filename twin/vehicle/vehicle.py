@@ -25,10 +25,11 @@ from twin.vehicle.mjcf import MjcfReader
 from twin.vehicle.moving_mass import MovingMass
 from twin.vehicle.parts import Part, Pump
 from twin.vehicle.parts.pump import CUBIC_CM as CUBIC_CM
+from twin.vehicle.presets import SEPARATOR, apply_preset, preset_names, split_preset
 
 Array = NDArray[np.float64]
 
-CONTROLS = ("pitch", "heading", "buoyancy", "speed")
+CONTROLS = ("pitch", "heading", "buoyancy", "speed", "trim")
 """What guidance steers, each with one part of the vehicle that can."""
 
 
@@ -88,6 +89,13 @@ class Vehicle:
     """Position of the pitching part per pitch error: gain, over s, times s; per rad."""
     heading_pid: tuple[float, float, float]
     """Position of the turning part per heading error: gain, over s, times s; per rad."""
+    trim_pid: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Position of a battery beside an elevator per pitch error in a hover, likewise."""
+    depth_pid: tuple[float, float, float] | None = None
+    """Pitch, nose down [rad], per depth error on level ways [m]: gain, over s, times s; None: the
+    file has none"""
+    buoyancy_pid: tuple[float, float, float] | None = None
+    """Volume of the pump [cm3] less per depth error in a hover [m], likewise"""
     control_period: float
     """[s]"""
     cruise_speed: float = 0.0
@@ -383,23 +391,33 @@ _VERSION_1_BATTERY = {
 def load_vehicle(vehicle: str | Path = "glider") -> Vehicle:
     """Read a vehicle by the name of a shipped file ("glider") or by the path of an MJCF file.
 
+    Behind either, ":PRESET" chooses one of the file's other sets of numbers ("tethys:gazebo").
+
     Raises:
-      VehicleError: unknown name, unreadable file, missing or wrong element (named).
+      VehicleError: unknown name or preset, unreadable file, missing or wrong element (named).
     """
-    text = str(vehicle)
+    text, preset = split_preset(str(vehicle))
     if text.endswith(".xml") or "/" in text:
         path = Path(text)
         if not path.is_file():
             raise VehicleError(f"no vehicle file at {path}; give an existing MJCF file or a name")
-    elif text in vehicle_names():
+    elif text in _shipped_files():
         path = assets_folder() / f"{text}.xml"
     else:
-        raise VehicleError(_unknown_vehicle(text))
+        raise VehicleError(_unknown_vehicle(str(vehicle)))
+    xml = _text(path)
+    if preset:
+        derived = apply_preset(xml, path, preset)
+        if derived != xml:
+            xml, path = derived, path.with_name(f"{path.stem}{SEPARATOR}{preset}.xml")
+    return parse_vehicle(xml, path)
+
+
+def _text(path: Path) -> str:
     try:
-        xml = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise VehicleError(f"cannot read vehicle file {path}: {error}") from error
-    return parse_vehicle(xml, path)
 
 
 def _unknown_vehicle(name: str) -> str:
@@ -416,8 +434,16 @@ RENAMED = {"slocum": "graver-2005"}
 
 
 def vehicle_names() -> list[str]:
-    """Names of the shipped vehicles."""
-    return sorted(path.stem for path in assets_folder().glob("*.xml"))
+    """Names of the shipped vehicles, each preset of a file by a name of its own."""
+    names = []
+    for name, path in sorted(_shipped_files().items()):
+        others = preset_names(_text(path), path)[1:]
+        names += [name, *(f"{name}{SEPARATOR}{preset}" for preset in others)]
+    return names
+
+
+def _shipped_files() -> dict[str, Path]:
+    return {path.stem: path for path in assets_folder().glob("*.xml")}
 
 
 @functools.lru_cache(maxsize=16)
@@ -461,6 +487,9 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         gps_position=reader.place("gps"),
         pitch_pid=numeric("pitch_pid", 3) if "pitch" in steering else (0.0, 0.0, 0.0),
         heading_pid=numeric("heading_pid", 3) if "heading" in steering else (0.0, 0.0, 0.0),
+        trim_pid=numeric("trim_pid", 3) if "trim" in steering else (0.0, 0.0, 0.0),
+        depth_pid=numeric("depth_pid", 3) if "depth_pid" in reader.numerics else None,
+        buoyancy_pid=numeric("buoyancy_pid", 3) if "buoyancy_pid" in reader.numerics else None,
         control_period=number("control_period"),
         cruise_speed=number("cruise_speed") if "speed" in steering else 0.0,
         steering=steering,

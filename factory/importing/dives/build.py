@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from factory.importing.dives.dive_checks import complete, standing
 from factory.importing.dives.dive_current import averaged_current
 from factory.importing.dives.dive_rows import FRAMES, DiveRow, rows_dataset
+from factory.importing.dives.pieces import pieces
 from factory.importing.dives.resample import grid, on_grid
 from factory.importing.dives.segments import Segment, cut
 from factory.importing.reading.deployment_log import Channel, DeploymentLog
@@ -31,8 +32,10 @@ from twin.records.attributes import (
     IMPORT_REPORT,
     PLATFORM,
     SOURCE_FORMAT,
+    VEHICLE_MJCF,
 )
 from twin.records.schema import VARIABLES
+from twin.vehicle.vehicle import load_vehicle
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -90,9 +93,13 @@ def build(
                 "suspect", "measured_pitch", 1,
                 f"{log.deployment} has none: identification and dead reckoning need it",
             )  # fmt: skip
-        segments = cut(log, depth, rules, tally)
+        if log.pieces is None:
+            segments = cut(log, depth, rules, tally)
+            why = f"no dive: deepest {depth.values.max():.3g} m"
+        else:
+            segments, why = pieces(log, rules, tally), "no row is long enough"
         if not segments:
-            tally.add("left out", log.deployment, 1, f"no dive: deepest {depth.values.max():.3g} m")
+            tally.add("left out", log.deployment, 1, why)
         _tell_outside(depth, segments, rules, tally)
         for name in ("true_speed", "velocity_north"):
             truth = log.channel(name)
@@ -101,23 +108,31 @@ def build(
         for number, segment in enumerate(segments):
             times = grid(segment, period)
             signals = on_grid(
-                log, segment, times, period=period, rules=rules, tally=tally, held=held
+                log, segment, times, period=period, rules=rules, tally=tally, held=held | log.held
             )
             numbers = _numbers(log, segment, segments, number)
             whole = complete(log, segment, int(numbers["dive"]), tally)
             standing(log, segment, tally)
             numbers["dac_north"], numbers["dac_east"] = averaged_current(
                 signals, segment, period,
-                complete=whole, driven=numbers.get("thruster_fraction", 0.0),
+                # where rows are no dives, the vehicle is driven and its depth rate says nothing
+                complete=whole and log.pieces is None,
+                driven=numbers.get("thruster_fraction", 0.0),
             )  # fmt: skip
             rows.append(DiveRow(log=log, segment=segment, signals=signals, numbers=numbers))
     tell_unread(tally)
     instead = likely_replacements(tuple(lacking), unread(tally))
+    by_depth = any(log.pieces is None for log in logs)
     for name, deployments in lacking.items():
-        split = " (rows are split by depth)" if name == "GPS fixes" else ""
+        split = " (rows are split by depth)" if name == "GPS fixes" and by_depth else ""
         other = f"; is it {instead[name]!r}, which is not read?" if name in instead else ""
         tally.add(
             "missing", name, len(deployments), f"in {summarise(deployments, 3)}{split}{other}"
+        )
+    if not rows and not by_depth:
+        raise InputError(
+            f"no row of {rules.min_duration:g} s or longer in {summarise(files)}; rows end at holes"
+            " in the times that are longer than the mapping's gap_s"
         )
     if not rows and max(len(log.channel("measured_depth")) for log in deepened) < 2:
         raise InputError(f"{summarise(files)}: the log holds 1 sample; a dive needs many")
@@ -155,6 +170,9 @@ def build(
         HISTORY: f"{stamp}: factory import {kind}",
         IMPORT_REPORT: json.dumps(report.to_dict()),
     }
+    models = {row.log.model for row in rows if row.log.model is not None}
+    if len(models) == 1:  # one vehicle stands for the whole store
+        attributes[VEHICLE_MJCF] = load_vehicle(models.pop()).xml
     if any(row.log.simulated for row in rows):
         attributes[COMMENT] = f"The files say that they are simulated. {FRAMES}"
     return rows_dataset(rows, period, attributes), report
@@ -162,6 +180,8 @@ def build(
 
 def with_depth(log: DeploymentLog, tally: Tally) -> DeploymentLog:
     """The log with depth by TEOS-10 from its pressure; from depth alone, pressure is computed.
+
+    A log whose rows are no dives may have neither.
 
     Raises:
       InputError: it has neither.
@@ -177,7 +197,7 @@ def with_depth(log: DeploymentLog, tally: Tally) -> DeploymentLog:
     elif len(depth):
         channels["measured_pressure"] = Channel(depth.time, pressure_of(depth.values, latitude))
         tally.add("note", "measured_pressure", len(depth), "computed from the vehicle's depth")
-    else:
+    elif log.pieces is None:
         raise InputError(f"{log.deployment}: the log has neither pressure nor depth")
     return dataclasses.replace(log, channels=channels)
 

@@ -122,15 +122,20 @@ def split_rows(rows: Sequence[DiveRow]) -> NDArray[np.int8]:
 
     Neighbouring dives share water, trim and biofouling, so that a random draw would leak. Rows with
     and rows without truth are divided each by itself: all parts have truth where there is enough.
+    Where each deployment is a single row, such as one run of a vehicle, the runs of each vehicle
+    are divided instead.
     """
     flags = np.full(len(rows), SPLITS.index("test"), np.int8)
+    names = [row.log.deployment for row in rows]
+    if len(set(names)) == len(names):
+        names = [row.log.platform for row in rows]
     groups: dict[tuple[str, bool], list[int]] = {}
     for k, row in enumerate(rows):
         known = any(
             name.startswith("true_") and np.isfinite(values).any()
             for name, values in row.signals.items()
         )
-        groups.setdefault((row.log.deployment, known), []).append(k)
+        groups.setdefault((names[k], known), []).append(k)
     for members in groups.values():
         flags[members] = blocks(len(members))
     return flags

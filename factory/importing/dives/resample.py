@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.dives.segments import Segment, float_at_fixes, phases
-from factory.importing.reading.deployment_log import Channel, DeploymentLog
+from factory.importing.reading.deployment_log import Channel, DeploymentLog, Fixes
 from factory.importing.reading.tally import Tally
 from factory.importing.repairs.dive_rules import DiveRules
 from factory.importing.repairs.gps_fixes import nearest
@@ -206,13 +206,32 @@ def _put_fixes(
 ) -> None:
     """GPS [m] from the row's start at the samples nearest to its fixes; NaN elsewhere."""
     origin = segment.start_fix or segment.end_fix
+    if len(segment.inside):
+        origin = segment.start_fix or _onboard_at(log, segment.start) or _first(segment.inside)
     if origin is None:
         return
     north, east = np.full(len(times), np.nan), np.full(len(times), np.nan)
+    if len(segment.inside):
+        k = np.clip(np.round((segment.inside.time - times[0]) / period), 0, len(times) - 1)
+        place = offset(segment.inside.latitude, segment.inside.longitude, *origin)
+        north[k.astype(np.intp)], east[k.astype(np.intp)] = place
     for position, k in ((segment.start_fix, 0), (segment.end_fix, len(times) - 1)):
         if position is not None:
             north[k], east[k] = offset(np.float64(position[0]), np.float64(position[1]), *origin)
     signals["measured_gps_north"], signals["measured_gps_east"] = north, east
+
+
+def _first(fixes: Fixes) -> tuple[float, float]:
+    return float(fixes.latitude[0]), float(fixes.longitude[0])
+
+
+def _onboard_at(log: DeploymentLog, time: float) -> tuple[float, float] | None:
+    """Latitude and longitude of the vehicle's own track at a time; None without one."""
+    latitude, longitude = log.channel("latitude"), log.channel("longitude")
+    if not len(latitude) or not len(longitude):
+        return None
+    at = np.array([time])
+    return float(latitude.at(at)[0]), float(longitude.at(at)[0])
 
 
 def _put_waypoint(
@@ -245,6 +264,8 @@ def _put_times(log: DeploymentLog, times: Array, signals: dict[str, Array]) -> N
             signals[name] = nearest(channel.time, times) - times[0]
 
 
+
+
 def _put_onboard(
     log: DeploymentLog, segment: Segment, times: Array, signals: dict[str, Array]
 ) -> None:
@@ -252,12 +273,8 @@ def _put_onboard(
     north, east = log.channel("onboard_north"), log.channel("onboard_east")
     if len(log.channel("latitude")) and len(log.channel("longitude")) and not len(north):
         latitude, longitude = log.channel("latitude"), log.channel("longitude")
-        origin = segment.start_fix
-        if origin is None:
-            origin = (
-                float(latitude.at(np.array([segment.start]))[0]),
-                float(longitude.at(np.array([segment.start]))[0]),
-            )
+        origin = segment.start_fix or _onboard_at(log, segment.start)
+        assert origin is not None
         common = latitude.within(segment.start, segment.end - 1e-3)
         if len(common) < 2:
             return

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.deployment_log import Channel, DeploymentLog, Fixes
+from factory.importing.reading.deployment_log import NO_FIXES, Channel, DeploymentLog, Fixes
 from factory.importing.reading.tally import Tally
 from factory.importing.repairs.dive_rules import DiveRules
 from factory.importing.repairs.gps_fixes import good_fixes
@@ -38,6 +38,8 @@ class Segment:
     """[s] at the surface before the row, between the fixes there; NaN where unknown."""
     surface_drift: tuple[float, float]
     """[m/s] north, east of that time."""
+    inside: Fixes = NO_FIXES
+    """Fixes within the row, where it is no dive: a vehicle at the surface has them all along."""
 
     @property
     def duration(self) -> float:

@@ -31,6 +31,9 @@ class ReadOptions:
     """[degree] Magnetic variation, east positive; None takes the log's own."""
     cache: Path | None = None
     """Folder of cache files; only for importers with `takes_cache`."""
+    mapping: Path | str | None = None
+    """What the columns are, as a file or by a shipped name; only for importers with
+    `takes_mapping`."""
     payload: tuple[PayloadSignal, ...] = ()
     """Columns that the user maps to signals of the payload."""
 
@@ -57,7 +60,8 @@ class Importer:
     suffixes: frozenset[str]
     """Endings (lower case, with the dot) that a folder is searched for."""
     marks: frozenset[str]
-    """Names of columns or variables that such files have and others do not."""
+    """Names of columns or variables that such files have and others do not; empty only where a
+    mapping says what they are."""
     period: float
     """[s] Default period of the store: about half the usual spacing of the logs."""
     read: Reader
@@ -70,6 +74,8 @@ class Importer:
     """Extra of this project that brings the packages which reading may need."""
     takes_cache: bool = False
     """Whether the reader uses `ReadOptions.cache`."""
+    takes_mapping: bool = False
+    """Whether the reader needs `ReadOptions.mapping`: its files have no names of their own."""
     held: frozenset[str] = frozenset()
     """Channels that the logs give only when they change: between samples the last value holds."""
     lacks: frozenset[str] = frozenset()
@@ -81,7 +87,7 @@ class Importer:
                 f"importer name {self.name!r}: use small letters, digits, - and _, such as 'slocum'"
             )
         for field in ("vehicle", "files", "channels", "suffixes", "marks"):
-            if not getattr(self, field):
+            if not getattr(self, field) and not (field == "marks" and self.takes_mapping):
                 raise InputError(f"importer {self.name!r}: {field} is empty; say what it is")
         wrong = sorted(s for s in self.suffixes if not s.startswith(".") or s != s.lower())
         if wrong:

@@ -17,6 +17,7 @@ IMPORTERS: Registry[Importer] = Registry(
         "seaexplorer": "factory.importing.formats.seaexplorer:SEAEXPLORER",
         "og1": "factory.importing.formats.og1:OG1",
         "lrauv": "factory.importing.formats.lrauv:LRAUV",
+        "csv": "factory.importing.formats.csv:CSV",
     },
     check=instance_of("kind of log", Importer),
 )

@@ -108,6 +108,14 @@ class DeploymentLog:
     """True when a shore station has zeroed the pressure and paired the fixes with the dives."""
     simulated: bool = False
     """True when the files say that no vehicle at sea recorded them."""
+    pieces: tuple[tuple[float, float], ...] | None = None
+    """[s] unix start and end of each row; None: a row is a dive, found by its depth."""
+    period: float | None = None
+    """[s] between the samples of a store, where the log asks for one."""
+    held: frozenset[str] = frozenset()
+    """Channels that keep their last value between samples."""
+    model: str | None = None
+    """Vehicle file that stands for the vehicle; None: the one of its kind of log."""
 
     def channel(self, name: str) -> Channel:
         """A channel or an auxiliary one; empty when the log lacks it."""
@@ -115,7 +123,8 @@ class DeploymentLog:
 
     @property
     def span(self) -> tuple[float, float]:
-        """[s] First and last time of any depth, pressure or attitude sample."""
+        """[s] First and last time of any depth, pressure or attitude sample; without these, of
+        any sample."""
         names = ("measured_depth", "measured_pressure", "measured_pitch")
-        used = [c for n in names if len(c := self.channel(n))]
+        used = [c for n in names if len(c := self.channel(n))] or [*self.channels.values()]
         return min(c.time[0] for c in used), max(c.time[-1] for c in used)

@@ -53,7 +53,7 @@ def good_fixes(
         deep = (depth.at(fixes.time) > STATION_DEPTH) & near
         tally.add("removed", "GPS fixes", int(deep.sum()), f"deeper than {STATION_DEPTH:g} m")
         fixes = fixes.keep(~deep)
-    else:
+    elif len(depth):
         fixes = _afloat(fixes, depth, rules, tally)
     keep = np.ones(len(fixes), bool)
     for i in range(1, len(fixes) - 1):

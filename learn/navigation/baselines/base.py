@@ -65,7 +65,7 @@ class Baseline(abc.ABC):
     without_water: ClassVar[str] = ""
     """Why it can have no track through the water, a sentence for the report."""
     channels: ClassVar[tuple[str, ...]]
-    """Schema variables that it reads; none of them is truth."""
+    """Schema variables that it reads on every vehicle; none of them is truth."""
 
     vehicle: Vehicle
     """Nominal parameters."""
@@ -74,6 +74,11 @@ class Baseline(abc.ABC):
     def unsuited(cls, vehicle: Vehicle) -> str:
         """Why it cannot estimate the velocities of such a vehicle; empty: it can."""
         return ""
+
+    @classmethod
+    def needs(cls, vehicle: Vehicle) -> tuple[str, ...]:
+        """`channels`, and what else it reads on such a vehicle."""
+        return cls.channels
 
     @abc.abstractmethod
     def estimate(self, signals: Signals, period: float) -> Estimate:

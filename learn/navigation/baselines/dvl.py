@@ -2,8 +2,11 @@
 
 With bottom lock the log gives the velocity over ground: no current is left to guess. With water
 lock it gives the velocity through the water below the vehicle, and the current is carried on from
-the last bottom lock, where it was the difference of the log and the flight model. Spikes are
-removed with a Hampel filter, short losses are interpolated, long ones filled by the flight model.
+the last bottom lock, where it was the difference of the log and the velocity through the water.
+That is the flight model's for a glider; for a vehicle whose flight is not modelled it is what the
+log measured in water lock within a few seconds. Outliers are removed with a Hampel filter, short
+losses of lock are interpolated. Long ones are filled by the flight model, and without one by the
+last velocity that was measured.
 """
 
 from __future__ import annotations
@@ -14,6 +17,8 @@ from typing import ClassVar
 import numpy as np
 from scipy.ndimage import median_filter
 
+from learn.data.dvl_cleaning import HAMPEL_SAMPLES, HAMPEL_SIGMAS, LEAST_SPREAD, MAD_TO_SIGMA
+from learn.data.labels import BOTTOM, WATER
 from learn.navigation.baselines.base import Baseline, Estimate, Mask, bridge, hold, no_glider
 from learn.navigation.baselines.steady_flight import SteadyFlight
 from learn.navigation.dead_reckoning import (
@@ -28,17 +33,8 @@ from learn.navigation.dead_reckoning import (
 )
 from twin.vehicle.vehicle import Vehicle
 
-BOTTOM, WATER = 1, 2
-"""measured_dvl_mode"""
-HAMPEL_SAMPLES = 11
-"""Window of the spike filter: 5.5 s at 2 Hz."""
-HAMPEL_SIGMAS = 3.0
-MAD_TO_SIGMA = 1.4826
-"""Standard deviation over median absolute deviation of a normal distribution."""
-LEAST_SPREAD = 2e-3
-"""[m/s] spread below which nothing counts as a spike: the noise of averaged pings."""
 SHORT_LOSS_S = 10.0
-"""[s] longer losses of lock are filled by the flight model."""
+"""[s] shorter losses of lock are interpolated."""
 CURRENT_TIME_S = 600.0
 """[s] over which the current found in bottom lock is averaged."""
 LEAST_WATER_SHARE = 0.5
@@ -47,12 +43,13 @@ LEAST_WATER_SHARE = 0.5
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Dvl(Baseline):
-    """Doppler velocity log, filled by steady flight."""
+    """Doppler velocity log, filled by steady flight where a glider carries it."""
 
     title = "DVL-aided"
     summary = (
         "Doppler log: over ground in bottom lock, through the water in water lock, gaps filled by "
-        "`steady_flight`, the current found in bottom lock carried on"
+        "`steady_flight` or, where the vehicle is no glider, by the last velocity; the current "
+        "found in bottom lock carried on"
     )
     colour = "black"
     without_water = (
@@ -63,17 +60,18 @@ class Dvl(Baseline):
     )
     channels: ClassVar[tuple[str, ...]] = (
         *(f"measured_dvl_{name}" for name in ("surge", "sway", "heave", "mode")),
-        *SteadyFlight.channels,
+        *("measured_depth", "measured_roll", "measured_pitch", "measured_heading"),
     )
 
     @classmethod
-    def unsuited(cls, vehicle: Vehicle) -> str:
-        """It needs a glider."""
-        return no_glider(vehicle)
+    def needs(cls, vehicle: Vehicle) -> tuple[str, ...]:
+        """Of a glider what its flight model reads, too."""
+        flight = () if no_glider(vehicle) else SteadyFlight.channels
+        return tuple(dict.fromkeys((*cls.channels, *flight)))
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
         """See `learn.navigation.baselines.base.Baseline`; without any lock nothing is estimated."""
-        mode = np.rint(finite_channel(signals, "measured_dvl_mode")).astype(int)
+        mode = np.rint(np.nan_to_num(signals["measured_dvl_mode"])).astype(int)
         log = np.stack(
             [np.asarray(signals[f"measured_dvl_{n}"], float) for n in ("surge", "sway", "heave")],
             axis=1,
@@ -81,25 +79,23 @@ class Dvl(Baseline):
         locked = np.isfinite(log).all(axis=1) & (mode > 0)
         if not locked.any():
             return Estimate()
-        flight = SteadyFlight(vehicle=self.vehicle).estimate(signals, period)
-        assert flight.surge is not None
-        assert flight.sway is not None
         attitude = Attitude.of(signals)
         rate = depth_rate(finite_channel(signals, "measured_depth"), period)
         bottom, water = locked & (mode == BOTTOM), locked & (mode == WATER)
-
-        surge, sway = (
-            _filled(log[:, i], water, guess, period)
-            for i, guess in enumerate((flight.surge, flight.sway))
-        )
-        through = horizontal_velocity(surge, sway, rate, attitude)
-        nothing = np.full(len(mode), np.nan)
-        over = np.stack([_filled(log[:, i], bottom, nothing, period) for i in range(3)], axis=1)
-        over = rotate_to_ned(over, attitude)[:, :2]
+        on_ground = np.stack([_filled(log[:, i], bottom, None, period) for i in range(3)], axis=1)
+        over = rotate_to_ned(on_ground, attitude)[:, :2]
         usable = np.asarray(np.isfinite(over).all(axis=1))
-        flown = horizontal_velocity(flight.surge, flight.sway, rate, attitude)
-        current = _carried(over - flown, usable, period)
-        track = integrate(np.where(usable[:, None], over, through + current), period)
+        flown, known = self._through_water(signals, log, water, period)
+        surge, sway = (_filled(log[:, i], water, flown[:, i], period) for i in (0, 1))
+        through = horizontal_velocity(surge, sway, rate, attitude)
+        model = horizontal_velocity(flown[:, 0], flown[:, 1], rate, attitude)
+        current = _carried(over - model, usable & known, period)
+        guess = through + current
+        if no_glider(self.vehicle):
+            held = np.stack([hold(on_ground[:, i], usable) for i in range(3)], axis=1)
+            after_bottom = hold(bottom.astype(float), locked) > 0.0
+            guess = np.where(after_bottom[:, None], rotate_to_ned(held, attitude)[:, :2], guess)
+        track = integrate(np.where(usable[:, None], over, guess), period)
         measured = water.mean() >= LEAST_WATER_SHARE
         return Estimate(
             surge=surge if measured else None,
@@ -107,23 +103,44 @@ class Dvl(Baseline):
             ground_track=track,
         )
 
+    def _through_water(
+        self, signals: Signals, log: Array, water: Mask, period: float
+    ) -> tuple[Array, Mask]:
+        """Surge and sway [m/s] without the log's help, (time, 2), and where they can be trusted.
 
-def _filled(values: Array, valid: Mask, fallback: Array, period: float) -> Array:
-    """Spikes and short losses interpolated between valid samples, the rest from `fallback`."""
+        The flight model's for a glider. Without one the last in water lock, trusted where water
+        lock is near.
+        """
+        if not no_glider(self.vehicle):
+            flight = SteadyFlight(vehicle=self.vehicle).estimate(signals, period)
+            assert flight.surge is not None
+            assert flight.sway is not None
+            return np.stack([flight.surge, flight.sway], axis=1), np.ones(len(log), bool)
+        water = water & ~spikes(log[:, 0], water) & ~spikes(log[:, 1], water)
+        held = np.stack([hold(log[:, i], water) for i in (0, 1)], axis=1)
+        age = np.arange(len(log)) - hold(np.arange(len(log), dtype=float), water, -np.inf)
+        return held, np.asarray(age * period <= SHORT_LOSS_S)
+
+
+def _filled(values: Array, valid: Mask, fallback: Array | None, period: float) -> Array:
+    """Outliers and short losses interpolated between valid samples, the rest from `fallback`,
+    NaN without one."""
     valid = valid & ~spikes(values, valid)
     index = np.arange(len(values))
+    rest = np.full(len(values), np.nan) if fallback is None else fallback
     if not valid.any():
-        return np.where(valid, values, fallback)
+        return rest
     places = index[valid]
     after = np.searchsorted(places, index).clip(0, len(places) - 1)
     before = (np.searchsorted(places, index, side="right") - 1).clip(0)
     near = (places[after] - places[before]) * period <= SHORT_LOSS_S
     inside = (index >= places[0]) & (index <= places[-1])
-    return np.where(near & inside, bridge(values, valid), np.where(valid, values, fallback))
+    return np.where(near & inside, bridge(values, valid), np.where(valid, values, rest))
 
 
 def spikes(values: Array, valid: Mask) -> Mask:
-    """Hampel's test: farther from the running median than three scaled median deviations."""
+    """As `learn.data.dvl_cleaning.outliers`, with deviations from each sample's own median: a track
+    is bridged over what is taken out of a turn, and is none the worse."""
     smooth = bridge(values, valid)
     middle = median_filter(smooth, HAMPEL_SAMPLES, mode="nearest")
     off = np.abs(smooth - middle)

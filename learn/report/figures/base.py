@@ -11,7 +11,10 @@ from learn.report.contents import Contents
 from twin.errors import InputError, unknown_name
 from twin.registry import check_class, place_of
 
-SECTIONS = ("velocities", "dead_reckoning", "over_ground", "tracks", "uncertainty", "training")
+SECTIONS = (
+    *("velocities", "dead_reckoning", "doppler", "over_ground", "tracks", "uncertainty"),
+    "training",
+)
 """Places on the page, in its order."""
 
 

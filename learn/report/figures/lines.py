@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from learn.evaluation.evaluation import FLOOR, NETWORK
+import numpy as np
+
+from learn.data.labels import BOTTOM, MODE
+from learn.evaluation.evaluation import DVL, FLOOR, NETWORK
 from learn.navigation.baselines.registry import BASELINES
 from learn.navigation.dead_reckoning import Array
 from learn.report.names import colour_of, title_of
@@ -30,6 +33,33 @@ def water_lines(shown: Shown, methods: Sequence[str]) -> dict[str, Array]:
     for name in methods:
         track = shown.water_track(name) if name in shown.estimates else None
         if track is not None and name != FLOOR:
+            lines[name] = track
+    return lines
+
+
+BESIDE_DVL = (NETWORK, DVL)
+LEAST_BOTTOM_SHARE = 0.5
+"""Of the samples of a mission that is drawn beside a Doppler log's track over ground"""
+
+
+def with_bottom_lock(missions: Sequence[Shown]) -> Shown | None:
+    """The longest of the missions in which a Doppler log saw the bottom most of the time."""
+    seen = [
+        shown
+        for shown in missions
+        if DVL in shown.estimates
+        and shown.estimates[DVL].ground_track is not None
+        and np.mean(shown.reference.mission.signals[MODE] == BOTTOM) >= LEAST_BOTTOM_SHARE
+    ]
+    return max(seen, key=lambda shown: float(shown.reference.path[-1]), default=None)
+
+
+def ground_lines(shown: Shown, methods: Sequence[str]) -> dict[str, Array]:
+    """Tracks over ground [m], (time, 2), of the truth and of methods that have one."""
+    lines = {"truth": shown.reference.ground_track}
+    for name in methods:
+        track = shown.reference.tracks(shown.estimates[name]).get("ground")
+        if track is not None:
             lines[name] = track
     return lines
 

@@ -14,6 +14,9 @@ REPORT_FIGURES: Registry[Any] = Registry(
     shipped={
         "velocities": f"{_HERE}.velocities:Velocities",
         "distribution": f"{_HERE}.distribution:Distribution",
+        "doppler_track": f"{_HERE}.doppler_track:DopplerTrack",
+        "doppler_track_3d": f"{_HERE}.doppler_track_3d:DopplerTrack3d",
+        "doppler_errors": f"{_HERE}.doppler_errors:DopplerErrors",
         "dives": f"{_HERE}.dives:Dives",
         "track": f"{_HERE}.track:Track",
         "track_3d": f"{_HERE}.track_3d:Track3d",

@@ -29,19 +29,27 @@ class Track(ReportFigure):
 
     def draw(self, contents: Contents) -> Figure | None:
         """See `ReportFigure`."""
-        return track_figure(contents.tracks[0], drawn_methods()) if contents.tracks else None
+        if not contents.tracks:
+            return None
+        shown = contents.tracks[0]
+        methods = [name for name in drawn_methods() if name in shown.estimates]
+        return track_figure(shown, methods, water_lines(shown, methods))
 
     def caption(self, contents: Contents) -> str:
         """See `ReportFigure`."""
         return f"Dead-reckoned tracks through the water, {contents.tracks[0].label}."
 
 
-def track_figure(shown: Shown, methods: Sequence[str]) -> Figure:
-    """North-east track through the water from above, and how far each method is from the truth."""
+def track_figure(shown: Shown, methods: Sequence[str], lines: dict[str, Array]) -> Figure:
+    """North-east tracks from above, and how far each method is from the truth.
+
+    Args:
+      methods: those that could be drawn; a legend says which of them has no track.
+      lines: tracks [m], (time, 2), of the truth and of methods.
+    """
     with style.styled():
         figure = style.new_figure(style.COLUMN_WIDTH * 1.25, 5.2)
         axes, below = figure.subplots(2, 1, height_ratios=(3.0, 1.0))
-        lines = water_lines(shown, methods)
         metres, unit = style.length_unit(*(line[:, k] for line in lines.values() for k in (0, 1)))
         for place, (name, line) in enumerate(lines.items()):
             north, east = style.thin(line[:, 0], line[:, 1])

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from matplotlib.figure import Figure
 
+from learn.navigation.dead_reckoning import Array
 from learn.report.contents import Contents
 from learn.report.figures.base import ReportFigure
 from learn.report.figures.lines import MARKS, drawn_methods, look, water_lines
@@ -24,18 +23,24 @@ class Track3d(ReportFigure):
 
     def draw(self, contents: Contents) -> Figure | None:
         """See `ReportFigure`."""
-        return track_3d_figure(contents.tracks[0], drawn_methods()) if contents.tracks else None
+        if not contents.tracks:
+            return None
+        shown = contents.tracks[0]
+        return track_3d_figure(shown, water_lines(shown, drawn_methods()))
 
     def caption(self, contents: Contents) -> str:
         """See `ReportFigure`."""
         return "The same with the measured depth; the vertical scale is its own."
 
 
-def track_3d_figure(shown: Shown, methods: Sequence[str]) -> Figure:
-    """The same track in space, depth down, and the truth on the floor; its own vertical scale."""
+def track_3d_figure(shown: Shown, lines: dict[str, Array]) -> Figure:
+    """Tracks in space, depth down, and the truth on the floor; its own vertical scale.
+
+    Args:
+      lines: tracks [m], (time, 2), of the truth and of methods.
+    """
     with style.styled():
         figure = style.new_figure(style.COLUMN_WIDTH * 1.25, 3.5)
-        lines = water_lines(shown, methods)
         metres, unit = style.length_unit(*(line[:, k] for line in lines.values() for k in (0, 1)))
         depth = shown.reference.mission.signals["measured_depth"]
         floor = float(np.max(depth)) * 1.1 + 1.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
@@ -20,9 +22,17 @@ TRAINING_PANELS = (
     ("measured_shift", "shift [mm]"),
     ("measured_rotation", "rotation [deg]"),
     ("measured_pump", "pump [cm³]"),
+    ("measured_propeller", "propeller [rad/s]"),
+    ("measured_rudder", "rudder [deg]"),
+    ("measured_elevator", "elevator [deg]"),
 )
 """Channel and label of each panel of the training-data figure."""
 MILLIMETRES = {"measured_shift": 1e3}
+LABELS = {"true_surge": "label_surge", "true_sway": "label_sway"}
+"""What was learned in place of a truth, among the signals where it was not the truth itself."""
+LABEL_LINE: dict[str, Any] = {"color": style.PALETTE["orange"], "lw": 0.9}
+TRUE_LINE: dict[str, Any] = {"color": style.TRUTH, "lw": 3.0, "alpha": 0.35}
+"""Of a truth that was not learned: wide and pale, below the labels"""
 
 
 class TrainingData(ReportFigure):
@@ -38,7 +48,10 @@ class TrainingData(ReportFigure):
     def caption(self, contents: Contents) -> str:
         """See `ReportFigure`."""
         assert contents.training is not None
-        return f"A training mission ({contents.training.index}): the targets in blue, and inputs."
+        targets = "the targets in blue"
+        if set(LABELS.values()) & set(contents.training.signals):
+            targets = "the targets from the Doppler log in orange, the truth in pale blue"
+        return f"A training mission ({contents.training.index}): {targets}, and inputs."
 
 
 def training_figure(mission: Mission) -> Figure:
@@ -53,7 +66,13 @@ def training_figure(mission: Mission) -> Figure:
             values = mission.signals[name] * MILLIMETRES.get(name, 1.0)
             colour = style.TRUTH if name.startswith("true_") else style.COMMAND
             t, y = style.thin(time, values)
-            place.plot(t / seconds, y, color=colour, lw=0.9)
+            labels = mission.signals.get(LABELS.get(name, ""))
+            if labels is None:
+                place.plot(t / seconds, y, color=colour, lw=0.9)
+            else:
+                place.plot(t / seconds, y, **TRUE_LINE)
+                t, y = style.thin(time, labels)
+                place.plot(t / seconds, y, **LABEL_LINE)
             place.set_ylabel(label)
             place.yaxis.set_major_locator(MaxNLocator(3))
             if name == "measured_depth":

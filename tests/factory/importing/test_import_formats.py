@@ -21,7 +21,7 @@ from logs import (
 
 from factory.exporting.og1.missions import export_og1
 from factory.importing import import_logs
-from factory.importing.formats.lrauv.logs import in_unit
+from factory.importing.reading.units import in_unit
 from factory.stores.generated import GeneratedStore
 from twin.errors import InputError
 

@@ -10,11 +10,12 @@ import pytest
 
 from factory.flight.mission_water import build_current, build_density
 from factory.recipe.distribution import Choice, Fixed, LogUniform, Uniform
+from factory.recipe.drawn import number
 from factory.recipe.paper_test import CURRENTS, paper_test_parameters, paper_test_plan
 from factory.recipe.parameters import declared, override, parameter_table
 from factory.recipe.plan import TEST
 from factory.recipe.recipe import make_recipe
-from factory.recipe.sampling import SURFACE, Parameters, draw_parameters, number
+from factory.recipe.sampling import SURFACE, Parameters, draw_parameters
 from twin.errors import InputError
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.origin import Origin
@@ -54,7 +55,7 @@ def test_every_value_follows_its_declared_distribution(
             drawn[name].append(value)
         for segment in parameters.segments:
             for name, value in segment.items():
-                surface = segment["mission.kind"] == SURFACE
+                surface = segment["mission.kind"] == SURFACE.name
                 if value == value and not (surface and name == "mission.kind"):
                     drawn[name].append(value)
     for name, distribution in declared(spread, TABLE).items():
@@ -194,7 +195,7 @@ def test_an_unknown_parameter_is_named_with_the_nearest() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"mission__kind": "hold"}, "choose among saw-tooth and spiral"),
+        ({"mission__kind": "hold"}, "allowed: saw-tooth, spiral"),
         ({"mission__surface_every": "often"}, "give a number or none"),
         ({"mission__max_depth_m": "deep"}, "give numbers"),
         ({"mission__segment_duration_s": "0.5"}, "more than 100 segments"),

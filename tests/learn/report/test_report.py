@@ -108,6 +108,7 @@ def test_every_figure_is_a_png_beside_the_page(page):
 
 def test_every_figure_has_labelled_axes(judged):
     from learn.report.figures.errors import error_figure
+    from learn.report.figures.lines import water_lines
     from learn.report.figures.track import track_figure
     from learn.report.figures.uncertainty import uncertainty_figure
     from learn.report.figures.velocities import velocity_figure
@@ -115,7 +116,7 @@ def test_every_figure_has_labelled_axes(judged):
     shown = judged.shown[0]
     drawn = [
         velocity_figure(shown),
-        track_figure(shown, ("network", "steady_flight")),
+        track_figure(shown, (), water_lines(shown, ("network", "steady_flight"))),
         error_figure(judged.shown),
         uncertainty_figure(shown, np.linspace(0.0, 10.0, len(shown.time))),
     ]
@@ -141,10 +142,11 @@ def test_the_rows_of_errors_have_one_scale_and_name_their_missions(judged):
 
 
 def test_tracks_tell_methods_apart_and_name_those_without(judged):
+    from learn.report.figures.lines import water_lines
     from learn.report.figures.track import track_figure
 
     methods = ("network", "pitch_plus_alpha", "steady_flight", "sextant")
-    figure = track_figure(judged.shown[0], methods)
+    figure = track_figure(judged.shown[0], methods, water_lines(judged.shown[0], methods))
     plan, distance = figure.axes
     drawn = [line for line in plan.lines if line.get_linestyle() != "None"]
     assert len({line.get_linestyle() + str(line._dash_pattern) for line in drawn[1:]}) == 3
@@ -156,9 +158,10 @@ def test_tracks_tell_methods_apart_and_name_those_without(judged):
 
 
 def test_the_track_in_space_has_ends_and_a_shadow(judged):
+    from learn.report.figures.lines import water_lines
     from learn.report.figures.track_3d import track_3d_figure
 
-    figure = track_3d_figure(judged.shown[0], ("network",))
+    figure = track_3d_figure(judged.shown[0], water_lines(judged.shown[0], ("network",)))
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     assert texts == ["truth", "networks", "truth on the floor", "start", "end"]
 

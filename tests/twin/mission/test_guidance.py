@@ -7,8 +7,9 @@ import pytest
 
 from twin.errors import InputError
 from twin.mission import Hold, Mission, SawTooth, Spiral, Surface
-from twin.mission import guidance as g
+from twin.mission import table as g
 from twin.mission.controller import Command, MissionController, Observation
+from twin.mission.guidance import guidance_step, new_state
 from twin.vehicle.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("glider").replace(
@@ -24,13 +25,13 @@ class Scripted:
         plan = Mission(segments=segments, **mission)
         self.table, self.gains = plan.compile(VEHICLE)
         self.table[:, [g.DIVE_TURN, g.CLIMB_TURN]] = 1.0  # as if it turned alike in all ways
-        self.state = g.new_state()
+        self.state = new_state()
         self.command = np.zeros(3)
         self.time = 0.0
 
     def tick(self, depth=50.0, roll=0.0, pitch=0.0, heading=0.0, rates=(0.0, 0.0, 0.0)):
         """One tick; returns shift, rotation, pump."""
-        g.guidance_step(
+        guidance_step(
             self.table, self.gains, self.state, self.time, depth, roll, pitch, heading, *rates,
             self.command,
         )  # fmt: skip

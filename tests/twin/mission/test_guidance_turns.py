@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from twin.mission import Mission, SawTooth, Spiral
-from twin.mission import guidance as g
+from twin.mission import table as g
+from twin.mission.guidance import guidance_step, new_state
 from twin.vehicle.vehicle import load_vehicle
 
 KP, KI, KD = 2.0, 0.01, 30.0
@@ -24,11 +25,11 @@ class Flight:
     def __init__(self, *segments, **mission):
         self.table, self.gains = Mission(segments=segments, **mission).compile(VEHICLE)
         self.table[:, [g.DIVE_TURN, g.CLIMB_TURN]] = 1.0  # as if it turned alike in all ways
-        self.state, self.command, self.time = g.new_state(), np.zeros(3), 0.0
+        self.state, self.command, self.time = new_state(), np.zeros(3), 0.0
 
     def tick(self, depth=50.0, *, roll=0.0, pitch=0.0, heading=0.0, rates=(0.0, 0.0, 0.0)):
         """One tick; the command of shift, rotation and pump."""
-        g.guidance_step(
+        guidance_step(
             self.table, self.gains, self.state, self.time, depth, roll, pitch, heading, *rates,
             self.command,
         )  # fmt: skip

@@ -20,7 +20,7 @@ from twin.mission import (
     mission_names,
     steady_glide,
 )
-from twin.mission import guidance as g
+from twin.mission import table as g
 from twin.mission.shipped import PROPELLED
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
@@ -311,4 +311,7 @@ def test_compiled_rows_carry_commands_in_si(vehicle):
     assert (table[:, g.ABORT_DEPTH] == 120).all()
     loops = [*vehicle.pitch_pid, *vehicle.heading_pid, vehicle.control_period]
     # the shift pitches, forward is nose down; the rotation turns
-    assert gains.tolist() == [*loops, 0.0, -1.0, 1.0]
+    assert gains[: g.DEPTH_KP].tolist() == [*loops, 0.0, -1.0, 1.0]
+    # neither a depth loop nor a battery beside an elevator
+    assert (gains[g.DEPTH_KP : g.TRIM_PART] == 0.0).all()
+    assert gains[g.TRIM_PART] == -1.0

@@ -9,6 +9,7 @@ import pytest
 
 from twin.fossen import FossenModel
 from twin.mission import Mission, SawTooth, guidance
+from twin.mission.table import CLIMB_TURN, DIVE_TURN
 from twin.mission.turning import LARGEST_FACTOR, turn_factor, turn_per_position
 from twin.mission.way import way
 from twin.physics.scenario import Scenario
@@ -61,7 +62,7 @@ def test_the_heading_is_held_in_both_phases(share):
     for phase in (settled & climbing, settled & ~climbing):
         assert np.abs(run["true_heading"][phase] - 40.0).max() < 2.0
     table, _ = mission.compile(vehicle)
-    signs = np.sign(table[0, [guidance.DIVE_TURN, guidance.CLIMB_TURN]])
+    signs = np.sign(table[0, [DIVE_TURN, CLIMB_TURN]])
     assert signs.tolist() == ([1.0, 1.0] if share == 0.0 else [1.0, -1.0])
 
 

@@ -183,8 +183,8 @@ ALONG = {"blend_angle": {"linear_angle": 0.01}}
 STILL = {
     "name", "path", "xml", "masses", "parts", "law", "imu_position", "gps_position", "pitch_pid",
     "heading_pid", "hull_thermal_expansion", "hull_thermal_lag", "hull_reference_temperature",
-    "control_period", "source", "summary", "usual_glide", "usual_mission", "cruise_speed",
-    "steering", "spreads", "identified_angle",
+    "trim_pid", "depth_pid", "buoyancy_pid", "control_period", "source", "summary", "usual_glide",
+    "usual_mission", "cruise_speed", "steering", "spreads", "identified_angle",
 }  # fmt: skip
 """What says nothing of how it moves under given commands in water of one temperature"""
 

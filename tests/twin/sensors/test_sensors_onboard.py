@@ -161,3 +161,48 @@ def test_wrong_settings_are_explained():
         Onboard(window=0.0)
     with pytest.raises(InputError, match="truth lacks 'measured_pitch'"):
         Onboard().track({"measured_depth": np.zeros(3)}, dt=DT)
+
+
+def by_dvl(*, mode, north=0.8, east=-0.3, n=N):
+    """A Doppler log that sees a velocity over ground of (north, east) [m/s] at a heading of 60."""
+    heading = 60 * DEG
+    ahead = math.cos(heading) * north + math.sin(heading) * east
+    beside = -math.sin(heading) * north + math.cos(heading) * east
+    return measured(pitch=0.0, rate=0.0, n=n) | {
+        "measured_roll": np.zeros(n),
+        "measured_dvl_surge": np.full(n, ahead),
+        "measured_dvl_sway": np.full(n, beside),
+        "measured_dvl_heave": np.zeros(n),
+        "measured_dvl_mode": np.full(n, float(mode)),
+    }
+
+
+def test_a_doppler_log_gives_the_track_over_ground_and_holds_its_last_velocity():
+    signals = by_dvl(mode=1)
+    lost = slice(100, 180)
+    for name in ("surge", "sway", "heave"):
+        signals[f"measured_dvl_{name}"][lost] = np.nan
+    signals["measured_dvl_mode"][lost] = 0.0
+    track = Onboard(speed_by="dvl").track(signals, dt=DT)
+    np.testing.assert_allclose(track.north, 0.8 * DT * np.arange(N), atol=1e-8)
+    np.testing.assert_allclose(track.east, -0.3 * DT * np.arange(N), atol=1e-8)
+    assert not track.current_north.any(), "over ground there is no current to learn"
+
+
+def test_in_water_lock_a_fix_gives_the_current_that_the_next_leg_takes_with_it():
+    signals = by_dvl(mode=2)
+    fix, drift = 2000, 0.1
+    signals["measured_gps_north"][fix] = (0.8 + drift) * DT * fix
+    signals["measured_gps_east"][fix] = -0.3 * DT * fix
+    track = Onboard(speed_by="dvl").track(signals, dt=DT)
+    assert track.current_north[fix:] == pytest.approx(drift)
+    assert track.current_east[fix:] == pytest.approx(0.0, abs=1e-12)
+    after = track.north[fix:] - track.north[fix]
+    np.testing.assert_allclose(after, (0.8 + drift) * DT * np.arange(N - fix), atol=1e-6)
+    without = Onboard(speed_by="dvl", use_current=False).track(signals, dt=DT)
+    assert without.north[-1] - without.north[fix] == pytest.approx(0.8 * DT * (N - 1 - fix))
+
+
+def test_the_speed_is_by_one_of_two():
+    with pytest.raises(InputError, match="did you mean 'dvl'"):
+        Onboard(speed_by="dvls")

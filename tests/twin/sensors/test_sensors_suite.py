@@ -237,3 +237,42 @@ def test_every_sensor_may_say_nothing_only_where_it_says_so():
     silent = {n for n, v in run.items() if n.startswith("measured_") and np.isnan(v).any()}
     assert {"measured_altitude", "measured_gps_north"} <= silent
     assert all(VARIABLES[name].gaps for name in silent)
+
+
+def truth_at_rest(n):
+    """Level at a depth of 0 m and a heading of 0, without a motion."""
+    still = {name: np.zeros(n) for name in TRUTH_SIGNALS}
+    return still | {"true_specific_force_z": np.full(n, -9.80665), "true_immersion": np.ones(n)}
+
+
+def test_the_survey_suite_has_the_figures_of_the_papers_tables():
+    """Of many missions: attitude and heading RMS; the gyro's Allan floor and no turn-on bias."""
+    suite, n = SensorSuite.preset("survey"), 40_000
+    still = truth_at_rest(n)
+    errors = {name: [] for name in ("roll", "pitch", "heading", "yaw_rate")}
+    for seed in range(8):
+        made = suite.measure(still, dt=DT, rng_seed=np.random.SeedSequence(seed))
+        for name in errors:
+            error = made[f"measured_{name}"] - still[f"true_{name}"]
+            errors[name].append((error + 180.0) % 360.0 - 180.0)
+    rms = {name: float(np.sqrt(np.mean(np.square(rows)))) for name, rows in errors.items()}
+    assert rms["roll"] == pytest.approx(0.25, rel=0.1)
+    assert rms["pitch"] == pytest.approx(0.25, rel=0.1)
+    assert rms["heading"] == pytest.approx(0.8, rel=0.1)
+    # over a correlation time and more the gyro's error is its bias instability's, some 8 deg/h
+    drift = np.reshape(errors["yaw_rate"], (8, -1, 400)).mean(axis=-1)
+    assert 4.0 < np.rad2deg(drift.std()) * 3600.0 < 4 * 8.0
+    assert suite.dvl.misalignment_deg == 0.0
+    assert SensorSuite.preset("survey-field").dvl.misalignment_deg > 0.0
+
+
+def test_a_survey_vehicle_reckons_by_its_doppler_log():
+    n, speed = 1200, 0.9
+    still = truth_at_rest(n) | {
+        "true_surge": np.full(n, speed), "true_velocity_north": np.full(n, speed),
+        "true_north": speed * DT * np.arange(n), "true_depth": np.full(n, 20.0),
+    }  # fmt: skip
+    made = SensorSuite.preset("survey").measure(
+        still, dt=DT, rng_seed=np.random.SeedSequence(4), bottom_depth=60.0
+    )
+    assert made["measured_onboard_north"][-1] == pytest.approx(speed * DT * (n - 1), rel=0.02)

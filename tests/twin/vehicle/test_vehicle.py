@@ -19,7 +19,7 @@ GLIDER = load_vehicle("glider")
 @pytest.mark.parametrize("name", vehicle_names())
 def test_parsed_and_compiled_vehicles_agree(name):
     vehicle = load_vehicle(name)
-    model = mujoco.MjModel.from_xml_path(str(vehicle.path))
+    model = mujoco.MjModel.from_xml_string(vehicle.xml)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     assert model.body("hull").mass[0] == vehicle.static_mass
@@ -33,7 +33,7 @@ def test_parsed_and_compiled_vehicles_agree(name):
 @pytest.mark.parametrize("name", vehicle_names())
 def test_moved_battery_is_where_the_formula_says(name):
     vehicle = load_vehicle(name)
-    model = mujoco.MjModel.from_xml_path(str(vehicle.path))
+    model = mujoco.MjModel.from_xml_string(vehicle.xml)
     data = mujoco.MjData(model)
     for mass in vehicle.masses:
         for joint, value in ((mass.slide, 0.013), (mass.hinge, 0.7)):
@@ -48,7 +48,7 @@ def test_moved_battery_is_where_the_formula_says(name):
 
 @pytest.mark.parametrize("name", vehicle_names())
 def test_everything_is_named_and_there_are_cameras(name):
-    model = mujoco.MjModel.from_xml_path(str(load_vehicle(name).path))
+    model = mujoco.MjModel.from_xml_string(load_vehicle(name).xml)
     for kind in (
         "body",
         "joint",

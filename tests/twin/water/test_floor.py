@@ -12,7 +12,14 @@ from scipy.interpolate import RegularGridInterpolator
 from twin.errors import FloorError
 from twin.geodesy import from_tangent_plane
 from twin.water.current.origin import Origin
-from twin.water.floor import Bathymetry, FlatFloor, GridFloor, floor_from_dict, parse_floor
+from twin.water.floor import (
+    Bathymetry,
+    FlatFloor,
+    GridFloor,
+    RoughFloor,
+    floor_from_dict,
+    parse_floor,
+)
 from twin.water.floor.lookup import beam_length, beyond_floor, floor_depth, floor_depths
 
 RNG = np.random.default_rng(5)
@@ -22,6 +29,17 @@ DEPTH = RNG.uniform(50.0, 300.0, (5, 4))
 GRID = GridFloor(north_m=NORTH, east_m=EAST, depth_m=DEPTH)
 TABLE = GRID.compile(0.0)
 PLACE = Origin(latitude_deg=36.8, longitude_deg=-121.8)
+
+ROUGH = RoughFloor(
+    depth_m=60.0, height_m=3.0, length_m=250.0, slope=0.01, slope_direction_deg=30.0, seed=7,
+    reach_m=3e3,
+)  # fmt: skip
+
+
+def depths_of(floor: RoughFloor) -> np.ndarray:
+    table = floor.compile(60.0)
+    nodes = int(table[0])
+    return table[3 + 2 * nodes :].reshape(nodes, nodes)
 
 
 def test_depths_between_nodes_are_bilinear():
@@ -182,8 +200,37 @@ def test_a_recorded_floor_is_refused_when_its_file_has_changed(tmp_path):
         dataclasses.replace(pinned, variable="elevation").compile(3600.0, PLACE)
 
 
+def test_a_rough_floor_has_the_relief_that_it_is_given():
+    """Standard deviation, correlation at one and two lengths, and slope, over 40 seeds."""
+    lags, square, products = (4, 8), 0.0, np.zeros(2)
+    for seed in range(40):
+        relief = depths_of(dataclasses.replace(ROUGH, slope=0.0, seed=seed)) - ROUGH.depth_m
+        square += np.mean(relief**2) / 40
+        products += [np.mean(relief[lag:] * relief[:-lag]) / 40 for lag in lags]
+    assert np.sqrt(square) == pytest.approx(ROUGH.height_m, rel=0.05)
+    # r K_1(r), and the part of its variance in waves shorter than a length, which is left out
+    assert products / square == pytest.approx([0.602, 0.280], abs=0.04)
+    level = depths_of(dataclasses.replace(ROUGH, height_m=0.0))
+    north, east = np.gradient(level, ROUGH.length_m / 4)
+    assert np.hypot(north, east) == pytest.approx(0.01)
+    assert np.degrees(np.arctan2(east, north)) == pytest.approx(30.0)
+
+
+def test_a_rough_floor_is_the_same_wherever_it_is_laid_out():
+    near, far = ROUGH.compile(60.0), dataclasses.replace(ROUGH, reach_m=6e3).compile(60.0)
+    for north, east in ((0.0, 0.0), (-812.0, 1533.0), (2900.0, -2900.0)):
+        assert floor_depth(near, north, east) == pytest.approx(floor_depth(far, north, east))
+    assert not np.allclose(depths_of(ROUGH), depths_of(dataclasses.replace(ROUGH, seed=8)))
+    cut = depths_of(dataclasses.replace(ROUGH, shallowest_m=58.0, deepest_m=61.0))
+    assert (cut.min(), cut.max()) == (58.0, 61.0)
+    wide = dataclasses.replace(ROUGH, reach_m=None)
+    assert 2 * wide.compile(3600.0)[3] == pytest.approx(-2 * 1.5 * 3600.0, rel=0.02)
+    with pytest.raises(FloorError, match="longer length_m, or a smaller reach_m"):
+        wide.compile(100 * 3600.0)
+
+
 def test_descriptions_rebuild_equal_floors():
-    for floor in (FlatFloor(depth_m=80.0), GRID):
+    for floor in (FlatFloor(depth_m=80.0), GRID, ROUGH):
         assert floor_from_dict(floor.describe()) == floor
     with pytest.raises(FloorError, match="did you mean 'depth_m'"):
         floor_from_dict({"kind": "flat", "depth": 3.0})
@@ -194,9 +241,16 @@ def test_texts():
     assert parse_floor("depth:200") == FlatFloor(depth_m=200.0)
     floor = parse_floor("maps/GEBCO.nc,reach=2e4,positive=up")
     assert floor == Bathymetry(path="maps/GEBCO.nc", reach_m=2e4, positive="up")
+    assert (
+        parse_floor("rough:60,height=3,length=250,slope=0.01,toward=30,seed=7,reach=3e3") == ROUGH
+    )
     for text, told in (
+        ("rough:60,hight=3", "did you mean 'height'"),
+        ("rough:60,seed=1.5", "must be a whole number"),
+        ("rough:60,deepest=50", r"depth_m = 60 m must lie between"),
+        ("rough:60,length=1", "at least 2 m"),
         ("deep:200", "depth:METRES"),
-        ("depth:deep", "number of metres"),
+        ("depth:deep", "must be a number"),
         ("a.nc,reech=3", "did you mean 'reach'"),
         ("a.nc,reach", "NAME=VALUE"),
         ("a.nc,positive=north", "allowed: down, up"),

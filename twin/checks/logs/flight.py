@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from twin.checks.agreement import file_timestep
 from twin.checks.logs.dive import Dive, Piece, Target
 from twin.errors import InputError, SimulationUnstable
-from twin.mission import Mission, guidance
+from twin.mission import Mission
 from twin.mission.glide import steady_glide
 from twin.mission.segments import SawTooth
+from twin.mission.table import DONE
 from twin.physics.mujoco_model import state
 from twin.physics.quiet import quiet_mujoco
 from twin.physics.scenario import Scenario
@@ -62,7 +63,7 @@ def _fly(vehicle: Vehicle, dive: Dive) -> Trajectory:
     simulation = Simulation(scenario_of(vehicle, dive, PATIENCE * logged))
     steps = max(1, round(LOOK / simulation.model.opt.timestep))
     for _ in range(-(-simulation.steps // steps)):
-        if simulation.failed or state(simulation.data)["guidance"][guidance.DONE]:
+        if simulation.failed or state(simulation.data)["guidance"][DONE]:
             break
         simulation.step(steps)
     return simulation.trajectory(dive.row)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mission import guidance as g
+from twin.mission import table as g
 
 if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
@@ -36,6 +36,11 @@ class Segment:
     def limited(self) -> bool:
         """Whether the segment ends by itself."""
         return True
+
+    def flown_as(self) -> tuple[Segment, ...]:
+        """The segments that guidance flies for it, a row each; itself unless a kind is made of
+        others."""
+        return (self,)
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
         """What guidance flies: one row for `vehicle`, from `blank_row` on.

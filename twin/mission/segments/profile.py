@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.mission import fields as check
-from twin.mission import guidance as g
+from twin.mission import table as g
 from twin.mission.segments.base import Segment, blank_row, command_of, limit
 from twin.mission.turning import turn_factor
 from twin.mission.way import (
@@ -48,11 +48,15 @@ class Profile(Segment):
     """Pitch magnitude of the climb [deg]; None: that of the dive."""
     net_mass_kg: float | None = None
     """Net buoyancy mass of the dive [kg], positive; the climb is this much light. Of vehicles
-    with a pump; None: the `usual_glide` of the vehicle file, 0.3 where it does not say."""
+    with a pump; None: the `usual_glide` of the vehicle file, 0.3 where it does not say; neutral
+    under a propeller."""
     climb_net_mass_kg: float | None = None
     """Magnitude for the climb [kg]; None: that of the dive."""
     speed_m_s: float | None = None
     """Speed through the water [m/s] of a vehicle with a propeller; None: its cruising speed."""
+    trim_share: float = 0.0
+    """Part of the pitch that the battery holds, 0 to 1; the elevator holds the rest. Of vehicles
+    with a battery beside an elevator; it is slow, and on short legs it comes late."""
     yos: float | None = None
     """Limit: number of dives with their climbs, in halves (0.5 is one dive)."""
     duration_s: float | None = None
@@ -78,6 +82,7 @@ class Profile(Segment):
             check.net_mass(kind, "climb_net_mass_kg", self.climb_net_mass_kg)
         if self.speed_m_s is not None:
             check.limit(kind, "speed_m_s", self.speed_m_s, "m/s")
+        check.within(kind, "trim_share", self.trim_share, "", 0.0, 1.0)
         if self.yos is not None:
             check.limit(kind, "yos", self.yos, "")
             if (2 * self.yos) % 1:
@@ -101,14 +106,17 @@ class Profile(Segment):
             climb_pitch = "pitch_deg"
         if self.climb_net_mass_kg is None:
             climb_mass = "net_mass_kg"
-        heavy = vehicle.usual_glide[1] if self.net_mass_kg is None else self.net_mass_kg
+        usual = 0.0 if vehicle.steered("speed") is not None else vehicle.usual_glide[1]
+        heavy = usual if self.net_mass_kg is None else self.net_mass_kg
         light = -(heavy if self.climb_net_mass_kg is None else self.climb_net_mass_kg)
         if vehicle.steered("buoyancy") is not None:
             check_net_mass(vehicle, label, "net_mass_kg", heavy)
             check_net_mass(vehicle, label, climb_mass, light)
+        speed, share = self.speed_m_s, self.trim_share
+        up = getattr(self, climb_pitch)
         return (
-            way(vehicle, label, "pitch_deg", -self.pitch_deg, heavy, self.speed_m_s),
-            way(vehicle, label, climb_pitch, getattr(self, climb_pitch), light, self.speed_m_s),
+            way(vehicle, label, "pitch_deg", -self.pitch_deg, heavy, speed, trim_share=share),
+            way(vehicle, label, climb_pitch, up, light, speed, trim_share=share),
         )
 
     def row(self, vehicle: Vehicle, label: str) -> Array:

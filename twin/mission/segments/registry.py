@@ -13,9 +13,10 @@ def _lacks(kind: type[Segment]) -> str:
     """What a kind of segment lacks."""
     if not dataclasses.is_dataclass(kind):
         return "`@dataclass(frozen=True, kw_only=True)`: its fields are the keys of mission files"
-    for name in ("row", "expected"):
-        if getattr(kind, name) is getattr(Segment, name):
-            return f"the method `{name}`"
+    if kind.row is Segment.row and kind.flown_as is Segment.flown_as:
+        return "the method `row`"
+    if kind.expected is Segment.expected:
+        return "the method `expected`"
     return ""
 
 
@@ -25,6 +26,10 @@ SEGMENTS: Registry[type[Segment]] = Registry(
     shipped={
         "saw-tooth": "twin.mission.segments.saw_tooth:SawTooth",
         "spiral": "twin.mission.segments.spiral:Spiral",
+        "transect": "twin.mission.segments.transect:Transect",
+        "circle": "twin.mission.segments.circle:Circle",
+        "lawn-mower": "twin.mission.segments.lawn_mower:LawnMower",
+        "hover": "twin.mission.segments.hover:Hover",
         "surface": "twin.mission.segments.surface:Surface",
         "hold": "twin.mission.segments.hold:Hold",
     },

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.mission import fields as check
-from twin.mission import guidance as g
+from twin.mission import table as g
 from twin.mission.segments.profile import Profile
 from twin.mission.way import heading, turn_limit
 

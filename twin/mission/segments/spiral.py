@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from twin.errors import MissionError
 from twin.mission import fields as check
-from twin.mission import guidance as g
+from twin.mission import table as g
 from twin.mission.segments.base import command_of
 from twin.mission.segments.profile import Profile
 from twin.mission.way import checked_rotation

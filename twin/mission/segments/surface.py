@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.mission import fields as check
-from twin.mission import guidance as g
+from twin.mission import table as g
 from twin.mission.segments.base import Segment, blank_row, command_of
 from twin.mission.turning import turn_factor
 from twin.mission.way import (
@@ -77,7 +77,16 @@ class Surface(Segment):
             if self.net_mass_kg is not None:
                 mass = -self.net_mass_kg
                 check_net_mass(vehicle, label, "net_mass_kg", mass)
-        return way(vehicle, label, "pitch_deg", self.pitch_deg, mass, self.speed_m_s)
+        return way(
+            vehicle,
+            label,
+            "pitch_deg",
+            self.pitch_deg,
+            mass,
+            self.speed_m_s,
+            # what an elevator cannot hold is made up by the pump on the way up
+            within_travel=not isinstance(vehicle.steered("pitch"), BatterySlide),
+        )
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
         """A climb with the heading loop, then a rest with the tail up."""

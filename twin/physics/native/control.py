@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from twin.compiled import jit
-from twin.mission.guidance import SEGMENT_COLUMNS, guidance_step
+from twin.mission.guidance import guidance_step
+from twin.mission.table import SEGMENT_COLUMNS
 from twin.physics.native import block as b
 from twin.physics.native import struct_offsets as at
 from twin.physics.native.access import array, field, table_of

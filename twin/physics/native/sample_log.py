@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from twin.compiled import jit
-from twin.mission.guidance import HEADING_SETPOINT, PITCH_SETPOINT, SEGMENT
+from twin.mission.table import HEADING_SETPOINT, PITCH_SETPOINT, SEGMENT
 from twin.physics.native import block as b
 from twin.physics.native import struct_offsets as at
 from twin.physics.native.access import array, field

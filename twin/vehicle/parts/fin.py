@@ -2,9 +2,10 @@
 
 Of a fin with area A at r, the flow in the plane of its section is v_rel + omega x r there. At the
 angle of attack a, C_L = C_La a up to the stall and then falls (or rises) with its own slope, no
-further than zero; C_D = C_D0 + C_Da |a|, with a slope of its own beyond the stall. Lift stands
-across the flow, drag along it: F = rho A V^2 / 2 (C_L, C_D). These are the laws that the Gazebo
-plug-in LiftDrag uses (gz-sim, Apache-2.0), for flow from any side.
+further than zero; C_D = C_D0 + C_Da |a|, with a slope of its own beyond the stall, and the induced
+drag C_L^2 / (pi e AR) of a finite span (Prandtl). Lift stands across the flow, drag along it:
+F = rho A V^2 / 2 (C_L, C_D). But for the induced drag these are the laws that the Gazebo plug-in
+LiftDrag uses (gz-sim, Apache-2.0), for flow from any side.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 AREA, LIFT, STALL, LIFT_STALLED, DRAG0, DRAG, DRAG_STALLED, IN_HULL = range(8)
 AXIS = 8  # and the two that follow
+INDUCED = 11
 
 
 @jit
@@ -41,6 +43,7 @@ def _section(values, along, across, density):  # type: ignore[no-untyped-def]
         beyond = size - values[STALL]
         lift = max(values[LIFT] * values[STALL] + values[LIFT_STALLED] * beyond, 0.0)
         drag = values[DRAG0] + values[DRAG] * values[STALL] + values[DRAG_STALLED] * beyond
+    drag += values[INDUCED] * lift * lift
     pressure = 0.5 * density * values[AREA] * square
     if angle < 0.0:
         lift = -lift
@@ -91,11 +94,12 @@ def native_wrench(values, place, position, u, v, w, p, q, r, density, depth):  #
 def _coefficients(values, attack):  # type: ignore[no-untyped-def]
     """(C_L, C_D) at an angle of attack within +-90 deg."""
     a, stall = abs(attack), values[STALL]
-    if a <= stall:
-        return values[LIFT] * attack, values[DRAG0] + values[DRAG] * a
-    fallen = values[LIFT] * stall + values[LIFT_STALLED] * (a - stall)
-    c_d = values[DRAG0] + values[DRAG] * stall + values[DRAG_STALLED] * (a - stall)
-    return np.sign(attack) * max(fallen, 0.0), c_d
+    c_l, c_d = values[LIFT] * attack, values[DRAG0] + values[DRAG] * a
+    if a > stall:
+        fallen = values[LIFT] * stall + values[LIFT_STALLED] * (a - stall)
+        c_l = np.sign(attack) * max(fallen, 0.0)
+        c_d = values[DRAG0] + values[DRAG] * stall + values[DRAG_STALLED] * (a - stall)
+    return c_l, c_d + values[INDUCED] * c_l**2
 
 
 @jit
@@ -167,6 +171,8 @@ class Fin(Part):
     """C_Da [1/rad]"""
     stalled_drag_slope: float = 0.0
     """[1/rad] of C_D beyond the stall"""
+    induced_drag: float = 0.0
+    """C_D per C_L^2: 1 / (pi e aspect ratio)"""
     in_hull: bool = False
     """True: the hull's law holds the fin at rest already, and only its deflection is added"""
 
@@ -198,7 +204,7 @@ class Fin(Part):
         for name in ("area", "lift_slope", "stall_angle"):
             if not getattr(self, name) > 0.0:
                 found.append((name, "positive"))
-        for name in ("zero_lift_drag", "drag_slope", "stalled_drag_slope"):
+        for name in ("zero_lift_drag", "drag_slope", "stalled_drag_slope", "induced_drag"):
             if getattr(self, name) < 0.0:
                 found.append((name, "at least 0: drag never drives"))
         if abs(self.axis[0]) > 1e-9:
@@ -206,7 +212,7 @@ class Fin(Part):
         return found
 
     def values(self) -> tuple[float, ...]:
-        """In the order of AREA to IN_HULL, then the axis."""
+        """In the order of AREA to IN_HULL, then the axis and INDUCED."""
         return (
             self.area,
             self.lift_slope,
@@ -217,6 +223,7 @@ class Fin(Part):
             self.stalled_drag_slope,
             float(self.in_hull),
             *self.axis,
+            self.induced_drag,
         )
 
     def mirrored(self) -> float | None:
@@ -270,4 +277,5 @@ class Fin(Part):
 
 _OPTIONAL = (
     "stall_angle", "stalled_lift_slope", "zero_lift_drag", "drag_slope", "stalled_drag_slope",
+    "induced_drag",
 )  # fmt: skip

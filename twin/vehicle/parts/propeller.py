@@ -82,7 +82,8 @@ class Propeller(Part):
     thrust_coefficient: float
     """C_T [1/rad2]: thrust at rest = rho D^4 C_T n^2 with n in rad/s"""
     torque_coefficient: float = 0.0
-    """C_Q [1/rad2]: torque = rho D^5 C_Q n^2; it rolls the hull the other way"""
+    """C_Q [1/rad2]: torque = rho D^5 C_Q n^2; it rolls the hull the other way, to port, or below 0
+    to starboard: a left-handed screw"""
     zero_thrust_advance: float = 0.0
     """J_0 [rad-1]: u_a / (n D) at which the thrust vanishes; 0: no loss with speed"""
 
@@ -157,7 +158,8 @@ class Propeller(Part):
     ) -> Array:
         """Shaft power of its torque, over the efficiency of its motor [J]."""
         rate = 0.5 * np.add(before, after, dtype=float)
-        torque = vehicle.reference_density * self.diameter**5 * self.torque_coefficient * rate**2
+        size = abs(self.torque_coefficient)
+        torque = vehicle.reference_density * self.diameter**5 * size * rate**2
         return np.asarray(
             torque * np.abs(rate) * np.asarray(duration) / losses.propeller_efficiency
         )

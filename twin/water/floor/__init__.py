@@ -1,4 +1,4 @@
-"""The sea floor: flat, an array of depths, or a bathymetry file about the mission's start.
+"""The sea floor: flat, rough, an array of depths, or a bathymetry file about the mission's start.
 
 A floor is met in three ways: the hull collides with it, altimeter and Doppler log see it, and
 dives that are given a `min_altitude_m` turn above it.
@@ -10,6 +10,15 @@ from twin.water.floor.base import Floor
 from twin.water.floor.bathymetry import Bathymetry
 from twin.water.floor.flat import FlatFloor
 from twin.water.floor.grid import GridFloor
+from twin.water.floor.rough import RoughFloor
 from twin.water.floor.spec import floor_from_dict, parse_floor
 
-__all__ = ["Bathymetry", "FlatFloor", "Floor", "GridFloor", "floor_from_dict", "parse_floor"]
+__all__ = [
+    "Bathymetry",
+    "FlatFloor",
+    "Floor",
+    "GridFloor",
+    "RoughFloor",
+    "floor_from_dict",
+    "parse_floor",
+]

@@ -13,6 +13,11 @@ from twin.water.current.origin import Origin
 
 Array = NDArray[np.float64]
 
+SPEED = 1.5
+"""[m/s] over ground; no vehicle here keeps more over a mission. Sizes the part to lay out."""
+LARGEST = 4_000_000
+"""Nodes of a table at most, 32 MB: they travel in the simulation's model"""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Floor:

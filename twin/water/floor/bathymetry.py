@@ -17,17 +17,12 @@ import numpy as np
 from twin.errors import FloorError, unknown_name
 from twin.water.current.axes import AXIS_NAMES, LATITUDE_UNITS, LONGITUDE_UNITS
 from twin.water.current.origin import Origin
-from twin.water.floor.base import Array, Floor
+from twin.water.floor.base import LARGEST, SPEED, Array, Floor
 from twin.water.floor.grid import check_depths
 from twin.water.floor.lookup import pack
 
 if TYPE_CHECKING:
     import xarray as xr
-
-SPEED = 1.5
-"""[m/s] over ground; no glider keeps more over a mission. Sizes the part to load."""
-LARGEST = 4_000_000
-"""Nodes that are loaded at most, 32 MB: they travel in the simulation's model"""
 
 UP = "up"
 DOWN = "down"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 from twin.errors import FloorError, unknown_name
@@ -11,11 +11,24 @@ from twin.water.floor.base import Floor
 from twin.water.floor.bathymetry import Bathymetry
 from twin.water.floor.flat import FlatFloor
 from twin.water.floor.grid import GridFloor
+from twin.water.floor.rough import RoughFloor
 
-KINDS: dict[str, type[Floor]] = {c.kind: c for c in (FlatFloor, GridFloor, Bathymetry)}
+KINDS: dict[str, type[Floor]] = {c.kind: c for c in (FlatFloor, RoughFloor, GridFloor, Bathymetry)}
 """Every kind of sea floor by its name in descriptions."""
 NONE = "none"
 DEPTH = "depth:"
+ROUGH = "rough:"
+ROUGH_SETTINGS = {
+    "height": "height_m",
+    "length": "length_m",
+    "slope": "slope",
+    "toward": "slope_direction_deg",
+    "seed": "seed",
+    "shallowest": "shallowest_m",
+    "deepest": "deepest_m",
+    "reach": "reach_m",
+}
+"""Of a rough floor, by the names that a spec gives them"""
 SETTINGS = {
     "variable": "variable",
     "positive": "positive",
@@ -26,7 +39,8 @@ SETTINGS = {
 
 
 def parse_floor(text: str) -> Floor | None:
-    """`none`, `depth:200` [m], or `FILE.nc,reach=20000`: a bathymetry file with settings.
+    """`none`, `depth:200` [m], `rough:60,height=3,length=400,seed=1`, or `FILE.nc,reach=20000`: a
+    bathymetry file with settings.
 
     Raises:
       FloorError: what is given is none of these.
@@ -36,22 +50,39 @@ def parse_floor(text: str) -> Floor | None:
         return None
     if text.startswith(DEPTH):
         return FlatFloor(depth_m=_number("depth", text.removeprefix(DEPTH)))
+    if text.startswith(ROUGH):
+        depth, *given = text.removeprefix(ROUGH).split(",")
+        numbers = {
+            ROUGH_SETTINGS[name]: _whole(name, value) if name == "seed" else _number(name, value)
+            for name, value in _settings(text, given, ROUGH_SETTINGS, "rough sea floor").items()
+        }
+        return RoughFloor(depth_m=_number("rough", depth), **numbers)  # type: ignore[arg-type]
     path, *given = text.split(",")
     if not path or ("." not in path and "/" not in path and "\\" not in path):
         raise FloorError(
-            f"sea floor {text!r}: give none, depth:METRES such as depth:200, or a bathymetry file "
-            "such as GEBCO.nc"
+            f"sea floor {text!r}: give none, depth:METRES such as depth:200, rough:METRES such as "
+            "rough:60,height=3,length=400, or a bathymetry file such as GEBCO.nc"
         )
-    settings: dict[str, str | float] = {}
+    settings = {
+        SETTINGS[name]: _number(name, value) if name == "reach" else value
+        for name, value in _settings(text, given, SETTINGS, "bathymetry file").items()
+    }
+    return Bathymetry(path=path, **settings)  # type: ignore[arg-type]
+
+
+def _settings(
+    text: str, given: Sequence[str], known: Mapping[str, str], noun: str
+) -> dict[str, str]:
+    """The values of NAME=VALUE by name."""
+    settings: dict[str, str] = {}
     for item in given:
-        name, sign, value = item.partition("=")
+        name, sign, value = (word.strip() for word in item.partition("="))
         if not sign:
             raise FloorError(f"sea floor {text!r}: {item!r} must be NAME=VALUE")
-        if name.strip() not in SETTINGS:
-            raise FloorError(unknown_name("setting of a bathymetry file", name.strip(), SETTINGS))
-        key = SETTINGS[name.strip()]
-        settings[key] = _number(name, value) if key == "reach_m" else value.strip()
-    return Bathymetry(path=path, **settings)  # type: ignore[arg-type]
+        if name not in known:
+            raise FloorError(unknown_name(f"setting of a {noun}", name, known))
+        settings[name] = value
+    return settings
 
 
 def floor_from_dict(data: Mapping[str, Any]) -> Floor:
@@ -75,4 +106,11 @@ def _number(name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise FloorError(f"sea floor: {name} {text.strip()!r} must be a number of metres") from None
+        raise FloorError(f"sea floor: {name} {text.strip()!r} must be a number") from None
+
+
+def _whole(name: str, text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise FloorError(f"sea floor: {name} {text!r} must be a whole number") from None

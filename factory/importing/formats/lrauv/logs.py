@@ -22,6 +22,7 @@ from factory.importing.reading.each_file import each_file
 from factory.importing.reading.netcdf import as_array, open_netcdf
 from factory.importing.reading.payload import payload_channels, payload_names
 from factory.importing.reading.tally import Tally
+from factory.importing.reading.units import in_unit
 from factory.importing.reading.unread_names import note_empty, note_unread
 from factory.importing.repairs.cleaning import clean, positions
 from factory.importing.repairs.seawater import ctd_channels
@@ -29,41 +30,6 @@ from twin.errors import InputError
 
 Array = NDArray[np.float64]
 
-UNITS: dict[str, tuple[str, float]] = {
-    "m": ("m", 1.0),
-    "mm": ("m", 1e-3),
-    "cm": ("m", 1e-2),
-    "rad": ("degree", 180.0 / np.pi),
-    "radian": ("degree", 180.0 / np.pi),
-    "arcdeg": ("degree", 1.0),
-    "degree": ("degree", 1.0),
-    "degrees": ("degree", 1.0),
-    "deg": ("degree", 1.0),
-    "rad/s": ("rad s-1", 1.0),
-    "cc": ("cm3", 1.0),
-    "cm3": ("cm3", 1.0),
-    "l": ("cm3", 1e3),
-    "liter": ("cm3", 1e3),
-    "m3": ("cm3", 1e6),
-    "m^3": ("cm3", 1e6),
-    "cubic_meter": ("cm3", 1e6),
-    "m/s": ("m s-1", 1.0),
-    "meter_per_second": ("m s-1", 1.0),
-    "pascal": ("dbar", 1e-4),
-    "pa": ("dbar", 1e-4),
-    "decibar": ("dbar", 1.0),
-    "dbar": ("dbar", 1.0),
-    "bar": ("dbar", 10.0),
-    "degc": ("degree_Celsius", 1.0),
-    "celsius": ("degree_Celsius", 1.0),
-    "k": ("kelvin", 1.0),
-    "kelvin": ("kelvin", 1.0),
-    "psu": ("1", 1.0),
-    "1": ("1", 1.0),
-    "meter": ("m", 1.0),
-}
-"""Unit as written (lower case): the schema's unit, and the factor to it."""
-KELVIN = 273.15
 SOURCES = {
     "measured_depth": ("depth",),
     "measured_pressure": ("sea_water_pressure",),
@@ -187,22 +153,6 @@ def _csv(path: Path) -> dict[str, TimedValues]:
             raise InputError(f"{path.name}: column {name} mixes the units {', '.join(units)}")
         found[name] = (time, values, units.pop() if units else "")
     return found
-
-
-def in_unit(values: Array, unit: str, wanted: str, subject: str) -> Array:
-    """Values in the wanted unit of the schema, by the unit that the file writes.
-
-    Raises:
-      InputError: an unknown unit, or one of another quantity.
-    """
-    if not unit:
-        return values
-    known = UNITS.get(unit.strip().lower())
-    if known is not None and wanted == "degree_Celsius" and known[0] == "kelvin":
-        return values - KELVIN
-    if known is None or known[0] != wanted:
-        raise InputError(f"{subject}: unit {unit!r} is not one of {wanted}")
-    return values * known[1]
 
 
 def _log(

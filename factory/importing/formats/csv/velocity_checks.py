@@ -1,0 +1,171 @@
+"""Velocity checks: whether a column that is to be a velocity is one.
+
+Tables of other people hold, under the same name, a distance run so far, the metres of one sample, a
+sensor that was off, or port where another file has starboard. What cannot be a velocity is refused;
+a sign that the track contradicts is reported.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.reading.deployment_log import Channel, DeploymentLog
+from factory.importing.reading.tally import Tally
+from twin.errors import InputError
+from twin.geodesy import offset
+from twin.records.limits import recorded_limits
+
+Array = NDArray[np.float64]
+
+FORWARD = ("measured_dvl_surge", "true_surge", "true_speed")
+SIDEWAYS = ("measured_dvl_sway", "true_sway")
+VELOCITIES = frozenset((*FORWARD, *SIDEWAYS, "measured_dvl_heave", "true_heave"))
+_MOST = 0.3
+"""A column with more impossible values than this part is no velocity with a few wild ones."""
+_ONE_VALUE = 0.1
+"""A single value that makes up more than this part is a sentinel."""
+_FEWEST = 100
+"""Values without which a column that never changes proves nothing."""
+_WINDOW = 10.0
+"""[s] Track and velocity are compared over so long: a GPS's metre is then 0.1 m/s."""
+_HOLE = 5.0
+"""[s] A window whose velocity has a longer hole says nothing."""
+_MOVING = 0.3
+"""[m/s] Slower, the track's noise decides."""
+_WINDOWS = 5
+"""Windows that a comparison needs."""
+SCALE = (0.4, 2.5)
+"""Track speed over velocity: a current of half the vehicle's speed either way, and noise."""
+_AGREES = 0.5
+"""Correlation from which the sign of sway is judged."""
+
+
+def check_values(
+    name: str, values: Array, possible: tuple[float, float] | None, subject: str
+) -> None:
+    """Refuse a column of velocities most of which no vehicle has.
+
+    Args:
+      values: [m/s] without the mapping's sentinels.
+      possible: [m/s] lowest and highest by the mapping; None: those of the schema.
+
+    Raises:
+      InputError: it is a distance, or has a sentinel that the mapping does not name.
+    """
+    good = values[np.isfinite(values)]
+    if name not in VELOCITIES or not good.size:
+        return
+    low, high = possible or recorded_limits(name)
+    wild = (good < low) | (good > high)
+    if wild.mean() <= _MOST:
+        return
+    written, counts = np.unique(np.abs(good[wild]), return_counts=True)
+    share = counts.max() / good.size
+    if share > _ONE_VALUE:
+        raise InputError(
+            f"{subject} is to be {name} and is {written[counts.argmax()]:.9g} m/s in "
+            f"{100.0 * share:.0f} % of its samples: a sentinel? Name it as the file has it, "
+            "sentinels = [...]"
+        )
+    raise InputError(
+        f"{subject} is to be {name} and is beyond {low:g} to {high:g} m/s in "
+        f"{100.0 * wild.mean():.0f} % of its samples (median size {np.median(np.abs(good)):.4g}), "
+        "no two alike: a distance, not a velocity. Leave the file out, or the column: [ignored]"
+    )
+
+
+def check_track(log: DeploymentLog, tally: Tally) -> None:
+    """Compare the velocities of a log with its track, where it has one and a heading.
+
+    A forward velocity that is the same in every sample is left to the report as suspect, as is a
+    sway of the other sign than the track's.
+
+    Raises:
+      InputError: the track moves many times faster or slower than the forward velocity says.
+    """
+    for name in (*FORWARD, *SIDEWAYS):
+        channel = log.channel(name)
+        if len(channel) >= _FEWEST and np.ptp(channel.values) == 0.0:
+            tally.add(
+                "suspect", name, len(channel),
+                f"{log.deployment}: {channel.values[0]:g} in every sample; was the sensor off?",
+            )  # fmt: skip
+    ahead = next((n for n in FORWARD if len(log.channel(n)) > 1), None)
+    heading = log.channel("measured_heading")
+    if ahead is None or not len(heading):
+        return
+    times, north, east = _track(log)
+    if not len(times):
+        return
+    middle = 0.5 * (times[1:] + times[:-1])
+    turn = np.unwrap(np.radians(heading.values))
+    angle = np.interp(middle, heading.time, turn)
+    v_north, v_east = np.diff(north) / np.diff(times), np.diff(east) / np.diff(times)
+    forward = v_north * np.cos(angle) + v_east * np.sin(angle)
+    starboard = -v_north * np.sin(angle) + v_east * np.cos(angle)
+    said = _means(log.channel(ahead), times)
+    use = np.isfinite(said) & (np.hypot(v_north, v_east) > _MOVING)
+    if use.sum() < _WINDOWS:
+        return
+    _check_scale(log, ahead, said[use], forward[use])
+    for name in SIDEWAYS:
+        aside = _means(log.channel(name), times)
+        both = np.isfinite(aside) & use
+        if both.sum() < _WINDOWS or np.ptp(aside[both]) == 0.0 or np.ptp(starboard[both]) == 0.0:
+            continue
+        agrees = float(np.corrcoef(aside[both], starboard[both])[0, 1])
+        if agrees < -_AGREES:
+            tally.add(
+                "suspect", name, len(log.channel(name)),
+                f"{log.deployment}: the track moves to the other side (correlation {agrees:.2f}): "
+                "wrong sign or frame",
+            )  # fmt: skip
+
+
+def _check_scale(log: DeploymentLog, name: str, said: Array, track: Array) -> None:
+    """Refuse a forward velocity whose size is not the track's."""
+    size = float(np.median(np.abs(said)))
+    moved = float(np.median(np.abs(track)))
+    low, high = SCALE
+    if size > 0.0 and low <= moved / size <= high:
+        return
+    if max(size, moved) < _MOVING:
+        return
+    spacing = log.channel(name).spacing
+    per_sample = size > 0.0 and low <= moved * spacing / size <= high
+    what = (
+        f"metres per sample of {spacing:g} s?" if per_sample
+        else "a distance, another unit, or a sensor that was off?"
+    )  # fmt: skip
+    raise InputError(
+        f"{', '.join(log.files)}: {name} says {size:.3g} m/s where the track moves forward at "
+        f"{moved:.3g} m/s (medians): no velocity in m/s: {what} Correct the unit, or leave the "
+        "file or the column out"
+    )
+
+
+def _track(log: DeploymentLog) -> tuple[Array, Array, Array]:
+    """Times [s] in steps of the window, and north and east [m] there; empty without a track."""
+    latitude, longitude = log.channel("latitude"), log.channel("longitude")
+    if len(latitude) < 2 or len(longitude) < 2:
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    times = np.arange(latitude.time[0], latitude.time[-1], _WINDOW)
+    north, east = offset(
+        latitude.at(times), longitude.at(times),
+        float(latitude.values[0]), float(longitude.values[0]),
+    )  # fmt: skip
+    return times, north, east
+
+
+def _means(channel: Channel, times: Array) -> Array:
+    """Mean of a channel between each two times; NaN where it has a hole."""
+    found = np.full(max(len(times) - 1, 0), np.nan)
+    for k in range(len(found)):
+        inside = channel.within(times[k], times[k + 1])
+        if not len(inside):
+            continue
+        steps = np.diff([times[k], *inside.time, times[k + 1]])
+        if steps.max() <= _HOLE:
+            found[k] = float(inside.values.mean())
+    return found

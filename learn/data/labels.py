@@ -1,0 +1,252 @@
+"""Labels: the velocities through the water that networks are trained on.
+
+In a simulated store the truth is known, and it is the default. A real vehicle has at best a Doppler
+log. In water lock that measures the velocity through the water; in bottom lock the one over ground,
+which is a label only less a current that is known from elsewhere: from a profiler or a mooring
+nearby, or zero in a basin. Samples without a label have no part in the training.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learn.data.dataset import TARGETS, Mission
+from learn.data.dvl_cleaning import SMOOTHING_S, SMOOTHINGS, Mask, Smoothing, outliers, smoothed
+from twin.errors import InputError, StoreError, unknown_name
+from twin.frames import euler_to_matrix
+
+Array = NDArray[np.float64]
+
+Source = Literal["truth", "dvl"]
+SOURCES: tuple[Source, ...] = get_args(Source)
+BOTTOM, WATER = 1, 2
+"""measured_dvl_mode"""
+MODE = "measured_dvl_mode"
+VELOCITIES = {target: f"measured_dvl_{target}" for target in TARGETS}
+ATTITUDE = ("measured_roll", "measured_pitch", "measured_heading")
+STORE_CURRENT = ("true_current_north", "true_current_east")
+NO_CURRENT, FROM_STORE = "none", "store"
+CURRENT_WORDS = f"{NO_CURRENT}, {FROM_STORE} or NORTH,EAST in m/s such as 0,0 for still water"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LabelConfig:
+    """What networks are trained on.
+
+    Raises:
+      InputError: a word is unknown, or a current is no pair of finite numbers.
+    """
+
+    source: Source = "truth"
+    """`truth`, or `dvl` for what the Doppler log measured."""
+    known_current: str = NO_CURRENT
+    """What is taken off bottom track: `none` is known, so that bottom track is no label; `store`,
+    the current that the store holds at the vehicle; or NORTH,EAST [m/s] of a steady one."""
+    smoothing: Smoothing = "gaussian"
+    """After outliers are removed, see `learn.data.dvl_cleaning`."""
+
+    def __post_init__(self) -> None:
+        for what, given, allowed in (
+            ("source of labels", self.source, SOURCES),
+            ("smoothing", self.smoothing, SMOOTHINGS),
+        ):
+            if given not in allowed:
+                raise InputError(unknown_name(what, given, allowed))
+        if self.known_current not in (NO_CURRENT, FROM_STORE):
+            self._steady()
+
+    def _steady(self) -> tuple[float, float]:
+        """North, east [m/s] of a current that is given as two numbers."""
+        try:
+            north, east = (float(part) for part in self.known_current.split(","))
+        except ValueError:
+            north = east = math.nan
+        if not (math.isfinite(north) and math.isfinite(east)):
+            raise InputError(
+                f"known current {self.known_current!r} is none of: {CURRENT_WORDS}"
+            ) from None
+        return north, east
+
+    def channels(self) -> tuple[str, ...]:
+        """Schema variables that the labels are made from."""
+        if self.source == "truth":
+            return tuple(TARGETS.values())
+        current = STORE_CURRENT if self.known_current == FROM_STORE else ()
+        return (*VELOCITIES.values(), MODE, *ATTITUDE, *current)
+
+    def of(self, mission: Mission, target: str) -> NDArray[np.float32]:
+        """`surge` or `sway` [m/s] through the water, (time,); NaN where there is no label.
+
+        Raises:
+          StoreError: the mission lacks a channel, or the truth of a simulated one is not finite.
+        """
+        if self.source == "truth":
+            return mission.target(target)
+        return measured(mission, self).velocities[target].astype(np.float32)
+
+    def current(self, mission: Mission) -> Array | None:
+        """North, east [m/s] of the known current, (time, 2); None where none is known.
+
+        Raises:
+          StoreError: it is to be the store's, which has none.
+        """
+        if self.known_current == NO_CURRENT:
+            return None
+        if self.known_current != FROM_STORE:
+            return np.broadcast_to(np.array(self._steady()), (mission.samples, 2))
+        missing = [name for name in STORE_CURRENT if name not in mission.signals]
+        if missing:
+            raise StoreError(
+                f"mission {mission.index} has no channel {missing[0]}, so that the store's current "
+                f"is not known; give --known-current otherwise: {CURRENT_WORDS}"
+            )
+        return np.stack([mission.signals[name] for name in STORE_CURRENT], axis=1)
+
+
+@dataclasses.dataclass(frozen=True)
+class Measured:
+    """Cleaned velocities of one mission's Doppler log, and where they come from."""
+
+    velocities: Mapping[str, Array]
+    """surge and sway [m/s] through the water, (time,); NaN where there is no label"""
+    bottom: Mask
+    """Samples in bottom lock, (time,)"""
+    water: Mask
+    """Samples in water lock"""
+    removed: Mask
+    """Samples that were outliers"""
+
+    @property
+    def usable(self) -> Mask:
+        """Samples with a label."""
+        return np.isfinite(self.velocities["surge"])
+
+
+def measured(mission: Mission, config: LabelConfig) -> Measured:
+    """Labels of one mission from its Doppler log.
+
+    Water track is taken as it is, bottom track less the known current, turned into the body by the
+    measured attitude. A sample is an outlier in both velocities when it is one in either: one bad
+    beam spoils all axes.
+
+    Raises:
+      StoreError: a channel is missing.
+    """
+    log, mode = _log(mission)
+    locked = np.isfinite(log).all(axis=1)
+    bottom, water = locked & (mode == BOTTOM), locked & (mode == WATER)
+    current = config.current(mission)
+    usable = water
+    if current is not None:
+        through = log - _in_body(current, mission)
+        log = np.where(bottom[:, None], through, log)
+        usable = water | (bottom & np.isfinite(through).all(axis=1))
+    causal = config.smoothing == "causal"
+    removed = outliers(log[:, 0], usable, causal=causal) | outliers(
+        log[:, 1], usable, causal=causal
+    )
+    kept = usable & ~removed
+    velocities = {
+        target: smoothed(log[:, k], kept, mission.period, config.smoothing)
+        for k, target in enumerate(VELOCITIES)
+    }
+    return Measured(velocities, bottom, water, removed)
+
+
+def _log(mission: Mission) -> tuple[Array, NDArray[np.int64]]:
+    """Surge and sway [m/s], (time, 2), and the mode of each sample, (time,)."""
+    for name in (*VELOCITIES.values(), MODE):
+        if name not in mission.signals:
+            raise StoreError(f"mission {mission.index} has no channel {name}: no Doppler log")
+    log = np.stack([mission.signals[name] for name in VELOCITIES.values()], axis=1)
+    return log, np.rint(np.nan_to_num(mission.signals[MODE])).astype(np.int64)
+
+
+def _in_body(current: Array, mission: Mission) -> Array:
+    """Forward and starboard part [m/s] of a horizontal current (time, 2), (time, 2)."""
+    angles = (np.deg2rad(mission.signals[name]) for name in ATTITUDE)
+    to_ned = euler_to_matrix(*angles)
+    return np.einsum("tij,ti->tj", to_ned[:, :2, :2], current)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LabelCounts:
+    """What the Doppler logs of some missions gave as labels."""
+
+    samples: int
+    bottom: int
+    """In bottom lock"""
+    water: int
+    """In water lock"""
+    outliers: int
+    used: int
+    """Samples with a label"""
+    current_mean: float | None = None
+    """[m/s] mean speed of the current that was taken off bottom track; None: none was known"""
+    current_max: float | None = None
+    """[m/s] its highest"""
+
+    def sentences(self, config: LabelConfig) -> list[str]:
+        """For a page or a terminal."""
+        share = {
+            name: 100.0 * getattr(self, name) / max(self.samples, 1)
+            for name in ("bottom", "water", "used", "outliers")
+        }
+        smoothing = {
+            "gaussian": f"smoothed with a Gaussian of {SMOOTHING_S:g} s",
+            "causal": f"smoothed with the past half of a Gaussian of {SMOOTHING_S:g} s",
+            "none": "not smoothed",
+        }[config.smoothing]
+        if config.known_current == NO_CURRENT:
+            current = "No current was known, so that bottom track was no label."
+        else:
+            where = {FROM_STORE: "the store's, at the vehicle"}.get(
+                config.known_current, f"{config.known_current} north, east, as given"
+            )
+            current = (
+                f"The current taken off bottom track is {where}: mean speed "
+                f"{self.current_mean:.3f} m/s, highest {self.current_max:.3f} m/s."
+            )
+        return [
+            f"Networks learned from the Doppler log, not from the truth: {self.used} of "
+            f"{self.samples} samples ({share['used']:.1f} %) have a label; bottom lock in "
+            f"{share['bottom']:.1f} %, water lock in {share['water']:.1f} %.",
+            f"{self.outliers} outliers ({share['outliers']:.2f} % of the samples) were removed; "
+            f"the rest was {smoothing}.",
+            current,
+        ]
+
+
+def count_labels(missions: Iterable[Mission], config: LabelConfig) -> LabelCounts:
+    """What the Doppler logs of these missions give; errors as `measured`."""
+    counts = dict.fromkeys(("samples", "bottom", "water", "outliers", "used"), 0)
+    total, highest = 0.0, 0.0
+    for mission in missions:
+        found = measured(mission, config)
+        counts["samples"] += mission.samples
+        for name, mask in (
+            ("bottom", found.bottom), ("water", found.water), ("outliers", found.removed),
+            ("used", found.usable),
+        ):  # fmt: skip
+            counts[name] += int(mask.sum())
+        if (current := config.current(mission)) is not None:
+            speed = np.hypot(*current.T)
+            total += float(np.nansum(speed))
+            highest = max(highest, float(np.nanmax(speed, initial=0.0)))
+    known = config.known_current != NO_CURRENT
+    return LabelCounts(
+        **counts,
+        current_mean=total / max(counts["samples"], 1) if known else None,
+        current_max=highest if known else None,
+    )
+
+
+def label_config(settings: Mapping[str, Any]) -> LabelConfig:
+    """Of a run's stored settings; those of earlier versions learned from the truth."""
+    return LabelConfig(**settings.get("labels", {}))

@@ -1,0 +1,177 @@
+"""Labels from a Doppler log: water track, bottom track less a known current, and gaps."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from navigation import PERIOD, steady_mission, write_store
+
+from learn.api import fit_settings
+from learn.data.dataset import Mission
+from learn.data.features import select_features
+from learn.data.labels import LabelConfig, count_labels, label_config, measured
+from learn.data.preparation import prepare
+from learn.training.settings import FitConfig
+from twin.errors import InputError, StoreError
+from twin.frames import euler_to_matrix
+
+CURRENT = (0.12, -0.2)
+LOCK = np.repeat([1.0, 2.0, 0.0, 1.0], [300, 200, 50, 450])
+"""Mode of the log: bottom, water, none, bottom"""
+DVL = LabelConfig(source="dvl", known_current="store")
+
+
+def surveyed(current=CURRENT, mode=LOCK, **motion):
+    """A turning dive whose Doppler log has no errors."""
+    signals = steady_mission(
+        len(mode), current=current, turn_rate=0.01, roll=0.1,
+        velocity=(0.9, -0.05, 0.03), **motion,
+    )  # fmt: skip
+    angles = [np.deg2rad(signals[f"true_{n}"]) for n in ("roll", "pitch", "heading")]
+    ground = np.stack([signals[f"true_velocity_{n}"] for n in ("north", "east", "down")], axis=-1)
+    body = np.einsum("tij,ti->tj", euler_to_matrix(*angles), ground)
+    for k, name in enumerate(("surge", "sway", "heave")):
+        log = np.where(mode == 1, body[:, k], signals[f"true_{name}"])
+        signals[f"measured_dvl_{name}"] = np.where(mode > 0, log, np.nan)
+    signals["measured_dvl_mode"] = np.array(mode)
+    return signals
+
+
+def mission(signals=None, **more):
+    signals = surveyed(**more) if signals is None else signals
+    return Mission(index=4, split="train", period=PERIOD, signals=signals)
+
+
+@pytest.mark.parametrize("known", ["store", f"{CURRENT[0]},{CURRENT[1]}"])
+def test_bottom_track_less_the_known_current_is_the_velocity_through_the_water(known):
+    found = measured(mission(), LabelConfig(source="dvl", known_current=known))
+    np.testing.assert_array_equal(found.usable, LOCK > 0)
+    assert not found.removed.any()
+    assert found.velocities["surge"][LOCK > 0] == pytest.approx(0.9, abs=1e-12)
+    assert found.velocities["sway"][LOCK > 0] == pytest.approx(-0.05, abs=1e-12)
+
+
+def test_without_a_known_current_water_track_alone_is_learned_from():
+    found = measured(mission(), LabelConfig(source="dvl"))
+    np.testing.assert_array_equal(found.usable, LOCK == 2)
+    assert found.velocities["surge"][LOCK == 2] == pytest.approx(0.9)
+    assert (found.bottom.sum(), found.water.sum()) == (750, 200)
+
+
+def test_a_current_that_is_taken_for_still_water_goes_into_the_labels():
+    found = measured(mission(), LabelConfig(source="dvl", known_current="0,0"))
+    off = np.hypot(*(found.velocities[n][:300] - v for n, v in (("surge", 0.9), ("sway", -0.05))))
+    assert off.max() > 0.8 * np.hypot(*CURRENT)
+
+
+def test_an_outlier_in_one_velocity_is_taken_out_of_both_and_counted():
+    signals = surveyed()
+    signals["measured_dvl_surge"][[20, 400]] += 0.3
+    signals["measured_dvl_sway"][700] -= 0.3
+    found = measured(mission(signals), DVL)
+    assert list(np.flatnonzero(found.removed)) == [20, 400, 700]
+    for values in found.velocities.values():
+        assert np.isnan(values[[20, 400, 700]]).all()
+    assert found.velocities["surge"][21] == pytest.approx(0.9)
+    counts = count_labels([mission(signals), mission()], DVL)
+    assert (counts.samples, counts.bottom, counts.water) == (2000, 1500, 400)
+    assert (counts.outliers, counts.used) == (3, 1900 - 3)
+    assert counts.current_mean == pytest.approx(np.hypot(*CURRENT))
+    text = " ".join(counts.sentences(DVL))
+    assert "1897 of 2000 samples (94.8 %)" in text
+    assert "3 outliers (0.15 % of the samples)" in text
+    assert "mean speed 0.233 m/s" in text
+    assert "No current was known" in " ".join(counts.sentences(LabelConfig(source="dvl")))
+
+
+def test_labels_reach_the_training_with_their_gaps_and_change_no_input(tmp_path):
+    signals = surveyed()
+    signals["measured_dvl_surge"][20] += 0.3
+    path = write_store(tmp_path / "s.zarr", [signals] * 3, [0, 1, 2])
+    features = select_features(without=["imu"])
+    for target, level in (("surge", 0.9), ("sway", -0.05)):
+        arguments = {"target": target, "features": features, "mirror": False}
+        truth = prepare(path, **arguments)
+        data = prepare(path, **arguments, labels=DVL)
+        for ours, theirs in ((data.train, truth.train), (data.validation, truth.validation)):
+            np.testing.assert_array_equal(ours.inputs[0], theirs.inputs[0])
+            assert theirs.weights[0].all()
+            np.testing.assert_array_equal(np.flatnonzero(ours.weights[0] == 0), lost(20))
+            assert np.isfinite(ours.targets[0]).all()
+        wanted = data.train.targets[0] * data.normalisation.target_scale
+        wanted = wanted + data.normalisation.target_mean
+        assert wanted[data.train.weights[0] > 0] == pytest.approx(level, abs=1e-6)
+
+
+def lost(*outliers):
+    return sorted({*np.flatnonzero(LOCK == 0), *outliers})
+
+
+def test_division_by_samples_leaves_gaps_out_of_every_part(tmp_path):
+    path = write_store(tmp_path / "s.zarr", [surveyed()] * 2, [0, 1])
+    features = select_features(without=["imu"])
+    data = prepare(path, target="surge", features=features, division="samples", labels=DVL)
+    for part in (data.train, data.validation):
+        assert not part.weights[0][LOCK == 0].any()
+    assert data.train.weights[0].sum() == pytest.approx(0.7 * 950, rel=0.1)
+
+
+def test_a_store_without_a_usable_sample_says_what_to_do(tmp_path):
+    path = write_store(tmp_path / "s.zarr", [surveyed(mode=np.ones(400))] * 2, [0, 1])
+    features = select_features(without=["imu"])
+    with pytest.raises(StoreError, match=r"never had water lock.*--known-current NORTH,EAST"):
+        prepare(path, target="surge", features=features, labels=LabelConfig(source="dvl"))
+    path = write_store(tmp_path / "t.zarr", [surveyed(mode=np.zeros(400))] * 2, [0, 1])
+    with pytest.raises(StoreError, match=r"never had lock; or learn from the truth"):
+        prepare(path, target="surge", features=features, labels=DVL)
+    path = write_store(tmp_path / "u.zarr", [surveyed()] * 2, [0, 1], drop=("measured_dvl_mode",))
+    with pytest.raises(StoreError, match="no channel measured_dvl_mode"):
+        prepare(path, target="surge", features=features, labels=DVL)
+
+
+def test_a_current_that_the_store_has_not_is_asked_for():
+    signals = surveyed()
+    del signals["true_current_east"]
+    with pytest.raises(StoreError, match=r"mission 4 has no channel true_current_east.*0,0"):
+        measured(mission(signals), DVL)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"source": "gps"}, r"unknown source of labels 'gps'.*dvl, truth"),
+        ({"smoothing": "gausian"}, r"unknown smoothing 'gausian': did you mean 'gaussian'"),
+        ({"known_current": "still"}, r"known current 'still' is none of: none, store or NORTH"),
+        ({"known_current": "0.1"}, "is none of"),
+        ({"known_current": "0,nan"}, "is none of"),
+    ],
+)
+def test_unknown_words_are_named(settings, message):
+    with pytest.raises(InputError, match=message):
+        LabelConfig(**{"source": "dvl", **settings})
+
+
+def test_settings_of_labels_are_kept_and_refused_where_they_have_no_use(flown_store, tmp_path):
+    config = fit_settings(
+        flown_store, labels="dvl", known_current="0.1,0", smoothing="causal", hidden=40
+    )
+    assert config.labels == LabelConfig(source="dvl", known_current="0.1,0", smoothing="causal")
+    stored = {**dataclasses.asdict(config), "features": list(config.features)}
+    assert FitConfig.of(stored, tmp_path) == config
+    assert label_config(stored) == config.labels
+    plain = fit_settings(flown_store, hidden=40)
+    assert plain.labels == LabelConfig()
+    assert any("source truth instead of dvl" in change for change in plain.differences(config))
+    older = {k: v for k, v in dataclasses.asdict(plain).items() if k != "labels"}
+    assert FitConfig.of(older, tmp_path) == plain
+    for name in ("known_current", "smoothing"):
+        with pytest.raises(InputError, match=f"--{name.replace('_', '-')} is about what a Doppler"):
+            fit_settings(flown_store, **{name: "none"})
+
+
+def test_the_holes_of_a_log_are_not_filled_with_labels():
+    from learn.data.logs import filled
+
+    log = np.array([1.0, np.nan, np.nan, 0.7])
+    np.testing.assert_array_equal(filled("measured_dvl_surge", log), log)
+    assert np.isfinite(filled("measured_pitch", log)).all()

@@ -1,0 +1,135 @@
+"""Networks of a propelled vehicle that learn from its Doppler log, and the page beside the log."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import learn
+from factory.generation.bulk import generate
+from factory.recipe.recipe import make_recipe
+from learn.__main__ import PROGRAM
+from learn.data.labels import LabelConfig
+from learn.report import tables
+from learn.report.contents import Contents
+from learn.report.figures.doppler_errors import doppler_error_figure
+from learn.report.figures.lines import BESIDE_DVL, ground_lines, with_bottom_lock
+from learn.runs.run import open_run
+
+TORPEDO = Path(__file__).parents[2] / "vehicles" / "torpedo.xml"
+PLACE = {
+    "mission.duration_h": "uniform(0.1, 0.15)",
+    "mission.segment_duration_s": "uniform(100, 200)",
+    "mission.max_depth_m": "25",
+}
+
+
+def made(path: Path, **changes: str) -> Path:
+    recipe = make_recipe(
+        hours=0.5, sensors="field", changes={**PLACE, **changes}, vehicle=str(TORPEDO), seed=3
+    )
+    generate(recipe, path, workers=1)
+    return path
+
+
+@pytest.fixture(scope="module")
+def still(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Shallow and still water, instruments with errors."""
+    path = tmp_path_factory.mktemp("doppler") / "still.zarr"
+    return made(path, **{"current.speed": "0", "water.bottom_below_m": "20"})
+
+
+@pytest.fixture(scope="module")
+def run(still: Path, tmp_path_factory: pytest.TempPathFactory) -> learn.Run:
+    folder = tmp_path_factory.mktemp("doppler-run")
+    words = ["--seconds", "1", "--members", "1", "--name", "dvl", "--hidden", "40", "--json"]
+    labels = ["--labels", "dvl", "--known-current", "0,0"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr("twin.plot.page.DPI", 30)
+        assert PROGRAM.main(["fit", str(still), *words, *labels]) == 0
+    return open_run(folder / "runs/dvl")
+
+
+@pytest.fixture(scope="module")
+def judged(run: learn.Run, still: Path) -> learn.RunEvaluation:
+    return learn.evaluate(run, still, split="all", baselines=("dvl",))
+
+
+def test_the_run_says_what_it_learned_from(run: learn.Run) -> None:
+    assert run.labels == LabelConfig(source="dvl", known_current="0,0")
+    counts = run.description["label_counts"]
+    assert counts["bottom"] > 0.8 * counts["samples"]
+    assert 0.8 * counts["samples"] < counts["used"] < counts["samples"]
+    assert counts["outliers"] > 0
+    card = (run.folder / "README.md").read_text(encoding="utf-8")
+    page = run.report.read_text(encoding="utf-8")
+    for text in (card, page):
+        assert "Networks learned from the Doppler log, not from the truth" in text
+        assert "0,0 north, east, as given: mean speed 0.000 m/s" in text
+    assert "0.0347" in page  # the paper's networks for a propelled vehicle, not those of its glider
+    assert "2.12e-04" not in page
+
+
+def test_figures_stand_beside_the_log(judged: learn.RunEvaluation, run: learn.Run) -> None:
+    beside = judged.figures["against_dvl"]
+    assert beside["missions"] == judged.figures["missions"]
+    assert 0.0 < beside["surge_mse"] < 1.0
+    assert beside["samples"] > 0
+    rows = {row["track"]: row["mean [%]"] for row in tables.doppler_rows(judged.figures)}
+    own = judged.figures["baselines"]["dvl"]["dr_ground_percent_mean"]
+    assert rows["DVL-aided, from the truth"] == own < 3.0
+    # no two sides of a triangle are shorter than the third
+    assert rows["networks, from DVL-aided"] <= rows["networks, from the truth"] + own
+    stored = json.loads((run.folder / "evaluation.json").read_text())
+    assert stored["against_dvl"]["surge_mse"] is not None
+
+
+def test_the_comparison_is_of_tracks_over_ground(judged: learn.RunEvaluation) -> None:
+    shown = judged.shown[0]
+    found = {c.mission: c for c in judged.evaluation.against_dvl}[shown.reference.mission.index]
+    lines = ground_lines(shown, BESIDE_DVL)
+    away = np.hypot(*(lines["network"] - lines["dvl"]).T)
+    assert found.track.end_m == pytest.approx(away[-1])
+    assert found.track.max_m == pytest.approx(away.max())
+    assert found.track.path_m == pytest.approx(shown.reference.path[-1])
+
+
+def test_the_papers_figures_are_drawn_where_the_log_saw_the_bottom(
+    judged: learn.RunEvaluation, run: learn.Run
+) -> None:
+    contents = Contents(title="t", lead="l", test=judged)
+    unlogged = dataclasses.replace(judged, shown=())
+    for name in ("doppler_track", "doppler_track_3d", "doppler_errors"):
+        figure = learn.REPORT_FIGURES[name]()
+        assert figure.draw(contents) is not None
+        assert figure.caption(contents)
+        assert figure.draw(Contents(title="t", lead="l", test=unlogged)) is None
+        assert (run.report.parent / f"{name}.png").is_file()
+    shown = with_bottom_lock(judged.shown)
+    assert shown is not None
+    north, east, share = doppler_error_figure(shown).axes
+    lines = ground_lines(shown, BESIDE_DVL)
+    end = (lines["network"] - lines["truth"])[-1]
+    for place, value in ((north, end[0]), (east, end[1])):
+        assert place.lines[0].get_ydata()[-1] == pytest.approx(value, abs=0.2)
+    assert share.get_ylim()[0] == 0.0
+    assert with_bottom_lock(()) is None
+
+
+def test_in_still_water_and_in_a_current_the_page_says_what_can_be_known(
+    judged: learn.RunEvaluation, run: learn.Run, tmp_path: Path
+) -> None:
+    assert any("The water stood still" in text for text in tables.verdicts(judged.figures))
+    moving = made(tmp_path / "m.zarr", **{"current.speed": "0.3", "water.bottom_below_m": "20"})
+    found = learn.evaluate(run, moving, split="all", baselines=("dvl",)).figures
+    text = " ".join(tables.verdicts(found))
+    assert "no method can know it without sight of the bottom or a fix" in text
+    network, away, own = (row["mean [%]"] for row in tables.doppler_rows(found))
+    assert isinstance(own, float)
+    assert own < 5.0 < network  # the log sees the current, the networks do not
+    assert away > 5.0

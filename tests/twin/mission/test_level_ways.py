@@ -1,0 +1,195 @@
+"""Transects, circles, lawn-mowers and hovers: flown, and what is refused of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from torpedo import TORPEDO
+
+import twin
+from twin.errors import MissionError
+from twin.mission import Circle, Hover, LawnMower, Mission, SawTooth, Transect
+from twin.mission.balance import imbalance
+from twin.mission.turning import turn_factor, turn_per_position
+from twin.mission.way import level_way, way
+from twin.physics.scenario import Start
+from twin.vehicle.vehicle import load_vehicle
+from twin.water.floor import GridFloor
+
+PROPELLED = ("tethys", "tethys:gazebo", TORPEDO)
+
+
+def fly(vehicle, *segments, depth=10.0, duration=None, floor=None, speed=0.0, **mission):
+    plan = Mission(segments=segments, start_depth_m=depth, at_end="hold", **mission)
+    start = Start(depth=depth, v_rel=(speed, 0.0, 0.0))
+    return twin.simulate(vehicle=vehicle, mission=plan, duration=duration, floor=floor, start=start)
+
+
+@pytest.mark.parametrize("name", PROPELLED)
+def test_a_transect_holds_depth_heading_and_speed(name):
+    vehicle = load_vehicle(name)
+    run = fly(vehicle, Transect(depth_m=15.0, heading_deg=70.0, speed_m_s=0.9, duration_s=600.0))
+    late = run.time > 400.0
+    np.testing.assert_allclose(run["true_depth"][late], 15.0, atol=0.15)
+    np.testing.assert_allclose(run["true_heading"][late], 70.0, atol=0.6)
+    speed = np.hypot(run["true_surge"], run["true_heave"])[late]
+    np.testing.assert_allclose(speed, 0.9, rtol=0.01)
+    # it went the way that its speed and heading say
+    assert np.max(run["true_depth"]) < 16.0
+    assert math.degrees(math.atan2(run["true_east"][-1], run["true_north"][-1])) == pytest.approx(
+        70.0, abs=2.0
+    )
+
+
+@pytest.mark.parametrize("name", PROPELLED)
+@pytest.mark.parametrize("radius", [40.0, -60.0])
+def test_a_circle_has_its_radius_and_speed(name, radius):
+    vehicle = load_vehicle(name)
+    run = fly(vehicle, Circle(depth_m=10.0, radius_m=radius, turns=2.0), speed=0.9)
+    late = run.time > 0.5 * run.time[-1]  # the second time round
+    north, east = run["true_north"][late], run["true_east"][late]
+    centre = np.array([north.max() + north.min(), east.max() + east.min()]) / 2.0
+    np.testing.assert_allclose(
+        np.hypot(north - centre[0], east - centre[1]), abs(radius), rtol=0.03
+    )
+    turned = np.unwrap(np.radians(run["true_heading"]))
+    assert (turned[-1] - turned[0]) / (4.0 * math.pi) == pytest.approx(
+        math.copysign(1, radius), 0.05
+    )
+    assert run.time[-1] == pytest.approx(
+        4.0 * math.pi * abs(radius) / vehicle.cruise_speed, abs=1.0
+    )
+    np.testing.assert_allclose(run["true_depth"][late], 10.0, atol=0.15)
+
+
+def test_a_lawn_mower_flies_its_legs_beside_each_other():
+    mower = LawnMower(depth_m=12.0, heading_deg=30.0, leg_length_m=150.0, spacing_m=-30.0, legs=3)
+    assert [part.heading_deg for part in mower.flown_as()] == [30.0, 300.0, 210.0, 300.0, 30.0]
+    assert [part.length_m for part in mower.flown_as()] == [150.0, 30.0, 150.0, 30.0, 150.0]
+    vehicle = load_vehicle(TORPEDO)
+    run = fly(vehicle, mower, depth=12.0, speed=1.0)
+    assert set(run["commanded_segment"]) == {0.0, 1.0, 2.0, 3.0, 4.0}
+    assert run.time[-1] == pytest.approx(3 * 150 / 1.2 + 2 * 30 / 1.2, abs=1.5)
+    turn = math.radians(30.0)
+    across = run["true_east"] * math.cos(turn) - run["true_north"] * math.sin(turn)
+    places = [np.mean(across[run["commanded_segment"] == leg][-60:]) for leg in (0.0, 2.0, 4.0)]
+    # turns cut and widen what dead reckoning by time leaves of a spacing, by less than a diameter
+    assert np.all(np.abs(np.diff(places) + 30.0) < 10.0)
+
+
+def test_a_transect_follows_the_sea_floor():
+    north = np.linspace(-100.0, 900.0, 101)
+    depth = 40.0 + 6.0 * np.sin(north / 120.0)
+    floor = GridFloor(
+        north_m=north, east_m=[-200.0, 200.0], depth_m=np.column_stack([depth, depth])
+    )
+    vehicle = load_vehicle("tethys")
+    run = fly(
+        vehicle,
+        Transect(altitude_m=8.0, heading_deg=0.0, duration_s=600.0),
+        depth=30.0, floor=floor, speed=1.0,
+    )  # fmt: skip
+    late = run.time > 150.0
+    assert np.std(run["true_altitude"][late]) < 1.2 < np.std(run["true_depth"][late])
+    assert np.mean(run["true_altitude"][late]) == pytest.approx(8.0, abs=0.7)
+    # and a depth gives way to a floor that comes too near
+    run = fly(
+        vehicle,
+        Transect(depth_m=38.0, min_altitude_m=6.0, heading_deg=0.0, duration_s=600.0),
+        depth=25.0, floor=floor, speed=1.0,
+    )  # fmt: skip
+    assert np.min(run["true_altitude"]) > 4.0
+    assert np.max(run["true_depth"]) > 35.0
+    with pytest.raises(MissionError, match="floor"):
+        fly(vehicle, Transect(altitude_m=8.0, duration_s=60.0), depth=30.0)
+
+
+def test_a_hover_holds_depth_and_pitch_without_thrust():
+    run = fly("tethys", Hover(depth_m=14.0, pitch_deg=-12.0, duration_s=1500.0), depth=10.0)
+    late = run.time > 900.0
+    np.testing.assert_allclose(run["true_depth"][late], 14.0, atol=0.05)
+    np.testing.assert_allclose(run["true_pitch"][late], -12.0, atol=0.2)
+    assert np.max(run["true_depth"]) < 14.5
+    assert not run["true_propeller"].any()
+
+
+def test_a_steady_flight_balances_surge_heave_and_pitch():
+    for name in PROPELLED:
+        vehicle = load_vehicle(name)
+        for pitch in (-15.0, 10.0):
+            steady = way(vehicle, "way", "pitch_deg", pitch, 0.0, 0.9)
+            alpha = steady.angle_of_attack
+            velocity = 0.9 * np.array([math.cos(alpha), 0.0, math.sin(alpha)])
+            rest = imbalance(vehicle, steady.command, velocity, pitch=math.radians(pitch))
+            np.testing.assert_allclose(rest[[0, 2, 4]], 0.0, atol=1e-5)
+            assert steady.vertical_speed == pytest.approx(
+                0.9 * math.sin(alpha - math.radians(pitch))
+            )
+
+
+def test_a_hull_that_turns_by_itself_is_steered_by_its_rudder_all_the_same():
+    vehicle = load_vehicle("tethys")
+    steady = level_way(vehicle, "way", None)
+    sense = vehicle.steered("heading").sense("heading")
+    assert turn_per_position(vehicle, steady) * sense < 0.0  # fins too small: a steady turn lies
+    assert turn_factor(vehicle, steady) == sense
+
+
+def test_the_battery_takes_its_share_of_the_pitch():
+    vehicle = load_vehicle("tethys")
+    shift, elevator = (vehicle.part_names.index(name) for name in ("shift", "elevator"))
+    none = way(vehicle, "way", "pitch_deg", -15.0, 0.0, None)
+    half = way(vehicle, "way", "pitch_deg", -15.0, 0.0, None, trim_share=0.5)
+    whole = way(vehicle, "way", "pitch_deg", -15.0, 0.0, None, trim_share=1.0)
+    assert none.command[shift] == 0.0
+    assert half.command[shift] == pytest.approx(0.5 * whole.command[shift])
+    assert 0.0 < half.command[elevator] < none.command[elevator]
+    # what is left to the elevator is drag alone: the pump and the battery sit below the axis
+    assert abs(whole.command[elevator]) < 0.1 * none.command[elevator]
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "segment", "message"),
+    [
+        ("glider", Transect(depth_m=10, duration_s=60), "no propeller.*give a saw-tooth"),
+        ("tethys", SawTooth(max_depth_m=30, pitch_deg=40, speed_m_s=0.7, yos=1), "elevator at"),
+        ("tethys", Circle(depth_m=10, radius_m=3, turns=1), r"give at least [\d.]+ m"),
+        ("tethys", Transect(depth_m=10, speed_m_s=3, duration_s=60), "up to 1.* m/s"),
+        ("slocum-200", Hover(depth_m=10, duration_s=60), "buoyancy_pid"),
+        ("tethys", Hover(depth_m=10, pitch_deg=50, duration_s=60), "needs the shift at"),
+        ("glider", SawTooth(max_depth_m=30, trim_share=0.5, yos=1), "battery beside an elevator"),
+    ],
+)
+def test_what_a_vehicle_cannot_fly_is_refused(vehicle, segment, message):
+    with pytest.raises(MissionError, match=message):
+        Mission(segments=(segment,)).check(load_vehicle(vehicle))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Transect(duration_s=60), "either depth_m or altitude_m"),
+        (lambda: Transect(depth_m=10, altitude_m=5), "not both"),
+        (lambda: Circle(depth_m=10, radius_m=0), "positive to starboard"),
+        (
+            lambda: LawnMower(depth_m=5, heading_deg=0, leg_length_m=9, spacing_m=9, legs=2.5),
+            "whole",
+        ),
+        (lambda: Mission(segments=(Transect(depth_m=10), Transect(depth_m=5))), "length_m"),
+        (
+            lambda: Mission(segments=(Transect(depth_m=30, duration_s=9),), max_depth_m=31),
+            "for the overshoot",
+        ),
+    ],
+)
+def test_impossible_fields_are_refused(make, message):
+    with pytest.raises(MissionError, match=message):
+        make()
+
+
+def test_missions_of_new_kinds_survive_the_way_through_toml():
+    mission = twin.load_mission("transects")
+    assert Mission.from_dict(mission.to_dict()) == mission
+    assert mission.time_limit_s(load_vehicle("tethys")) > 2000.0

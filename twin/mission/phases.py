@@ -1,0 +1,112 @@
+"""Phases: when a dive turns, a segment ends, the next begins and a mission is aborted, compiled."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.compiled import jit
+from twin.mission import table as g
+
+Array = NDArray[np.float64]
+
+TIME_TOLERANCE = 1e-6
+"""[s] a tick this close to a limit counts as on it: tick times are sums of rounded periods."""
+
+
+@jit
+def _at_bottom(row: Array, depth: float, altitude: float) -> bool:
+    """Whether a dive turns here: at its depth, or near the sea floor."""
+    return bool(depth >= row[g.MAX_DEPTH] or altitude <= row[g.MIN_ALTITUDE])
+
+
+@jit
+def _enter(
+    table: Array,
+    state: Array,
+    index: int,
+    t: float,
+    depth: float,
+    altitude: float,
+    heading: float,
+) -> None:
+    """Make row `index` the current segment and choose its first phase."""
+    previous = state[g.PHASE]
+    index = min(max(index, 0), table.shape[0] - 1)
+    kind = table[index, g.KIND]
+    state[g.SEGMENT] = index
+    state[g.SEGMENT_START] = t
+    state[g.YO_COUNT] = 0.0
+    state[g.UNTIL_SIDE] = 1.0 if table[index, g.UNTIL_DEPTH] > depth else -1.0
+    state[g.DIVE_TURN_INTEGRAL] = state[g.CLIMB_TURN_INTEGRAL] = state[g.HEADING_ERROR] = 0.0
+    state[g.LEVEL_TURN_INTEGRAL] = 0.0
+    target = table[index, g.HEADING]
+    state[g.HEADING_SETPOINT] = heading if math.isnan(target) else target
+    if kind == g.HOLD:
+        state[g.PHASE] = g.HOLDING
+        state[g.HEADING_SETPOINT] = np.nan
+    elif kind == g.HOVER:
+        state[g.PHASE] = g.HOVERING
+        state[g.HEADING_SETPOINT] = np.nan
+        state[g.BUOYANCY_INTEGRAL] = state[g.TRIM_INTEGRAL] = 0.0
+    elif kind == g.LEVEL:
+        state[g.PHASE] = g.ON_LEVEL
+        state[g.DEPTH_INTEGRAL] = 0.0
+    elif kind in (g.SAW_TOOTH, g.SPIRAL):
+        climbing = previous == g.CLIMB and depth > table[index, g.MIN_DEPTH]
+        if climbing or _at_bottom(table[index], depth, altitude):
+            state[g.PHASE] = g.CLIMB
+            state[g.YO_COUNT] = -0.5
+        else:
+            state[g.PHASE] = g.DIVE
+        if kind == g.SPIRAL:
+            state[g.HEADING_SETPOINT] = np.nan
+    else:
+        state[g.PHASE] = g.SURFACING
+
+
+@jit
+def advance(
+    table: Array, state: Array, t: float, depth: float, altitude: float, heading: float
+) -> None:
+    """Phases and segments: turn at the limits of depth and altitude, count, go on, abort."""
+    end = table.shape[0] - 1
+    if state[g.PHASE] == g.NOT_STARTED:
+        state[g.LAST_DEPTH] = depth
+        _enter(table, state, 0, t, depth, altitude, heading)
+    index = min(max(int(state[g.SEGMENT]), 0), end)
+    if depth > table[index, g.ABORT_DEPTH] and index < end:
+        state[g.ABORTED] = 1.0
+        index = end
+        _enter(table, state, index, t, depth, altitude, heading)
+
+    phase = state[g.PHASE]
+    following = phase
+    if phase == g.DIVE and _at_bottom(table[index], depth, altitude):
+        following = g.CLIMB
+        state[g.YO_COUNT] += 0.5
+    elif phase == g.CLIMB and depth <= table[index, g.MIN_DEPTH]:
+        following = g.DIVE
+        state[g.YO_COUNT] += 0.5
+    elif phase == g.SURFACING and depth <= table[index, g.SURFACE_DEPTH]:
+        following = g.AT_SURFACE
+        state[g.ARRIVAL] = t
+        if index == end:
+            state[g.DONE] = 1.0
+
+    if index < end and state[g.DONE] == 0.0:
+        duration = table[index, g.DURATION]
+        if table[index, g.KIND] == g.SURFACE:
+            over = following == g.AT_SURFACE and t - state[g.ARRIVAL] >= duration - TIME_TOLERANCE
+        else:
+            over = t - state[g.SEGMENT_START] >= duration - TIME_TOLERANCE
+        over = over or state[g.YO_COUNT] >= table[index, g.YO_LIMIT]
+        over = over or (depth - table[index, g.UNTIL_DEPTH]) * state[g.UNTIL_SIDE] >= 0.0
+        if over and index + 1 == end and table[end, g.KIND] == g.END_HOLDING:
+            state[g.DONE] = 1.0  # the last segment goes on without limits
+        elif over:
+            _enter(table, state, index + 1, t, depth, altitude, heading)
+            return
+    state[g.PHASE] = following

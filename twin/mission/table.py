@@ -1,0 +1,71 @@
+"""Table: the columns of a compiled mission, the gains of its loops and what guidance remembers.
+
+`Mission.compile` writes the table and the gains, `twin.mission.guidance` flies them; everything is
+float64, so that compiled code can read it. Angles are rad, depths m positive down.
+"""
+
+from __future__ import annotations
+
+# --- table: one row per segment; the last row is the end of the mission -----------------------
+KIND = 0  # one of the kinds below
+MIN_DEPTH, MAX_DEPTH = 1, 2  # [m] where a climb and a dive turn
+DIVE_PITCH, CLIMB_PITCH = 3, 4  # [rad] signed: nose down is negative
+HEADING = 5  # [rad], NaN: the heading at entry
+PITCH_LOW, PITCH_HIGH = 6, 7  # travel of the pitching part
+TURN_LIMIT = 8  # largest position of the turning part in the heading loop, either way
+YO_LIMIT = 9  # NaN: none
+DURATION = 10  # [s], NaN: none
+UNTIL_DEPTH = 11  # [m], NaN: none
+ABORT_DEPTH = 12  # [m], inf: none
+SURFACE_DEPTH = 13  # [m] above this the vehicle counts as surfaced
+DIVE_TURN, CLIMB_TURN = 14, 15  # factor of the heading loop, with the sign of the turn
+MIN_ALTITUDE = 16  # [m] above the sea floor at which a dive turns and level ways rise, NaN: none
+DEPTH, ALTITUDE = 17, 18  # [m] that a level way or a hover holds, NaN: none; one of them
+LEVEL_PITCH = 19  # [rad] at which a level way keeps its depth
+TURN_RATE = 20  # [rad/s] of the wanted heading on a level way, 0: straight
+SEGMENT_COLUMNS = 21
+# then three commands, each of the width of the vehicle: what its parts do in a dive or on a level
+# way, in a climb, and in a hold, a hover or at the surface. The loops start from the position of
+# their part in it.
+DIVE_COMMAND, CLIMB_COMMAND, REST_COMMAND = 0, 1, 2
+LEVEL_COMMAND, LEVEL_TURN = DIVE_COMMAND, DIVE_TURN
+
+SAW_TOOTH, SPIRAL, SURFACE, HOLD, LEVEL, HOVER = 1.0, 2.0, 3.0, 4.0, 7.0, 8.0
+END_AT_SURFACE, END_HOLDING = 5.0, 6.0  # kinds of the last row
+
+# --- gains ------------------------------------------------------------------------------------
+PITCH_KP, PITCH_KI, PITCH_KD = 0, 1, 2  # position per error [1/rad], [1/(rad s)], [s/rad]
+HEADING_KP, HEADING_KI, HEADING_KD = 3, 4, 5  # likewise
+PERIOD = 6  # [s]
+PITCH_PART, PITCH_SENSE = 7, 8  # place among the parts, -1: none; +1 or -1
+TURN_PART = 9  # place among the parts, -1: none
+DEPTH_KP, DEPTH_KI, DEPTH_KD = 10, 11, 12  # nose down [rad] per depth [m], [m s], [m/s]
+TRIM_KP, TRIM_KI, TRIM_KD = 13, 14, 15  # as the pitch loop's, of what trims in a hover
+TRIM_PART, TRIM_SENSE, TRIM_LOW, TRIM_HIGH = 16, 17, 18, 19  # likewise, and its travel
+BUOYANCY_KP, BUOYANCY_KI, BUOYANCY_KD = 20, 21, 22  # [cm3] less per depth [m], [m s], [m/s]
+BUOYANCY_PART, BUOYANCY_LOW, BUOYANCY_HIGH = 23, 24, 25  # the pump, likewise
+PITCHES_AT_REST = 26  # 1: the pitching part is a battery, which needs no flow
+GAINS = 27
+
+# --- state: all zeros before the first step ---------------------------------------------------
+SEGMENT = 0  # index of the row being flown
+PHASE = 1  # one of the phases below
+YO_COUNT = 2  # of this segment, in halves; -0.5 while it finishes a climb it did not begin
+SEGMENT_START = 3  # [s]
+ARRIVAL = 4  # [s] time of reaching the surface
+UNTIL_SIDE = 5  # +1: the segment ends below UNTIL_DEPTH, -1: above it
+DIVE_INTEGRAL, CLIMB_INTEGRAL = 6, 7  # of pitch [rad s]
+DIVE_TURN_INTEGRAL, CLIMB_TURN_INTEGRAL = 8, 9  # of heading [rad s]
+PITCH_SETPOINT = 10  # [rad], NaN: none
+HEADING_SETPOINT = 11  # [rad] in [0, 2 pi), NaN: none
+DONE = 12  # 1 once the plan is flown, and the surface reached where it ends there
+ABORTED = 13  # 1 once the abort depth was exceeded
+HEADING_ERROR = 14  # [rad] of the last tick, by the side on which it turns
+LEVEL_INTEGRAL, LEVEL_TURN_INTEGRAL = 15, 16  # of pitch and heading on level ways [rad s]
+TRIM_INTEGRAL = 17  # of pitch in a hover [rad s]
+DEPTH_INTEGRAL, BUOYANCY_INTEGRAL = 18, 19  # of depth [m s]
+LAST_DEPTH = 20  # [m] at the last tick
+GUIDANCE_STATE = 21
+
+NOT_STARTED, DIVE, CLIMB, SURFACING, AT_SURFACE, HOLDING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
+ON_LEVEL, HOVERING = 6.0, 7.0

@@ -1,0 +1,147 @@
+"""Presets: other sets of numbers that a vehicle file holds beside its own.
+
+A file lists its sets by `<text name="presets" data="OWN OTHER ..."/>` under <custom>. The first is the
+file as it stands. Every other set is written by elements that begin with its name and a colon:
+
+- `<numeric name="OTHER:Xuu" data="..."/>` and `<text name="OTHER:summary" data="..."/>` take the
+  place of the element of that name;
+- `<text name="OTHER:TAG/NAME@ATTRIBUTE" data="..."/>` sets an attribute of another element of the
+  file, such as `site/rudder@pos`, `general/rudder@actrange` or `body/hull/inertial@mass`;
+- `<text name="OTHER:without" data="Yuv Nuv"/>` leaves numbers and texts out.
+
+To MuJoCo all of these are custom data without a meaning: the file loads and is its first set.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+from twin.errors import VehicleError, unknown_name
+from twin.vehicle.mjcf import MjcfReader
+
+PRESETS = "presets"
+"""Name of the `<text>` that lists the sets of a file"""
+WITHOUT = "without"
+"""What follows the colon where a set leaves elements out"""
+SEPARATOR = ":"
+"""Between a vehicle's name or path and its set, and between a set and what it changes"""
+_ATTRIBUTE = re.compile(r"(?P<tag>\w+)/(?P<name>[^/@]+)(?:/(?P<child>\w+))?@(?P<attribute>\w+)")
+
+
+def split_preset(vehicle: str) -> tuple[str, str]:
+    """("tethys", "gazebo") of "tethys:gazebo"; (all of it, "") where no set is named."""
+    name, colon, preset = vehicle.rpartition(SEPARATOR)
+    if not (colon and preset) or "/" in preset or "\\" in preset or preset.endswith(".xml"):
+        return vehicle, ""
+    return name, preset
+
+
+def preset_names(xml: str, path: Path) -> tuple[str, ...]:
+    """The sets of a file, its own first; () of a file with one set without a name.
+
+    Raises:
+      VehicleError: the file is not MJCF.
+    """
+    return _names(MjcfReader(xml, path))
+
+
+def _names(reader: MjcfReader) -> tuple[str, ...]:
+    return tuple(reader.text(PRESETS, "").split())
+
+
+def apply_preset(xml: str, path: Path, preset: str) -> str:
+    """The MJCF text of one set: a complete file, in which nothing of the other sets is left.
+
+    The file's own first set is the text as it is.
+
+    Raises:
+      VehicleError: no set has this name (the nearest is offered), or what it changes is not there.
+    """
+    reader = MjcfReader(xml, path)
+    names = _names(reader)
+    if not names:
+        raise VehicleError(
+            f"vehicle file {path} has no presets, so {preset!r} cannot be chosen: leave "
+            f"'{SEPARATOR}{preset}' out"
+        )
+    if preset not in names:
+        raise VehicleError(f"vehicle file {path}: {unknown_name('preset', preset, names)}")
+    if preset == names[0]:
+        return xml
+    custom = reader.one("custom")
+    changes = _taken_out(reader, custom, names)[preset]
+    own = {(e.tag, e.get("name", "")): e for e in custom}
+    for name, element in changes.items():
+        if name == WITHOUT:
+            _leave_out(reader, preset, custom, element)
+        elif "@" in name:
+            _set_attribute(reader, preset, name, element)
+        else:
+            replaced = own.get((element.tag, name))
+            if replaced is None:
+                known = [there for tag, there in own if tag == element.tag]
+                raise VehicleError(
+                    f"vehicle file {path}: preset {preset!r}: "
+                    f"{unknown_name(f'<{element.tag}>', name, known)}; it changes what the file "
+                    "itself has"
+                )
+            replaced.set("data", element.get("data", ""))
+    custom.remove(reader.texts[PRESETS])
+    return ElementTree.tostring(reader.root, encoding="unicode") + "\n"
+
+
+def _taken_out(
+    reader: MjcfReader, custom: Element, names: tuple[str, ...]
+) -> dict[str, dict[str, Element]]:
+    """The changes of every set but the first, taken out of the file: elements by what they name."""
+    changes: dict[str, dict[str, Element]] = {name: {} for name in names[1:]}
+    for element in list(custom):
+        preset, colon, name = element.get("name", "").partition(SEPARATOR)
+        if not colon:
+            continue
+        if preset not in changes:
+            raise VehicleError(
+                f"vehicle file {reader.path}: <{element.tag} name={element.get('name')!r}>: "
+                f"{unknown_name('preset', preset, names[1:])}; <text name={PRESETS!r}> lists them, "
+                "after the file's own"
+            )
+        changes[preset][name] = element
+        custom.remove(element)
+    return changes
+
+
+def _leave_out(reader: MjcfReader, preset: str, custom: Element, element: Element) -> None:
+    own = {e.get("name", ""): e for e in custom}
+    for name in element.get("data", "").split():
+        if name not in own:
+            what = unknown_name("element", name, own)
+            raise VehicleError(
+                f"vehicle file {reader.path}: <text name='{preset}:{WITHOUT}'>: {what}"
+            )
+        custom.remove(own[name])
+
+
+def _set_attribute(reader: MjcfReader, preset: str, place: str, element: Element) -> None:
+    label = f"<text name='{preset}{SEPARATOR}{place}'>"
+    found = _ATTRIBUTE.fullmatch(place)
+    if found is None or element.tag != "text":
+        reader.fail(label, "a <text> named PRESET:TAG/NAME@ATTRIBUTE or .../CHILD@ATTRIBUTE")
+    tag, name, child, attribute = found.group("tag", "name", "child", "attribute")
+    there: Mapping[str, Element] = {e.get("name", ""): e for e in reader.root.iter(tag)}
+    if name not in there:
+        raise VehicleError(
+            f"vehicle file {reader.path}: {label}: {unknown_name(f'<{tag}>', name, there)}"
+        )
+    target = there[name] if child is None else there[name].find(child)
+    if target is None:
+        reader.fail(label, f"of an element: <{tag} name={name!r}> has no <{child}>")
+    if attribute not in target.attrib:
+        raise VehicleError(
+            f"vehicle file {reader.path}: {label}: "
+            f"{unknown_name('attribute', attribute, target.attrib)}; it changes what is there"
+        )
+    target.set(attribute, element.get("data", ""))
