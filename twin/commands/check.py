@@ -19,7 +19,7 @@ class Check(JsonOption):
     """
 
     vehicle: str | None = None
-    """shipped vehicle name, or the path of an MJCF file, for the manoeuvres [default: glider] or
+    """shipped vehicle name or MJCF file (:PRESET behind it), for the manoeuvres [default: glider] or
     of the logs"""
     manoeuvres: int | None = None
     """number of random 600 s manoeuvres [default: 20]"""
