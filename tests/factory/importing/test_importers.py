@@ -64,6 +64,11 @@ def write(kind: str, layout: int, folder: Path) -> list[Path]:
     return WRITERS[kind][layout](folder, FLIGHT)
 
 
+def mapping(kind: str, folder: Path) -> Path | None:
+    """What the columns of a kind's tables are, where its names do not say."""
+    return folder / "mine.toml" if IMPORTERS[kind].takes_mapping else None
+
+
 def test_every_importer_has_logs_that_these_tests_write() -> None:
     assert set(WRITERS) == set(IMPORTERS.names())
 
@@ -79,8 +84,8 @@ def test_logs_come_back_dive_by_dive(kind: str, layout: int, tmp_path: Path) -> 
     paths = write(kind, layout, tmp_path / "logs")
     assert all(importer.accepts(path) for path in paths)
     given = None if (kind, layout) != ("og1", 0) else FLIGHT.variation  # that file has none
-    mapping = tmp_path / "logs" / "mine.toml" if importer.takes_mapping else None
-    dataset, report = import_logs(kind, [tmp_path / "logs"], variation_deg=given, mapping=mapping)
+    logs = tmp_path / "logs"
+    dataset, report = import_logs(kind, [logs], variation_deg=given, mapping=mapping(kind, logs))
     assert report.kind == kind
     assert report.rows == FLIGHT.dives
     assert report.period == importer.period
@@ -123,7 +128,8 @@ def names_in(path: Path) -> set[str]:
 @pytest.mark.parametrize(("kind", "layout"), LAYOUTS)
 def test_each_name_of_a_file_is_accounted_for_once(kind: str, layout: int, tmp_path: Path) -> None:
     paths = write(kind, layout, tmp_path / "logs")
-    _, report = import_logs(kind, paths, variation_deg=FLIGHT.variation)
+    given = mapping(kind, tmp_path / "logs")
+    _, report = import_logs(kind, paths, variation_deg=FLIGHT.variation, mapping=given)
     named = [
         name for states in report.names.values() for names in states.values() for name in names
     ]
