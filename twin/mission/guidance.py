@@ -168,6 +168,22 @@ def _buoyancy_loop(
 
 
 @jit
+def _leave_surface(gains: Array, command: Array) -> None:
+    """Go down from the surface by weight: pump and battery of a vehicle that an elevator pitches.
+
+    An elevator lifts the tail out of the water before it pitches the nose down, and awash a hull
+    is stiff in pitch: at low speeds it would stay there.
+    """
+    if gains[g.PITCHES_AT_REST] != 0.0:
+        return
+    pump, battery = int(gains[g.BUOYANCY_PART]), int(gains[g.TRIM_PART])
+    if 0 <= pump < command.size:
+        command[pump] = gains[g.BUOYANCY_LOW]
+    if 0 <= battery < command.size:
+        command[battery] = gains[g.TRIM_LOW if gains[g.TRIM_SENSE] > 0.0 else g.TRIM_HIGH]
+
+
+@jit
 def guidance_step(
     table: Array,
     gains: Array,
@@ -235,6 +251,8 @@ def guidance_step(
         _command(row, g.CLIMB_COMMAND, command)
     state[g.PITCH_SETPOINT] = setpoint
     _pitch_loop(row, gains, state, slot, setpoint - pitch, pitch_rate, command)
+    if setpoint < 0.0 and depth < row[g.SURFACE_DEPTH]:
+        _leave_surface(gains, command)
 
     part = int(gains[g.TURN_PART])
     if math.isnan(state[g.HEADING_SETPOINT]) or not 0 <= part < command.size:
