@@ -8,7 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from logs import SHARED, START, Flight, example, table_columns, write_csv
+from logs import (
+    SENTINEL,
+    SHARED,
+    START,
+    Flight,
+    example,
+    sailfish_columns,
+    table_columns,
+    write_csv,
+)
 from numpy.typing import NDArray
 
 from factory.importing import import_logs
@@ -16,7 +25,6 @@ from factory.importing.formats.csv.mapping import load_mapping, parse_mapping, s
 from factory.importing.reading.units import in_unit
 from factory.inspect.verify_logs import verify_logs
 from twin.errors import InputError
-from twin.geodesy import from_tangent_plane
 from twin.records.logs import LogStore
 from twin.records.store import write_store
 
@@ -26,7 +34,6 @@ PAGE = (ROOT / "docs" / "real.md").read_text()
 TORPEDO = ROOT / "tests" / "vehicles" / "torpedo.xml"
 FLIGHT = Flight(depth=100.0, surface=600.0)
 SAILFISH = SHARED / "auv_sailfish"
-SENTINEL = 25.032015
 
 
 def mine(**changes: Any) -> dict[str, Any]:
@@ -376,30 +383,6 @@ def test_units(unit: str, wanted: str, value: float) -> None:
 
 
 # --- a propelled vehicle in the layout of the Sailfish's files -----------------------------------
-
-
-def sailfish_columns(seconds: float = 400.0) -> dict[str, Array]:
-    """A run of circles and straight legs at 1.5 m/s; the vehicle slips outwards in turns."""
-    time = np.arange(0.0, seconds, 0.1)
-    turning = (time % 100.0) < 50.0
-    rate = np.where(turning, 0.08, 0.0)  # [rad/s] to starboard
-    heading = np.cumsum(rate) * 0.1
-    surge, sway = np.full(len(time), 1.5), -2.0 * rate
-    north = np.cumsum(surge * np.cos(heading) - sway * np.sin(heading)) * 0.1
-    east = np.cumsum(surge * np.sin(heading) + sway * np.cos(heading)) * 0.1
-    latitude, longitude = from_tangent_plane(north, east, 34.5, 108.4)
-    nothing = np.zeros(len(time))
-    lost = (time % 40.0) < 10.0
-    return {
-        "lat": latitude, "lon": longitude, "alt": nothing,
-        "roll": nothing + 0.02, "pitch": nothing + 0.1,
-        "yaw": np.angle(np.exp(1j * (0.5 * np.pi - heading))),
-        "vn": nothing, "ve": nothing,
-        "vf": np.where(lost, -SENTINEL, surge), "vl": np.where(lost, SENTINEL, -sway),
-        "vu": nothing, "ax": np.gradient(surge, 0.1), "ay": nothing, "az": nothing,
-        "wx": nothing, "wy": nothing + 0.01, "wz": -rate, "wf": nothing, "numsats": nothing,
-        "time": time,
-    }  # fmt: skip
 
 
 def sailfish(folder: Path, name: str = "20220712_0_1.csv", **changes: Array) -> Any:
