@@ -185,9 +185,7 @@ def _proportional(pid: str) -> int:
     return 0
 
 
-def generate(
-    hours: float, preset: str, folder: Path, vehicle: str = "glider"
-) -> dict[str, float]:
+def generate(hours: float, preset: str, folder: Path, vehicle: str = "glider") -> dict[str, float]:
     """A cold `factory generate`: wall and CPU time [s], peak memory and store size [bytes]."""
     store = folder / f"{preset}-{vehicle}-{hours:g}.zarr"
     command = [sys.executable, "-m", "factory", "generate", "--hours", str(hours)]
