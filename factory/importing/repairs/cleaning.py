@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from factory.importing.reading.deployment_log import Channel
 from factory.importing.reading.tally import Tally
 from factory.importing.repairs.plausibility import FASTEST, SLOWEST, speed_along_pitch
+from factory.importing.repairs.restarts import lone_zeros, stale
 from factory.importing.repairs.unreachable import unreachable
 from twin.errors import InputError
 
@@ -54,9 +55,6 @@ _MOST = 0.3
 """With more than this part of its samples out of reach of the others, a sensor is not repaired."""
 _SHORT = 20
 """Of such a sensor, runs of so few samples out of reach still go."""
-_ZERO_RATE = 1.0
-"""[m/s] No glider comes to the surface and no deeper faster: an exact 0 that needs more is what a
-sensor writes before its first measurement."""
 _RETURNED = 0.5
 """A spike's neighbours differ by less than this part of the spike."""
 
@@ -81,11 +79,13 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
     time, values = time[there], values[there]
     if limits is not None and np.isfinite(limits.rate):
         if name in CHAINED:
-            unset = lone_zeros(time, values, rate=_ZERO_RATE, jump=limits.jump)
-            tally.add(
-                "removed", subject, int(unset.sum()), "0 in the middle of a dive: no value yet"
-            )
-            time, values = time[~unset], values[~unset]
+            for find, what in (
+                (stale, "the last value again after a hole: no new one yet"),
+                (lone_zeros, "0 in the middle of a dive: no value yet"),
+            ):
+                unset = find(time, values, rate=limits.rate, jump=limits.jump)
+                tally.add("removed", subject, int(unset.sum()), what)
+                time, values = time[~unset], values[~unset]
             bad = unreachable(time, values, rate=limits.rate, jump=limits.jump)
             why = f"changes faster than {limits.rate:g} m/s"
             if bad.sum() > _MOST * len(bad):
@@ -115,25 +115,6 @@ def spikes(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[n
     bad[1:-1] = (
         excess[:-1] & excess[1:] & (out * back < 0) & (np.abs(out + back) < _RETURNED * size)
     )
-    return bad
-
-
-def lone_zeros(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[np.bool_]:
-    """Exact zeros that the nearest other sample before or after cannot have reached.
-
-    A restarted sensor writes one before its first measurement, wherever the vehicle is.
-    """
-    zero = values == 0.0
-    if not zero.any() or zero.all():
-        return np.zeros(len(values), bool)
-    index = np.arange(len(values))
-    before = np.maximum.accumulate(np.where(zero, -1, index))
-    after = np.minimum.accumulate(np.where(zero, len(values), index)[::-1])[::-1]
-    bad = np.zeros(len(values), bool)
-    for near, there in ((before, before >= 0), (after, after < len(values))):
-        at = np.clip(near, 0, len(values) - 1)
-        reach = jump + rate * np.abs(time - time[at])
-        bad |= zero & there & (np.abs(values[at]) > reach)
     return bad
 
 

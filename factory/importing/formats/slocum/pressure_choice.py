@@ -23,6 +23,9 @@ _MOVING = 8.0
 """[dbar] Noise is measured below the waves."""
 _ZERO = 20.0
 """[dbar] The largest offset that a sensor is thought to have where it shows least."""
+_FLOATING = 1.0
+"""[dbar] A sensor that shows its least for a tenth of the time is at the surface then; one that is
+switched off near the surface passes its least."""
 _HOLE = 15.0
 """[s] A sensor that is silent for longer, and for three of its spacings, is off."""
 _SHALLOW = 20.0
@@ -34,6 +37,11 @@ _RATE, _ENOUGH = 0.05, 10
 _SAME_ZERO = 2.0
 """[dbar] Sensors that differ by less have one zero: a lag of some seconds, or half a hull's length
 at 26 degree of pitch, make as much."""
+_DRIFTED, _CLEARLY = 1.0, 5.0
+"""[dbar] A zero that has moved by less stays, and one that moves by no more than so many times what
+single holes differ from their neighbours."""
+_NEIGHBOURS = 5
+"""Holes of which the median is taken."""
 _AGREE = 25.0
 """[dbar] Sensors of one vehicle that differ by more are not joined: an offset that was never taken
 off is below."""
@@ -85,7 +93,9 @@ def _cover(channel: Channel) -> float:
     Under water is by the sensor's own zero: an offset is no water.
     """
     gap = np.minimum(np.diff(channel.time), _COVER_GAP)
-    zero = min(max(float(np.percentile(channel.values, 1.0)), 0.0), _ZERO)
+    low, high = np.percentile(channel.values, [1.0, 10.0])
+    floats = high - low < _FLOATING and 0.0 < low < _ZERO
+    zero = float(low) if floats else 0.0
     return float(gap[channel.values[1:] > zero + _MOVING].sum())
 
 
@@ -106,9 +116,7 @@ def filled(pressure: Channel, other: Channel) -> tuple[Channel, int]:
     added, low, high = other.time[inside], edges[at[inside]], edges[at[inside] + 1]
     steps = [_step(pressure, other, shift, edge) for edge in (low, high)]
     # a zero that has moved since: what is left at both edges, on the way up and down, alike
-    known = np.isfinite(np.stack(steps))
-    moved = np.where(known, steps, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-    moved = np.where(np.abs(moved) > _SAME_ZERO, moved, 0.0)
+    moved = _moved(at[inside], 0.5 * (steps[0] + steps[1]))
     shifts = shift + moved
     for edge, step in zip((low, high), steps, strict=True):
         shifts += np.where(np.isfinite(step), step - moved, 0.0) * np.clip(
@@ -118,6 +126,30 @@ def filled(pressure: Channel, other: Channel) -> tuple[Channel, int]:
     values = np.concatenate([pressure.values, other.values[inside] - shifts])
     order = np.argsort(time, kind="stable")
     return Channel(time[order], values[order]), int(inside.sum())
+
+
+def _moved(hole: NDArray[np.intp], step: Array) -> Array:
+    """[dbar] By how much the difference of the zeros has changed at each added sample.
+
+    The median over neighbouring holes: what one says is noise of a turn.
+
+    Args:
+      hole: number of the hole that a sample is in, not decreasing. step: NaN where not known.
+    """
+    _, first, of = np.unique(hole, return_index=True, return_inverse=True)
+    each = step[first]
+    known = np.flatnonzero(np.isfinite(each))
+    if not known.size:
+        return np.zeros(len(step))
+    values = each[known]
+    reach = [min(_NEIGHBOURS // 2, k, known.size - 1 - k) for k in range(known.size)]
+    smooth = np.array([np.median(values[k - near : k + near + 1]) for k, near in enumerate(reach)])
+    inner = np.abs(values - smooth)[_NEIGHBOURS // 2 : known.size - _NEIGHBOURS // 2]
+    noise = float(np.median(inner)) if inner.size else np.inf
+    found = np.interp(np.arange(len(each)), known, smooth)
+    if np.abs(found).max() <= max(_DRIFTED, _CLEARLY * noise):
+        return np.zeros(len(step))
+    return np.asarray(found[of])
 
 
 def _step(pressure: Channel, other: Channel, shift: float, edge: Array) -> Array:
