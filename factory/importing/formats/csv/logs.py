@@ -255,7 +255,9 @@ def _log(
     if mapping.dvl_lock is not None and "measured_dvl_surge" in channels:
         has = np.isin(time, channels["measured_dvl_surge"].time)
         channels["measured_dvl_mode"] = Channel(time, LOCKS[mapping.dvl_lock] * has)
-        tally.add("note", "measured_dvl_mode", int(has.sum()), f"{mapping.dvl_lock}, says the mapping")
+        tally.add(
+            "note", "measured_dvl_mode", int(has.sum()), f"{mapping.dvl_lock}, says the mapping"
+        )
     variation = channels.pop("magnetic_variation", EMPTY)
     _to_true_north(deployment, channels, mapping, variation, variation_deg, tally)
     fixes = _fixes(channels.pop("gps_latitude", EMPTY), channels.pop("gps_longitude", EMPTY), tally)
@@ -348,8 +350,16 @@ def _with_water(log: DeploymentLog, conductivity: Channel | None, tally: Tally) 
         return log
     track = log.channel("latitude"), log.channel("longitude")
     known = len(log.fixes) or len(track[0])
-    latitude = float(np.median(log.fixes.latitude if len(log.fixes) else track[0].values)) if known else 0.0
-    longitude = float(np.median(log.fixes.longitude if len(log.fixes) else track[1].values)) if known else 0.0
+    latitude = (
+        float(np.median(log.fixes.latitude if len(log.fixes) else track[0].values))
+        if known
+        else 0.0
+    )
+    longitude = (
+        float(np.median(log.fixes.longitude if len(log.fixes) else track[1].values))
+        if known
+        else 0.0
+    )
     dbar = pressure if len(pressure) else Channel(depth.time, pressure_of(depth.values, latitude))
     both = warm.time
     made = ctd_channels(

@@ -362,7 +362,9 @@ def _clock(label: str, entry: object) -> Clock:
         try:
             groups = re.compile(_text(label, "start_from_name", pattern)).groups
         except re.error as error:
-            raise InputError(f"{label}: start_from_name is no regular expression: {error}") from None
+            raise InputError(
+                f"{label}: start_from_name is no regular expression: {error}"
+            ) from None
         if groups != 1:
             raise InputError(
                 f"{label}: start_from_name must have one group in brackets, the date, such as "
@@ -389,7 +391,9 @@ def _moment(label: str, value: object) -> float:
     if isinstance(moment, datetime.date) and not isinstance(moment, datetime.datetime):
         moment = datetime.datetime(moment.year, moment.month, moment.day)
     if not isinstance(moment, datetime.datetime):
-        raise InputError(f"{label}: start must be a time such as 2022-06-25T08:00:00Z, not {value!r}")
+        raise InputError(
+            f"{label}: start must be a time such as 2022-06-25T08:00:00Z, not {value!r}"
+        )
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=datetime.UTC)
     return moment.timestamp()
