@@ -21,7 +21,8 @@ class Vehicles(JsonOption):
 
         lines = shipped_vehicles()
         console.table(
-            [line.cells() for line in lines], title="Shipped vehicles in their usual glide, or at their cruise"
+            [line.cells() for line in lines],
+            title="Shipped vehicles in their usual glide, or at their cruise",
         )
         console.say()
         console.pairs({line.name: line.summary for line in lines})

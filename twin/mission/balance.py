@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.frames import cross
+
 if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
 
@@ -86,8 +88,8 @@ def imbalance(
         mass += moving.mass
         first = first + moving.mass * place
         inertia = inertia + moving.inertia @ omega + _point(moving.mass, place, omega)
-    impulse = mass * velocity + np.cross(omega, first)
-    spin = inertia + np.cross(first, velocity)
+    impulse = mass * velocity + cross(omega, first)
+    spin = inertia + cross(first, velocity)
     water = vehicle.added_mass @ nu if vehicle.added_mass_coupling else np.zeros(6)
 
     wrench = vehicle.law.wrench(nu, density)
@@ -96,13 +98,13 @@ def imbalance(
         wrench = wrench + part.wrench(float(place), nu, density, DEEP)
         own = part.displaced(float(place))
         volume += own
-        wrench[3:] -= density * own * gravity * np.cross(part.position, down)
-    wrench[:3] += (mass - density * volume) * gravity * down - np.cross(omega, impulse + water[:3])
-    wrench[3:] += gravity * np.cross(first, down) - np.cross(omega, spin + water[3:])
-    wrench[3:] -= np.cross(velocity, impulse + water[:3])
+        wrench[3:] -= density * own * gravity * cross(np.array(part.position), down)
+    wrench[:3] += (mass - density * volume) * gravity * down - cross(omega, impulse + water[:3])
+    wrench[3:] += gravity * cross(first, down) - cross(omega, spin + water[3:])
+    wrench[3:] -= cross(velocity, impulse + water[:3])
     return wrench
 
 
 def _point(mass: float, place: Array, omega: Array) -> Array:
     """Angular momentum [N m s] of a point mass that turns about the CB, shape (3,)."""
-    return mass * np.cross(place, np.cross(omega, place))
+    return mass * cross(place, cross(omega, place))

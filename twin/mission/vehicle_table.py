@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from twin.mission.glide import steady_glide
 from twin.vehicle.vehicle import Vehicle, load_vehicle, vehicle_names
 
-
 MISSING = "-"
 """In a cell without a value"""
 

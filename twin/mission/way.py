@@ -135,6 +135,9 @@ def _driven(
 ) -> Way:
     """The steady way under the propeller; pitch [rad], None: level."""
     pitching, trimming = vehicle.steered("pitch"), vehicle.steered("trim")
+    more = ""
+    if pitch is not None and trimming is not None and trim_share < 1.0:
+        more = f", or let the {trimming.name} take more of the pitch: trim_share"
     if pitch is not None and trimming is not None:
         place = vehicle.part_names.index(trimming.name)
         shift = trim_share * standing_shift(vehicle, trimming, pitch)
@@ -142,14 +145,14 @@ def _driven(
     try:
         flight = steady_flight(vehicle, pitch, speed, command)
     except MissionError as error:
-        raise MissionError(f"{label}: {error}") from None
+        raise MissionError(f"{label}: {error}{more}") from None
     command = flight.position
     if pitching is not None:
         place = vehicle.part_names.index(pitching.name)
         low, high = pitching.low, pitching.high
         if not (within_travel or low <= command[place] <= high):
             rule = (
-                f"a shallower pitch or a higher speed_m_s (it needs the {pitching.name} at "
+                f"a shallower pitch or a higher speed_m_s{more} (it needs the {pitching.name} at "
                 f"{pitching.text(command[place])}, and vehicle {vehicle.name!r} moves it from "
                 f"{pitching.text(low)} to {pitching.text(high)})"
             )

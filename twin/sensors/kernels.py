@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from twin.compiled import jit
-from twin.water.floor.lookup import beam_length
+from twin.water.floor.lookup import beam_length, shallowest_depth
 
 DEG = math.pi / 180.0
 BEAMS = 4
@@ -229,6 +229,7 @@ def slant_kernel(  # type: ignore[no-untyped-def]
     does not look down. `step` [m] is that of the search, see `beam_length`.
     """
     toward = np.empty(3)
+    least = shallowest_depth(table)
     for k in range(depth.shape[0]):
         sin_r, cos_r = math.sin(roll[k] * DEG), math.cos(roll[k] * DEG)
         sin_p, cos_p = math.sin(pitch[k] * DEG), math.cos(pitch[k] * DEG)
@@ -245,7 +246,7 @@ def slant_kernel(  # type: ignore[no-untyped-def]
             if i == 0:
                 x, y, z = north[k] + toward[0], east[k] + toward[1], depth[k] + toward[2]
             elif toward[2] > 0.0:
-                slant[i - 1, k] = beam_length(table, x, y, z, toward, farthest, step)
+                slant[i - 1, k] = beam_length(table, least, x, y, z, toward, farthest, step)
             else:
                 slant[i - 1, k] = math.inf
             if i < BEAMS:

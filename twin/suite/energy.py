@@ -81,7 +81,9 @@ class Energy(GliderTask):
         draw = self.random.uniform
         self.course = draw(0.0, 2.0 * math.pi)
         heading = (self.course + draw(-LARGEST_TURN, LARGEST_TURN)) % (2.0 * math.pi)
-        self.start_gliding(physics, depth=draw(*START_DEPTHS), heading=heading, pitch=-self.cruise_pitch)
+        self.start_gliding(
+            physics, depth=draw(*START_DEPTHS), heading=heading, pitch=-self.cruise_pitch
+        )
         self.spent = 0.0
         self._before = physics.activation()
         self._time = physics.time()

@@ -1,7 +1,7 @@
 """Presets: other sets of numbers that a vehicle file holds beside its own.
 
-A file lists its sets by `<text name="presets" data="OWN OTHER ..."/>` under <custom>. The first is the
-file as it stands. Every other set is written by elements that begin with its name and a colon:
+A file lists its sets by `<text name="presets" data="OWN OTHER ..."/>` under <custom>. The first is
+the file as it stands. Every other set is written by elements that begin with its name and a colon:
 
 - `<numeric name="OTHER:Xuu" data="..."/>` and `<text name="OTHER:summary" data="..."/>` take the
   place of the element of that name;

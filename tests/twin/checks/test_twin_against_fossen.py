@@ -7,7 +7,9 @@ import math
 import pytest
 
 from twin.checks import agreement as check
-from twin.checks.published import published_glides
+from twin.checks.held_flight import MODELS, held_flight
+from twin.checks.published import published_flights, published_glides
+from twin.errors import InputError, NoSteadyState
 from twin.fossen import FossenModel
 from twin.physics.settle import trim
 from twin.vehicle.vehicle import load_vehicle
@@ -22,6 +24,26 @@ def test_published_glides(glide, model):
     request = (glide.shift, glide.rotation_rad, glide.net_mass)
     result = trim(vehicle, *request) if model == "mujoco" else FossenModel(vehicle).trim(*request)
     assert glide.violations(result) == []
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("flight", published_flights(), ids=lambda f: f"{f.vehicle}-{f.source}")
+def test_published_flights(flight, model):
+    vehicle = load_vehicle(flight.vehicle)
+    request = flight.request(vehicle.steering["heading"])
+    found = held_flight(vehicle, model=model, **request).trim
+    assert flight.differences(found)  # something is published
+    assert flight.violations(found) == []
+
+
+def test_held_flight_says_what_it_cannot_hold():
+    remus = load_vehicle("remus")
+    with pytest.raises(NoSteadyState, match="no steady flight that elevator and rudder can hold"):
+        held_flight(remus, {"propeller": 60.0}, pitch=math.radians(60.0))
+    with pytest.raises(InputError, match="did you mean 'fossen'"):
+        held_flight(remus, {"propeller": 157.0}, model="fosen")
+    with pytest.raises(InputError, match="did you mean 'propeller'"):
+        held_flight(remus, {"propellor": 157.0})
 
 
 def test_random_manoeuvres_agree():

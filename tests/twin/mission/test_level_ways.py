@@ -61,7 +61,7 @@ def test_a_circle_has_its_radius_and_speed(name, radius):
     assert run.time[-1] == pytest.approx(
         4.0 * math.pi * abs(radius) / vehicle.cruise_speed, abs=1.0
     )
-    np.testing.assert_allclose(run["true_depth"][late], 10.0, atol=0.15)
+    np.testing.assert_allclose(run["true_depth"][late], 10.0, atol=0.25)
 
 
 def test_a_lawn_mower_flies_its_legs_beside_each_other():
@@ -154,7 +154,11 @@ def test_the_battery_takes_its_share_of_the_pitch():
     ("vehicle", "segment", "message"),
     [
         ("glider", Transect(depth_m=10, duration_s=60), "no propeller.*give a saw-tooth"),
-        ("tethys", SawTooth(max_depth_m=30, pitch_deg=40, speed_m_s=0.7, yos=1), "elevator at"),
+        (
+            "tethys",
+            SawTooth(max_depth_m=30, pitch_deg=30, speed_m_s=0.5, yos=1),
+            "trim_share.*elevator at",
+        ),
         ("tethys", Circle(depth_m=10, radius_m=3, turns=1), r"give at least [\d.]+ m"),
         ("tethys", Transect(depth_m=10, speed_m_s=3, duration_s=60), "up to 1.* m/s"),
         ("slocum-200", Hover(depth_m=10, duration_s=60), "buoyancy_pid"),

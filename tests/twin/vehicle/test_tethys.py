@@ -7,6 +7,7 @@ simulator.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -15,6 +16,8 @@ import pytest
 from twin.checks.agreement import check_manoeuvres
 from twin.checks.held_flight import held_flight
 from twin.errors import NoSteadyState
+from twin.fossen import FossenModel
+from twin.frames import euler_to_matrix
 from twin.mission.schedule import Schedule
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
@@ -159,7 +162,7 @@ def test_mass_shifter():
 
 def test_buoyancy_action():
     """osrf/lrauv, test_buoyancy_action: no oil is asked for, 80 cm3 are the least."""
-    run = fly(1000.0, start=Start(depth=0.5), period=0.5, pump=0.0)
+    run = fly(600.0, start=Start(depth=0.5), period=0.5, pump=0.0)
     assert run["true_pump"].min() == pytest.approx(80.0, abs=0.1)
     reached = int(np.argmax(run["true_depth"] > 5.0))
     assert reached > 0
@@ -212,9 +215,7 @@ def test_mass_and_inertia_are_those_of_the_whole_vehicle():
     mass, cg, inertia = total(MBARI)
     assert mass == pytest.approx(147.8671)
     np.testing.assert_allclose(cg, [0.0, 0.0, 0.006794], atol=1e-6)
-    np.testing.assert_allclose(
-        inertia, np.diag([3.0, 41.980233, 41.980233]), atol=1e-3
-    )
+    np.testing.assert_allclose(inertia, np.diag([3.0, 41.980233, 41.980233]), atol=1e-3)
     mass, cg, inertia = total(GAZEBO)
     assert mass == pytest.approx(147.5671 + 0.8)
     assert mass * cg[2] == pytest.approx(147.5671 * 0.007, rel=1e-4)
@@ -283,8 +284,6 @@ def doppler(run, dvl, bottom_depth, current=None):
 
 
 def over_ground(run):
-    from twin.frames import euler_to_matrix
-
     turn = euler_to_matrix(*(radians(run, name) for name in ("roll", "pitch", "heading")))
     ned = np.stack([run[f"true_velocity_{x}"] for x in ("north", "east", "down")], axis=-1)
     return np.einsum("tji,tj->ti", turn, ned)
@@ -292,11 +291,9 @@ def over_ground(run):
 
 def test_doppler_log_on_the_bottom():
     """osrf/lrauv, test_dvl BottomTracking: 20 m below the vehicle, at rest and in a turn."""
-    import dataclasses
-
     still = fly(10.0, period=0.5)
     slant = (20.0 - 0.16) / math.cos(math.radians(30.0))
-    for reach, mode in ((slant + 0.2, "bottom"), (slant - 0.2, "water")):
+    for reach, mode in ((slant + 0.2, "bottom"), (slant - 0.2, "none")):
         dvl = dataclasses.replace(LRAUV_DVL, max_range=reach)
         assert (doppler(still, dvl, 30.0)[1] == MODES[mode]).all()
     velocity, _ = doppler(still, LRAUV_DVL, 30.0)
@@ -315,14 +312,9 @@ def test_doppler_log_in_the_water_and_without_a_bottom():
     current = Uniform(north=0.5, east=-1.0)
     run = fly(50.0, period=0.5, current=current, propeller=RATE, rudder=0.8)
     velocity, mode = doppler(run, LRAUV_DVL, None, current.compile(50.0))
-    assert (mode == MODES["water"]).all()  # there is nothing for bottom lock
+    assert (mode == MODES["water"]).all()  # without a bottom there is no bottom lock
     assert np.abs(velocity - run.v_rel).max() <= 0.1
     assert np.abs(over_ground(run)[-1] - velocity[-1]).max() > 0.5
-    nowhere = np.full_like(run["true_depth"], np.nan)
-    lost, none = doppler(run, Dvl(fitted=False), None)
-    assert lost.shape == (len(nowhere), 3)
-    assert np.isnan(lost).all()
-    assert (none == MODES["none"]).all()
 
 
 # --- steady figures of the equations --------------------------------------------------------------
@@ -399,7 +391,8 @@ def test_the_fins_arm_is_that_of_each_set():
     assert turn_rate(MBARI) == pytest.approx(-0.0734, abs=1e-4)
     assert abs(turn_rate(MBARI.replace(**swapped))) < 0.067
     swapped = {name: {"position": (-0.633, 0.0, 0.0)} for name in ("rudder", "elevator")}
-    assert not 0.0347 < -turn_rate(GAZEBO.replace(**swapped)) < 0.0393
+    assert math.degrees(dive(GAZEBO).held["elevator"]) == pytest.approx(7.59, abs=0.01)
+    assert math.degrees(dive(GAZEBO.replace(**swapped)).held["elevator"]) > 9.0
 
 
 def lift_slopes(vehicle):
@@ -437,8 +430,6 @@ def test_the_list_holds_one_fin_and_the_simulator_adds_four():
         Muw=listed["Muw"] + 0.633 * ONE_FIN,
     )
     assert math.degrees(dive(once).held["elevator"]) < 2.4  # 3.1 is asked for
-    from twin.fossen import FossenModel
-
     with pytest.raises(NoSteadyState):
         FossenModel(once).trim(positions={"propeller": RATE, "rudder": NINE})
     in_list = MBARI.replace(rudder={"in_hull": True}, elevator={"in_hull": True})
@@ -455,8 +446,8 @@ def test_the_munk_moment_turns_the_hull_across_the_flow():
     drifting = MBARI.law.wrench(np.array([1.0, 0.01, 0.0, 0.0, 0.0, 0.0]), 1025.0)
     assert drifting[5] < 0.0
     wrong = derivatives(MBARI, Muw=-listed["Muw"], Nuv=-listed["Nuv"])
-    assert math.degrees(dive(wrong).held["elevator"]) > 8.0  # 3.1 is asked for
-    assert abs(turn_rate(wrong)) < 0.02
+    assert abs(math.degrees(dive(wrong).held["elevator"]) - 3.1) > 3.0
+    assert abs(turn_rate(wrong)) < 0.03  # 0.073 is
     assert not {"Muw", "Nuv", "Yuv", "Zuw"} & set(dict(GAZEBO.law.derivatives))
     # neither set has its added mass's own coupling twice
     assert not MBARI.added_mass_coupling
@@ -493,9 +484,7 @@ def test_its_range_is_mbaris():
     at = np.array([rate, 0.0, 0.0, 0.0, 500.0, 1.0])
 
     def power(vehicle):
-        return Consumption.of(vehicle).energy(
-            vehicle, at, at, depth=10.0, pitch=0.0, duration=1.0
-        )
+        return Consumption.of(vehicle).energy(vehicle, at, at, depth=10.0, pitch=0.0, duration=1.0)
 
     assert 1000.0 < 400.0 * 14.4 * 3600.0 / power(MBARI) / 1000.0 < 2000.0
     assert power(GAZEBO) == pytest.approx(28.8, abs=0.5)  # its test_battery

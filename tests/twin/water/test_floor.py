@@ -20,7 +20,13 @@ from twin.water.floor import (
     floor_from_dict,
     parse_floor,
 )
-from twin.water.floor.lookup import beam_length, beyond_floor, floor_depth, floor_depths
+from twin.water.floor.lookup import (
+    beam_length,
+    beyond_floor,
+    floor_depth,
+    floor_depths,
+    shallowest_depth,
+)
 
 RNG = np.random.default_rng(5)
 NORTH = np.array([-400.0, -100.0, 0.0, 250.0, 600.0])
@@ -68,14 +74,24 @@ def test_a_beam_ends_at_the_floor_it_meets_first():
     axis = np.array([-100.0, 0.0, 10.0, 20.0, 300.0])
     wall = np.tile(np.array([80.0, 80.0, 30.0, 80.0, 80.0])[:, None], (1, 5))  # a ridge in the east
     table = GridFloor(north_m=axis, east_m=axis, depth_m=wall).compile(0.0)
+    assert shallowest_depth(table) == 30.0
     ahead = np.array([np.sin(0.5), 0.0, np.cos(0.5)])
     # the ridge's face: depth = 80 - 5 n between 0 and 10 m north
     along = (80.0 - 40.0) / (ahead[2] + 5.0 * ahead[0])
-    assert beam_length(table, 0.0, 0.0, 40.0, ahead, 100.0, 2.0) == pytest.approx(along, abs=2e-4)
+    assert beam_length(table, 30.0, 0.0, 0.0, 40.0, ahead, 100.0, 2.0) == pytest.approx(
+        along, abs=2e-4
+    )
     plumb = np.array([0.0, 0.0, 1.0])
-    assert beam_length(table, -50.0, 0.0, 40.0, plumb, 100.0, 2.0) == pytest.approx(40.0, abs=2e-4)
-    assert beam_length(table, -50.0, 0.0, 40.0, plumb, 39.0, 2.0) == np.inf
-    assert beam_length(table, -50.0, 0.0, 80.5, plumb, 39.0, 2.0) == 0.0
+    assert beam_length(table, 30.0, -50.0, 0.0, 40.0, plumb, 100.0, 2.0) == pytest.approx(
+        40.0, abs=2e-4
+    )
+    assert beam_length(table, 30.0, -50.0, 0.0, 40.0, plumb, 39.0, 2.0) == np.inf
+    assert beam_length(table, 30.0, -50.0, 0.0, 80.5, plumb, 39.0, 2.0) == 0.0
+    # from above all of the floor the search begins at its shallowest depth
+    high = beam_length(table, 30.0, -60.0, 0.0, 5.0, ahead, 100.0, 2.0)
+    assert high == pytest.approx(75.0 / ahead[2], abs=2e-4)
+    assert beam_length(table, 30.0, -12.0, 0.0, 5.0, ahead, 100.0, 2.0) < 60.0
+    assert beam_length(table, 30.0, -60.0, 0.0, 5.0, ahead, 25.0, 2.0) == np.inf
 
 
 def gebco(

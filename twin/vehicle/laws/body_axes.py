@@ -18,6 +18,7 @@ Sets that list the added mass's own coupling (Xwq = -Zwdot, Munk's Muw, ...) say
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar, Self
@@ -206,7 +207,13 @@ class BodyAxes(HullLaw):
 
     def values(self) -> Array:
         """Five numbers a term, see TERM; shape (5 n,)."""
-        return np.array([term(*pair) for pair in self.derivatives], dtype=np.float64).ravel()
+        return self._values
+
+    @functools.cached_property
+    def _values(self) -> Array:
+        values = np.array([term(*pair) for pair in self.derivatives], dtype=np.float64).ravel()
+        values.flags.writeable = False
+        return values
 
     def uncertainties(self) -> tuple[Uncertainty, ...]:
         """Every derivative of the file, by its own name."""

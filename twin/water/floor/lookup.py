@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 HEADER = 3
 """nodes along north, nodes along east, meridian convergence [1/m]"""
 
+EXACT = 1e-4
+"""[m] of the length of a beam"""
+
 
 @jit
 def floor_depth(table, north, east):  # type: ignore[no-untyped-def]
@@ -58,37 +61,84 @@ def floor_depths(table, north, east):  # type: ignore[no-untyped-def]
 
 
 @jit
-def beam_length(table, north, east, depth, toward, farthest, step):  # type: ignore[no-untyped-def]
+def shallowest_depth(table):  # type: ignore[no-untyped-def]
+    """Least depth [m] of a table's nodes, which the depths between them keep to."""
+    least = math.inf
+    if table.size < HEADER:
+        return least
+    first = HEADER + int(table[0]) + int(table[1])
+    for k in range(first, table.size):
+        least = min(least, table[k])
+    return least
+
+
+@jit
+def beam_length(  # type: ignore[no-untyped-def]
+    table, shallowest, north, east, depth, toward, farthest, step
+):
     """Distance [m] from a point to the sea floor along a unit vector NED; inf beyond `farthest`.
 
-    Steps of `step` [m] find the first crossing, halving finds where it is to 0.1 mm. A point at or
-    below the floor is at distance 0.
+    Steps of `step` [m], from the depth `shallowest` [m] of the whole floor on, find the first
+    crossing, and false position where it is, to 0.1 mm. A point at or below the floor is at
+    distance 0.
     """
-    if depth >= floor_depth(table, north, east):
+    low, short = 0.0, 0.0
+    if depth < shallowest:
+        if toward[2] > 0.0:
+            low = (shallowest - depth) / toward[2]
+    elif depth >= floor_depth(table, north, east):
         return 0.0
-    low = 0.0
+    if low >= farthest:
+        return math.inf
+    x, y, z = north + low * toward[0], east + low * toward[1], depth + low * toward[2]
+    short = floor_depth(table, x, y) - z
+    if short <= 0.0:
+        return low
     while low < farthest:
         high = min(low + step, farthest)
-        below = floor_depth(table, north + high * toward[0], east + high * toward[1])
-        if depth + high * toward[2] >= below:
-            while high - low > 1e-4:
-                middle = 0.5 * (low + high)
-                below = floor_depth(table, north + middle * toward[0], east + middle * toward[1])
-                if depth + middle * toward[2] >= below:
-                    high = middle
-                else:
-                    low = middle
-            return high
-        low = high
+        x, y, z = north + high * toward[0], east + high * toward[1], depth + high * toward[2]
+        beyond = z - floor_depth(table, x, y)
+        if beyond >= 0.0:
+            return _crossing(table, north, east, depth, toward, low, short, high, beyond)
+        low, short = high, -beyond
     return math.inf
+
+
+@jit
+def _crossing(  # type: ignore[no-untyped-def]
+    table, north, east, depth, toward, low, short, high, beyond
+):
+    """Where a beam that is `short` [m] above the floor at `low` and `beyond` it at `high` meets it.
+
+    False position in the form called Illinois: an end that stays counts half the next time.
+    """
+    kept = 0
+    while high - low > EXACT:
+        middle = low + (high - low) * short / (short + beyond)
+        x, y, z = north + middle * toward[0], east + middle * toward[1], depth + middle * toward[2]
+        found = z - floor_depth(table, x, y)
+        if abs(found) < 0.1 * EXACT or not (low < middle < high):
+            return middle
+        if found > 0.0:
+            high, beyond = middle, found
+            if kept == 1:
+                short *= 0.5
+            kept = 1
+        else:
+            low, short = middle, -found
+            if kept == -1:
+                beyond *= 0.5
+            kept = -1
+    return high
 
 
 @jit
 def beam_lengths(table, north, east, depth, toward, farthest, step):  # type: ignore[no-untyped-def]
     """`beam_length` of many beams: places (n,) [m], unit vectors (n, 3)."""
     out = np.empty(north.shape[0])
+    least = shallowest_depth(table)
     for k in range(out.shape[0]):
-        out[k] = beam_length(table, north[k], east[k], depth[k], toward[k], farthest, step)
+        out[k] = beam_length(table, least, north[k], east[k], depth[k], toward[k], farthest, step)
     return out
 
 
