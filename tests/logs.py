@@ -378,7 +378,7 @@ def write_ngdac(folder: Path, flight: Flight) -> list[Path]:
     paths = []
     for dive in range(flight.dives):
         start, end = flight.dive_times(dive)
-        middle, after = start + flight.leg, end + 100.0
+        middle = start + flight.leg
         for first, last in ((start - 60.0, middle), (middle, end + 60.0)):
             inside = (time >= first) & (time < last)
             series = {

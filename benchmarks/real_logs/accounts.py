@@ -7,6 +7,7 @@ raw files, which are read here without the importers.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import json
 import tempfile
@@ -80,7 +81,7 @@ def raw_slocum(paths: Sequence[Path], caches: Path) -> Raw:
             file = dbdreader.DBD(str(path), cacheDir=str(caches))
         except Exception:  # what cannot be opened here is refused there, and counted
             continue
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), contextlib.suppress(dbdreader.DbdError):  # a cut file
             for name in ("m_depth", "m_pressure", "m_water_pressure", "sci_water_pressure"):
                 if file.has_parameter(name):
                     times.append(file.get(name)[0])

@@ -37,7 +37,6 @@ from factory.importing.reading.tally import Tally
 from factory.importing.reading.unread_names import leave_out, note_empty, note_unread
 from twin.errors import InputError
 
-
 _CLOCKS = ("m_present_time", "sci_m_present_time")
 """The times of flight and science."""
 
