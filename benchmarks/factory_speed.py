@@ -38,7 +38,7 @@ from twin.fossen import FossenModel, FossenState
 from twin.mission import Mission, SawTooth
 from twin.mission.schedule import Schedule
 from twin.physics.mujoco_model import compile_model
-from twin.physics.native import plant
+from twin.physics.native.install import install, uninstall
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
 from twin.vehicle.vehicle import load_vehicle
@@ -68,7 +68,7 @@ class Stopwatch:
 def bare_step() -> tuple[float, float]:
     """MuJoCo's step alone."""
     model = compile_model(lean=True)
-    plant.uninstall()
+    uninstall()
     try:
         data = mujoco.MjData(model)
         mujoco.mj_step(model, data, nstep=1000)
@@ -77,7 +77,7 @@ def bare_step() -> tuple[float, float]:
         mujoco.mj_step(model, data, nstep=BARE_STEPS)
         return watch.stop(BARE_STEPS * model.opt.timestep)
     finally:
-        plant.install()
+        install()
 
 
 def native_step() -> tuple[float, float]:
@@ -97,7 +97,7 @@ def python_callback() -> tuple[float, float]:
     """A Python loop around mj_step with the water in a Python callback, as one writes it first."""
     vehicle = load_vehicle()
     model = compile_model(vehicle, lean=True)
-    plant.uninstall()
+    uninstall()
     hull = model.body("hull").id
     k_d0, k_d = vehicle.flow_frame.drag
     k_l0, k_alpha = vehicle.flow_frame.lift
@@ -137,7 +137,7 @@ def python_callback() -> tuple[float, float]:
         return watch.stop(PYTHON_STEPS * model.opt.timestep)
     finally:
         mujoco.set_mjcb_passive(None)
-        plant.install()
+        install()
 
 
 def fossen(method: Any, seconds: float) -> tuple[float, float]:
