@@ -473,6 +473,9 @@ def write_basestation(folder: Path, flight: Flight, number: int = 999) -> list[P
                     file.createVariable(name, "f8", (dimension,))[:] = values
             for name, value in numbers.items():
                 file.createVariable(name, "f8", ())[...] = value
+            target = "4936.000,-5800.000"
+            file.createDimension("letters", len(target))
+            file.createVariable("log_TGT_LATLONG", "S1", ("letters",))[:] = list(target)
         paths.append(path)
     return paths
 
