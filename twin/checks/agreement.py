@@ -22,7 +22,7 @@ from twin.physics.start import Start
 from twin.physics.steady_motion import Trim
 from twin.records.trajectory import Trajectory
 from twin.vehicle.mjcf import MjcfReader
-from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.vehicle.vehicle import Vehicle, load_vehicle, vehicle_names
 from twin.water.current.base import Current
 from twin.water.current.gauss_markov import GaussMarkov
 from twin.water.current.profile import Profile
@@ -220,21 +220,32 @@ def check_manoeuvres(
     return differences
 
 
-def check_published(vehicle: str | None = None) -> list[tuple[PublishedMotion, str, Trim]]:
-    """Every published motion computed by both models: (motion, model name, trim)."""
+def check_published(vehicle: Vehicle | None = None) -> list[tuple[PublishedMotion, str, Trim]]:
+    """Every published motion computed by both models: (motion, model name, trim).
+
+    vehicle: only those of this one; a vehicle that is not shipped as it stands has none.
+    """
+    name = None if vehicle is None else vehicle.name
+    if vehicle is not None and not _is_shipped(vehicle):
+        return []
     results: list[tuple[PublishedMotion, str, Trim]] = []
-    for glide in published_glides(vehicle):
+    for glide in published_glides(name):
         loaded = load_vehicle(glide.vehicle)
         models: dict[str, Callable[[float, float, float], Trim]] = {
             "mujoco": lambda *request, loaded=loaded: settle(loaded, *request),
             "fossen": FossenModel(loaded).trim,
         }
-        for name, solve in models.items():
+        for model, solve in models.items():
             trim = solve(glide.shift, glide.rotation_rad, glide.net_mass)
-            results.append((glide, name, trim))
-    for flight in published_flights(vehicle):
+            results.append((glide, model, trim))
+    for flight in published_flights(name):
         loaded = load_vehicle(flight.vehicle)
-        for name in MODELS:
+        for model in MODELS:
             request = flight.request(loaded.steering["heading"])
-            results.append((flight, name, held_flight(loaded, model=name, **request).trim))
+            results.append((flight, model, held_flight(loaded, model=model, **request).trim))
     return results
+
+
+def _is_shipped(vehicle: Vehicle) -> bool:
+    """Whether published figures are of this very file, not of another that has its name."""
+    return vehicle.name in vehicle_names() and load_vehicle(vehicle.name).xml == vehicle.xml

@@ -19,8 +19,9 @@ class Check(JsonOption):
     """
 
     vehicle: str | None = None
-    """shipped vehicle name or MJCF file (:PRESET behind it takes a preset), for the manoeuvres
-    [default: glider] or of the logs"""
+    """shipped vehicle name or MJCF file (:PRESET behind it takes a preset): flies the manoeuvres,
+    and of the published motions only its own are computed; or the vehicle of the logs.
+    [default: glider, beside the published motions of all vehicles]"""
     manoeuvres: int | None = None
     """number of random 600 s manoeuvres [default: 20]"""
     seed: int | None = None
@@ -90,7 +91,7 @@ class Check(JsonOption):
             raise InputError(f"--seed must be 0 or more, not {seed}")
         vehicle = load_vehicle(VEHICLE if self.vehicle is None else self.vehicle)
         rows, broken = [], []
-        published = check.check_published()
+        published = check.check_published(None if self.vehicle is None else vehicle)
         for motion, model, trim in published:
             violations = motion.violations(trim)
             broken += [f"{motion.vehicle}, {motion.source}, {model}: {v}" for v in violations]
@@ -107,10 +108,15 @@ class Check(JsonOption):
                         (found[n] for n in ANGLES if n in found), key=abs, default=None
                     ),
                     "rad/s off by": found.get("turn_rate"),
+                    "down m/s": trim.vertical_speed_m_s,
+                    "down off by": found.get("vertical_speed"),
                     "ok": "no" if violations else "yes",
                 }
             )
-        console.table(rows, title="Published motions (largest angle difference of each)")
+        if rows:
+            console.table(rows, title="Published motions (largest angle difference of each)")
+        else:
+            console.say(f"no published motion of {vehicle.name!r} is on record")
         differences = check.check_manoeuvres(
             vehicle, count=count, seed=seed, timestep=self.timestep
         )

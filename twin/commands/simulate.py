@@ -45,9 +45,11 @@ class Simulate(JsonOption):
     compressibility: float | None = None
     """part of the hull's volume lost per pascal, such as 4e-10; default: the vehicle file's"""
     floor: str = "none"
-    """sea floor: none, depth:200 [m], rough:60,height=3,length=400 [m] for a random relief, or a
-    bathymetry file such as GEBCO.nc (latitude, longitude, elevation in m) about --start;
-    docs/physics.md has their settings"""
+    """sea floor: none; depth:METRES, flat; rough:METRES[,height=2,length=400,seed=0,slope=0,
+    toward=0,shallowest=5,deepest=12000,reach=METRES], a mean depth with a random relief of that
+    standard deviation and correlation length [m] on a slope that gets deeper toward a direction
+    [deg], with these defaults (reach: what the mission can cover); or a bathymetry file such as
+    GEBCO.nc (latitude, longitude, elevation in m) about --start. docs/physics.md explains them"""
     start: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[,TIME]")] = None
     """where and when it begins: degrees north and east, and UTC, such as
     49,-16,2003-08-01T00:00. Gridded currents, density and the store use it;
@@ -268,10 +270,7 @@ class Simulate(JsonOption):
                     f"{figures['mean_current_north_m_s']:z.3f}, "
                     f"{figures['mean_current_east_m_s']:z.3f} m/s"
                 ),
-                **{
-                    f"{part} (min, max)": f"{f['min']:z.4g}, {f['max']:z.4g} {f['units']}"
-                    for part, f in figures["parts"].items()
-                },
+                **_parts(scenario, trajectory),
                 "energy": _energy(figures),
                 "samples": figures["samples"],
             },
@@ -280,6 +279,14 @@ class Simulate(JsonOption):
         for label, path in (("store", self.out), ("plot", self.plot)):
             if path is not None:
                 console.say(f"{label}: {path}")
+
+
+def _parts(scenario: Scenario, trajectory: Trajectory) -> dict[str, str]:
+    """How each part moved."""
+    rows: dict[str, str] = {}
+    for part in scenario.vehicle.parts:
+        rows |= part.told(trajectory.time, trajectory[f"true_{part.name}"])
+    return rows
 
 
 def _bottom(figures: dict[str, Any]) -> dict[str, str]:

@@ -73,7 +73,7 @@ class VehicleLine:
         return {
             "vehicle": self.name,
             "mass kg": f"{self.mass_kg:.1f}",
-            "propeller rad/s": _cell(self.propeller_high_rad_s, ".0f"),
+            "propeller rad/s": _cell(self.propeller_high_rad_s, "g"),
             "pump cm3": pump,
             "cm3/s": _cell(self.pump_rate_cm3_s, "g"),
             "turned by": self.turns_by or MISSING,

@@ -18,8 +18,9 @@ from twin.mission import Mission
 from twin.mission.glide import steady_glide
 from twin.mission.segments import SawTooth
 from twin.mission.shipped import load_mission_for, usual_mission
-from twin.mission.vehicle_table import VehicleLine, shipped_vehicles
+from twin.mission.vehicle_table import MISSING, VehicleLine, shipped_vehicles
 from twin.physics.settle import trim as settle
+from twin.physics.steady_motion import trim_positions
 from twin.vehicle.vehicle import load_vehicle, vehicle_names
 
 IN_USE = ("slocum-200", "slocum-1000", "seaglider", "seaexplorer", "spray")
@@ -145,3 +146,13 @@ def test_the_command_says_what_the_table_of_the_page_says(capsys):
         cells = " | ".join(f"`{c}`" if k == "vehicle" else c for k, c in line.cells().items())
         assert f"| {cells} |" in PAGE
     assert re.search(r"^\| vehicle \| mass kg \|", PAGE, re.MULTILINE)
+
+
+def test_the_largest_rate_of_a_propeller_is_accepted_as_it_is_printed():
+    told = {line.name: line.cells()["propeller rad/s"] for line in shipped_vehicles()}
+    driven = {name: float(text) for name, text in told.items() if text != MISSING}
+    assert set(driven) == {"remus", "tethys", "tethys:gazebo"}
+    for name, rate in driven.items():
+        vehicle = load_vehicle(name)
+        place = vehicle.part_names.index("propeller")
+        assert trim_positions(vehicle, positions={"propeller": rate})[place] == rate

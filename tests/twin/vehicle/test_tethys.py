@@ -195,6 +195,10 @@ def test_it_floats_level_and_upright_and_rises_without_its_weight(vehicle):
     assert np.abs(run["true_pitch"]).max() < 0.05
     up = fly(120.0, vehicle=vehicle, start=Start(depth=50.0), drop_weight=0.0)
     assert up["true_depth"][-1] < 45.0
+    weight = vehicle.part("drop_weight")
+    assert weight.told(run.time, run["true_drop_weight"]) == {"drop_weight": "held throughout"}
+    assert weight.told(up.time, up["true_drop_weight"]) == {"drop_weight": "released at 0 s"}
+    assert [weight.text(x) for x in (1.0, 0.0)] == ["held", "gone"]
     engine = vehicle.part("pump")
     assert (engine.low, engine.neutral, engine.high, engine.rate) == (80.0, 500.0, 955.0, 3.0)
     assert vehicle.net_mass_for_pump(80.0) == pytest.approx(0.4305)

@@ -297,3 +297,13 @@ class Part:
         if self.unit == "rad":
             return f"{math.degrees(value):.1f} deg"
         return f"{value:.4g} {self.unit}"
+
+    def told(self, time: Array, positions: Array) -> dict[str, str]:
+        """How it moved, as a person reads it after a flight: a row's name and text.
+
+        Args:
+          time: [s], shape (n,). positions: in stored units, shape (n,).
+        """
+        low, high = float(positions.min()), float(positions.max())
+        unit = self.quantity.unit
+        return {f"{self.name} (min, max)": f"{low:z.4g}, {high:z.4g} {unit}"}

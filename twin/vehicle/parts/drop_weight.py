@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from twin.compiled import inline, jit
-from twin.vehicle.parts.base import Carrier, Part, Quantity
+from twin.vehicle.parts.base import Array, Carrier, Part, Quantity
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
@@ -76,3 +76,13 @@ class DropWeight(Part):
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """Held: a manoeuvre comes back."""
         return 1.0
+
+    def text(self, value: float) -> str:
+        """Held, gone, or the part of it that is left."""
+        return {1.0: "held", 0.0: "gone"}.get(value, f"{value:.4g} held")
+
+    def told(self, time: Array, positions: Array) -> dict[str, str]:
+        """When it was let go, if it was."""
+        gone = np.flatnonzero(positions < 1.0)
+        text = f"released at {time[gone[0]]:.0f} s" if gone.size else "held throughout"
+        return {self.name: text}
