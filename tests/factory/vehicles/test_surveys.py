@@ -23,6 +23,7 @@ from factory.recipe.kinds.saw_tooth import SawToothKind
 from factory.recipe.parameters import parameter_table
 from factory.recipe.recipe import Recipe, make_recipe
 from factory.recipe.sampling import Parameters, kind_of, sensor_seed
+from factory.recipe.survey_parameters import FLOOR
 from factory.stores.generated import GeneratedStore
 from twin.errors import InputError
 from twin.sensors.dvl import MODES
@@ -30,6 +31,7 @@ from twin.vehicle.vehicle import load_vehicle
 from twin.water.floor import RoughFloor
 from twin.water.floor.lookup import floor_depths
 
+PAGE = (Path(__file__).parents[3] / "docs" / "factory.md").read_text(encoding="utf-8")
 LEVEL = ("transect", "circle", "lawn-mower")
 SHORT = {
     "mission.duration_h": "uniform(0.08, 0.12)",
@@ -302,3 +304,8 @@ def test_added_masses_stay_positive_whatever_is_drawn() -> None:
         assert np.linalg.eigvalsh(spread.added_mass).min() > 0.0
         both = math.sqrt(sway * roll) * nominal.added_mass[1, 3]
         assert spread.added_mass[1, 3] == spread.added_mass[3, 1] == pytest.approx(both)
+
+
+@pytest.mark.parametrize("row", FLOOR, ids=lambda row: row.name)
+def test_the_page_says_what_a_sea_floor_is_drawn_from(row):
+    assert f"| `{row.name}` | {row.unit} | {row.paper} | {row.field} |" in PAGE

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 from scipy.interpolate import RegularGridInterpolator
 
+from twin.commands.simulate import Simulate
 from twin.errors import FloorError
 from twin.geodesy import from_tangent_plane
 from twin.water.current.origin import Origin
@@ -27,7 +30,9 @@ from twin.water.floor.lookup import (
     floor_depths,
     shallowest_depth,
 )
+from twin.water.floor.spec import ROUGH_SETTINGS
 
+PAGE = (Path(__file__).parents[3] / "docs" / "physics.md").read_text(encoding="utf-8")
 RNG = np.random.default_rng(5)
 NORTH = np.array([-400.0, -100.0, 0.0, 250.0, 600.0])
 EAST = np.array([-300.0, 50.0, 90.0, 500.0])
@@ -286,3 +291,18 @@ def test_refusals_of_grids_teach():
             dataclasses.replace(GRID, **changed)
     with pytest.raises(FloorError, match="above 0"):
         FlatFloor(depth_m=0.0)
+
+
+@pytest.mark.parametrize("name", ROUGH_SETTINGS)
+def test_page_and_help_have_every_setting_of_a_rough_floor_with_its_default(name):
+    field = ROUGH_SETTINGS[name]
+    default = next(f.default for f in dataclasses.fields(RoughFloor) if f.name == field)
+    row = next(line for line in PAGE.splitlines() if line.startswith(f"| `{name}` |"))
+    assert f"`{field}`" in row
+    told = "".join(inspect.getsource(Simulate).split())
+    if default is None:  # of reach: it follows from the mission
+        assert f"{name}=METRES" in told
+        assert "| what the mission can cover" in row
+    else:
+        assert f"| {float(default):g} |" in row
+        assert f",{name}={float(default):g}" in told.replace("[,", ",")
