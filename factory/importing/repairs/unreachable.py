@@ -18,9 +18,9 @@ def unreachable(time: Array, values: Array, *, rate: float, jump: float) -> NDAr
 
     The series is cut wherever neighbours differ by more than `jump` + `rate` [unit/s] times the
     time between them, and the samples beside a cut are pieces of their own: one wrong sample at an
-    end shall not take days with it. Of the pieces, those are kept that follow each other at possible rates and
-    hold the most samples together; a sentinel that lasts for minutes is as far from them as one
-    that lasts for a sample.
+    end shall not take days with it. Of the pieces, those are kept that follow each other at
+    possible rates and hold the most samples together; a sentinel that lasts for minutes is as far
+    from them as one that lasts for a sample.
 
     Args:
       time: [s] increasing strictly, shape (samples,).
