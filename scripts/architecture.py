@@ -74,6 +74,8 @@ SEAMS = (
     Seam("mission segment", "twin.mission.segments.registry:SEGMENTS",
          "twin.mission.segments.Segment", "extending.md#a-mission-segment"),
     Seam("figure", "twin.plot.registry:FIGURES", "twin.plot.FigureKind", "render.md#twin-plot"),
+    Seam("flight estimator", "twin.flight.estimators.registry:ESTIMATORS",
+         "twin.flight.estimators.FlightEstimator", "flight.md#an-estimator-of-ones-own"),
     Seam("control task", "twin.suite.registry:TASKS", "twin.suite.task.GliderTask",
          "dm_control.md"),
     Seam("importer", "factory.importing.formats.registry:IMPORTERS",
