@@ -235,6 +235,60 @@ def write_seaexplorer(path: Path, flight: Flight, delimiter: str = ",") -> Path:
     )
 
 
+def table_columns(flight: Flight) -> dict[str, Array]:
+    """A table in the layout of the mapping that docs/real.md shows: forward-left-up, from east."""
+    time, state = flight.time, flight.state(flight.time)
+    under = state["under"] > 0.0
+    latitude, longitude = flight.position(time)
+    return {
+        "stamp": (time - START) * 1e3,
+        "z": state["depth"] * 100.0,
+        "theta": -np.radians(state["pitch"]),
+        "yaw": np.radians(90.0 - state["heading"]),
+        "r": np.full(len(time), -0.5),
+        "vx": np.where(under, flight.speed / 0.514444, -99.0),
+        "engine": state["pump"] / 1000.0,
+        "lat": np.where(under, np.nan, latitude),
+        "lon": np.where(under, np.nan, longitude),
+        "ax": np.zeros(len(time)),
+        "comment": np.zeros(len(time)),
+    }
+
+
+def write_table(folder: Path, flight: Flight, page: str) -> list[Path]:
+    """A table and the mapping of the page, which reads it."""
+    (folder / "mine.toml").write_text(example(page, "mine.toml"))
+    return [write_csv(folder / "log.csv", table_columns(flight))]
+
+
+SENTINEL = 25.032015
+"""[m/s] What a Sailfish's DVL writes without lock."""
+
+
+def sailfish_columns(seconds: float = 400.0) -> dict[str, Array]:
+    """A run of circles and straight legs at 1.5 m/s; the vehicle slips outwards in turns."""
+    time = np.arange(0.0, seconds, 0.1)
+    turning = (time % 100.0) < 50.0
+    rate = np.where(turning, 0.08, 0.0)  # [rad/s] to starboard
+    heading = np.cumsum(rate) * 0.1
+    surge, sway = np.full(len(time), 1.5), -2.0 * rate
+    north = np.cumsum(surge * np.cos(heading) - sway * np.sin(heading)) * 0.1
+    east = np.cumsum(surge * np.sin(heading) + sway * np.cos(heading)) * 0.1
+    latitude, longitude = from_tangent_plane(north, east, 34.5, 108.4)
+    nothing = np.zeros(len(time))
+    lost = (time % 40.0) < 10.0
+    return {
+        "lat": latitude, "lon": longitude, "alt": nothing,
+        "roll": nothing + 0.02, "pitch": nothing + 0.1,
+        "yaw": np.angle(np.exp(1j * (0.5 * np.pi - heading))),
+        "vn": nothing, "ve": nothing,
+        "vf": np.where(lost, -SENTINEL, surge), "vl": np.where(lost, SENTINEL, -sway),
+        "vu": nothing, "ax": np.gradient(surge, 0.1), "ay": nothing, "az": nothing,
+        "wx": nothing, "wy": nothing + 0.01, "wz": -rate, "wf": nothing, "numsats": nothing,
+        "time": time,
+    }  # fmt: skip
+
+
 def write_mat(path: Path, flight: Flight) -> Path:
     """An LRAUV log: HDF5 groups of time (MATLAB days), value, units; every sample twice."""
     import netCDF4

@@ -19,7 +19,10 @@ from twin.records.store import write_store
 PREFIXES = {"slocum": "slocum", "seaglider": "seaglider", "seaexplorer": "seaexplorer"}
 """Kind of log by the first word of a folder's name."""
 NOT_JUDGED = {
-    "lrauv": "a propelled vehicle without attitude and buoyancy in its shore logs: no task for it",
+    "lrauv": "a propelled vehicle without attitude in its shore logs: "
+    "benchmarks/real_logs/yo_yos.py sets its depth rates beside its twin's",
+    "auv": "tables of a propelled vehicle: `factory import csv --mapping` and "
+    "`learn fit --labels dvl --leave-out-each-deployment` judge them",
     "currents": "model fields, no logs",
 }
 TABLES = frozenset({".csv", ".gz", ".parquet"})

@@ -18,7 +18,7 @@ class Distributions(JsonOption):
     set: tuple[str, ...] = ()
     """replacements to apply first, as in `factory generate`"""
     vehicle: str = "glider"
-    """shipped vehicle name, or the path of an MJCF file"""
+    """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
     config: Path | None = None
     """TOML file with replacements"""
 

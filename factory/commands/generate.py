@@ -39,7 +39,7 @@ class Generate(JsonOption):
     config: Path | None = None
     """TOML file with distributions to replace: tables [mission], [vehicle], [current], [water]"""
     vehicle: str = "glider"
-    """shipped vehicle name, or the path of an MJCF file"""
+    """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
     sensors: str | None = None
     """sensor suite instead of the preset's: ideal, field, field-uncalibrated or field-no-dvl; +NAME
     adds a sensor that an installed distribution brings"""

@@ -15,6 +15,7 @@ from twin.plot import style
 from twin.records.attributes import SPLITS
 from twin.records.schema import VARIABLES
 from twin.records.trajectory import actuator_names
+from twin.sensors.dvl import MODES, Dvl
 
 Array = NDArray[np.float64]
 
@@ -24,6 +25,7 @@ MOST_PROFILES = 8
 """Depths over time drawn."""
 MOST_MISSIONS = 200
 """Missions behind the histograms, spread evenly over the store."""
+ALTITUDE = "true_altitude"
 POINTS = 1500
 """Samples of a mission behind the histograms, spread evenly over it."""
 BINS = 60
@@ -58,6 +60,11 @@ ERRORS = (
     ("heading", "heading error [deg]"),
     ("depth", "depth error [m]"),
 )
+DOPPLER = (
+    ("dvl_surge", "DVL surge error [m/s]"),
+    ("dvl_sway", "DVL sway error [m/s]"),
+)
+"""Of surveys, whose Doppler log sees the sea floor"""
 MILLIMETRES = {"measured_shift": 1000.0}
 
 
@@ -100,12 +107,19 @@ def store_page(run: GeneratedStore) -> Figure:
     inputs = [*INPUTS, *part_inputs(run)]
     names += [name for name, _ in (*TARGETS, *inputs)]
     names += [f"{kind}_{name}" for name, _ in ERRORS for kind in ("true", "measured")]
+    survey = ALTITUDE in run
+    if survey:
+        names += [ALTITUDE, "measured_dvl_mode", *(f"measured_{name}" for name, _ in DOPPLER)]
+        names += [name for name in Dvl.reads if name.startswith("true_")]
     data = sample_store(run, sorted(set(names)))
     with style.styled():
         panels = [("targets", *entry) for entry in TARGETS]
         panels += [("inputs", *entry) for entry in inputs]
         panels += [("", "", "")] * (-len(panels) % COLUMNS)
         panels += [("sensor errors", *entry) for entry in ERRORS] if noisy else []
+        if survey:
+            panels += [("Doppler log", *entry) for entry in DOPPLER]
+            panels += [("locks", "measured_dvl_mode", "its lock [% of samples]")]
         rows = len(panels) // COLUMNS
         figure = style.new_figure(style.PAGE_WIDTH, HEAD_HEIGHT + ROW_HEIGHT * rows)
         heights = [3.0, 1.9, *[1.7] * rows]
@@ -118,8 +132,7 @@ def store_page(run: GeneratedStore) -> Figure:
                 continue
             row, column = 2 + place // COLUMNS, 2 * (place % COLUMNS)
             axes = figure.add_subplot(grid[row, column : column + 2])
-            draw = _draw_error if kind == "sensor errors" else _draw_histogram
-            draw(axes, data, name, label)
+            DRAW.get(kind, _draw_histogram)(axes, data, name, label)
             if column == 0:
                 axes.set_ylabel(kind)
         figure.suptitle(_headline(run), fontsize=9.5, fontweight="bold", x=0.01, ha="left")
@@ -194,10 +207,15 @@ def _draw_depths(axes: Axes, data: Sampled) -> None:
         deepest = max(deepest, float(depth.max()))
         colour = SPLIT_COLOURS[data.splits[i]]
         axes.plot(data.time[i] / seconds, depth, color=colour, linewidth=0.9, alpha=0.9)
+        if ALTITUDE in data.signals:
+            floor = depth + data.signals[ALTITUDE][i]
+            deepest = max(deepest, float(floor.max()))
+            axes.plot(data.time[i] / seconds, floor, color=style.GUIDE, linewidth=0.8)
     style.depth_axis(axes, deepest)
     style.label_time(axes, unit)
     axes.margins(x=0.01)
-    axes.set_title(f"depth of {len(shown)} missions")
+    below = ", grey: the sea floor under each" if ALTITUDE in data.signals else ""
+    axes.set_title(f"depth of {len(shown)} missions{below}")
 
 
 def _draw_histogram(axes: Axes, data: Sampled, name: str, label: str) -> None:
@@ -212,6 +230,35 @@ def _draw_error(axes: Axes, data: Sampled, name: str, label: str) -> None:
         error = data.pooled(f"measured_{name}", split) - data.pooled(f"true_{name}", split)
         values[split] = (error + 180.0) % 360.0 - 180.0 if name == "heading" else error
     _histograms(axes, values, label)
+
+
+def _draw_doppler(axes: Axes, data: Sampled, name: str, label: str) -> None:
+    """Measured less what the log sees: velocity over ground or through the water by its lock."""
+    values: dict[str, Array] = {split: np.zeros(0) for split in SPLITS}
+    for i, split in enumerate(data.splits):
+        signals = {signal: rows[i] for signal, rows in data.signals.items()}
+        seen = Dvl.observed(name, signals)
+        assert seen is not None
+        values[split] = np.concatenate([values[split], signals[f"measured_{name}"] - seen])
+    _histograms(axes, values, label)
+
+
+def _draw_locks(axes: Axes, data: Sampled, name: str, label: str) -> None:
+    """How often the log locked on the bottom, on the water and on nothing, for each split."""
+    present = [split for split in SPLITS if split in data.splits]
+    for row, split in enumerate(present):
+        mode = data.pooled(name, split)
+        shares = [100.0 * np.mean(mode == number) for number in MODES.values()]
+        places = np.arange(len(MODES)) + 0.27 * (row - 0.5 * (len(present) - 1))
+        axes.bar(places, shares, width=0.25, color=SPLIT_COLOURS[split], alpha=0.8)
+    axes.set_xticks(np.arange(len(MODES)), list(MODES))
+    axes.set_yscale("symlog", linthresh=1.0)
+    axes.set_yticks([0.0, 1.0, 10.0, 100.0], ["0", "1", "10", "100"])
+    axes.set_xlabel(label)
+
+
+DRAW = {"sensor errors": _draw_error, "Doppler log": _draw_doppler, "locks": _draw_locks}
+"""What draws a panel, by its kind; the others are histograms of a signal"""
 
 
 def _histograms(axes: Axes, values: Mapping[str, Array], label: str) -> None:

@@ -14,7 +14,7 @@ from factory.recipe.kinds.level import SHALLOWEST_FLOOR_M
 from factory.recipe.parameter import Parameter
 from twin.vehicle.vehicle import Vehicle
 
-WEIGHTS = {"saw-tooth": 4, "transect": 2, "circle": 1, "lawn-mower": 1, "spiral": 1}
+WEIGHTS = {"saw-tooth": 6, "transect": 2, "circle": 1, "lawn-mower": 1, "spiral": 1}
 """Of the kinds of segments, as far as the vehicle flies them"""
 
 REPLACED = {

@@ -20,8 +20,8 @@ from twin.errors import InputError, unknown_name
 from twin.registry import Registry
 
 if TYPE_CHECKING:
-    from learn.studies.folds import Unit
     from learn.runs.run import Run
+    from learn.studies.folds import Unit
     from learn.training.settings import FitConfig, Job
     from learn.training.trainer import Report
     from twin.cli.progress import Progress

@@ -2,10 +2,11 @@
 
 Two things can be known of a real vehicle. Where a current profiler or a Doppler log was, its
 velocity through the water: samples without are left out and counted. Networks that learned from a
-Doppler log are judged by the same one, on rows that they did not learn from. And where it was at each fix:
-one row is one dive, so a track is judged at the row's end, and the depth-averaged current of the
-row before it is carried over if that one ended less than an hour ago. Between the fixes nothing is
-known, so that a track that is corrected afterwards, which ends at the fix, has no error to show.
+Doppler log are judged by the same one, on rows that they did not learn from. And where it was at
+each fix: one row is one dive, so a track is judged at the row's end, and the depth-averaged current
+of the row before it is carried over if that one ended less than an hour ago. Between the fixes
+nothing is known, so that a track that is corrected afterwards, which ends at the fix, has no error
+to show.
 
 Errors in % refer to the horizontal path through the water of w / tan(pitch + angle of attack),
 since the true one is not known.

@@ -126,9 +126,7 @@ def folds_with_labels(config: FitConfig, unit: Unit) -> dict[str, tuple[int, ...
     """
     missions = load_missions(config.store, _known_channels(config), split="all")
     known = [
-        m
-        for m in missions
-        if m.row is not None and np.isfinite(config.labels.of(m, "surge")).any()
+        m for m in missions if m.row is not None and np.isfinite(config.labels.of(m, "surge")).any()
     ]
     found: dict[str, tuple[int, ...]] = {}
     for mission in known:

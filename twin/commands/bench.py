@@ -12,7 +12,7 @@ class Bench(JsonOption):
     """Time a step with and without our water, and a batch of closed-loop missions."""
 
     vehicle: str = "glider"
-    """shipped vehicle name, or the path of an MJCF file"""
+    """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
     threads: int = 0
     """threads of the batch; 0 takes every core"""
     rounds: int = 40

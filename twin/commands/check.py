@@ -19,8 +19,8 @@ class Check(JsonOption):
     """
 
     vehicle: str | None = None
-    """shipped vehicle name, or the path of an MJCF file, for the manoeuvres [default: glider] or
-    of the logs"""
+    """shipped vehicle name or MJCF file (:PRESET behind it takes a preset), for the manoeuvres
+    [default: glider] or of the logs"""
     manoeuvres: int | None = None
     """number of random 600 s manoeuvres [default: 20]"""
     seed: int | None = None

@@ -55,7 +55,7 @@ class Render(JsonOption):
     title: str | None = None
     """first line of the picture; default: from the store"""
     vehicle: str | None = None
-    """vehicle to draw, by name or MJCF file; default: the store's own"""
+    """vehicle to draw, by name or MJCF file (:PRESET behind it); default: the store's own"""
     workers: int | None = None
     """processes that draw a video; default: one per core"""
 

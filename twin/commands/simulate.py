@@ -26,7 +26,7 @@ class Simulate(JsonOption):
     """shipped mission name, or the path of a mission TOML file; default: the shipped one that suits
     the vehicle"""
     vehicle: str = "glider"
-    """shipped vehicle name, or the path of an MJCF file"""
+    """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
     current: str = "none"
     """current, such as uniform:-0.05,-0.002 (north, east [m/s]) or
     grid:FILE.nc,lat=49,lon=-16,time=2000-01-05; parts are added with +; docs/currents.md lists

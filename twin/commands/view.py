@@ -33,7 +33,8 @@ class View:
     floor: str = "none"
     """live: sea floor of a depth, as in `twin simulate`"""
     vehicle: str | None = None
-    """vehicle by name or MJCF file; default: the store's own, live the shipped glider"""
+    """vehicle by name or MJCF file (:PRESET behind it); default: the store's own, live the
+    shipped glider"""
     camera: Literal["orbit", "side", "map", "chase"] = "orbit"
     """first view of the whole track; chase shows the glider in open water at true scale"""
     speed_up: float | None = None

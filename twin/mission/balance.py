@@ -98,7 +98,7 @@ def imbalance(
         wrench = wrench + part.wrench(float(place), nu, density, DEEP)
         own = part.displaced(float(place))
         volume += own
-        wrench[3:] -= density * own * gravity * cross(part.position, down)
+        wrench[3:] -= density * own * gravity * cross(np.array(part.position), down)
     wrench[:3] += (mass - density * volume) * gravity * down - cross(omega, impulse + water[:3])
     wrench[3:] += gravity * cross(first, down) - cross(omega, spin + water[3:])
     wrench[3:] -= cross(velocity, impulse + water[:3])

@@ -49,28 +49,34 @@ def _command(row: Array, which: int, command: Array) -> None:
 
 
 @jit
-def _pitch_loop(
-    row: Array,
+def _pitch_with(
+    part: float,
+    sense: float,
+    low: float,
+    high: float,
     gains: Array,
+    first: int,
     state: Array,
     slot: int,
     error: float,
     pitch_rate: float,
     command: Array,
 ) -> None:
-    """What pitches the vehicle, about its position in the phase's command."""
-    part = int(gains[g.PITCH_PART])
-    if not 0 <= part < command.size:
+    """One part that pitches the vehicle, about its position in the phase's command.
+
+    Its three gains begin at gains[first].
+    """
+    place = int(part)
+    if not 0 <= place < command.size:
         return
-    sense = gains[g.PITCH_SENSE]
-    low, high = sense * row[g.PITCH_LOW], sense * row[g.PITCH_HIGH]
-    command[part] = sense * pid(
-        gains[g.PITCH_KP],
-        gains[g.PITCH_KI],
-        gains[g.PITCH_KD],
+    low, high = sense * low, sense * high
+    command[place] = sense * pid(
+        gains[first],
+        gains[first + 1],
+        gains[first + 2],
         error,
         pitch_rate,
-        sense * command[part],
+        sense * command[place],
         min(low, high),
         max(low, high),
         gains[g.PERIOD],
@@ -81,27 +87,29 @@ def _pitch_loop(
 
 
 @jit
+def _pitch_loop(
+    row: Array,
+    gains: Array,
+    state: Array,
+    slot: int,
+    error: float,
+    pitch_rate: float,
+    command: Array,
+) -> None:
+    """What pitches the vehicle."""
+    part, sense = gains[g.PITCH_PART], gains[g.PITCH_SENSE]
+    low, high = row[g.PITCH_LOW], row[g.PITCH_HIGH]
+    first = g.PITCH_KP
+    _pitch_with(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command)
+
+
+@jit
 def _trim_loop(gains: Array, state: Array, error: float, pitch_rate: float, command: Array) -> None:
-    """The battery beside an elevator, in a hover, about its position in the row's command."""
-    part = int(gains[g.TRIM_PART])
-    if not 0 <= part < command.size:
-        return
-    sense = gains[g.TRIM_SENSE]
-    low, high = sense * gains[g.TRIM_LOW], sense * gains[g.TRIM_HIGH]
-    command[part] = sense * pid(
-        gains[g.TRIM_KP],
-        gains[g.TRIM_KI],
-        gains[g.TRIM_KD],
-        error,
-        pitch_rate,
-        sense * command[part],
-        min(low, high),
-        max(low, high),
-        gains[g.PERIOD],
-        INTEGRAL_ZONE,
-        state,
-        g.TRIM_INTEGRAL,
-    )
+    """The battery beside an elevator, in a hover."""
+    part, sense = gains[g.TRIM_PART], gains[g.TRIM_SENSE]
+    low, high = gains[g.TRIM_LOW], gains[g.TRIM_HIGH]
+    first, slot = g.TRIM_KP, g.TRIM_INTEGRAL
+    _pitch_with(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command)
 
 
 @jit
@@ -165,6 +173,22 @@ def _buoyancy_loop(
     )
     if abs(wanted - depth) > DEPTH_ZONE:
         state[g.BUOYANCY_INTEGRAL] = integral
+
+
+@jit
+def _leave_surface(gains: Array, command: Array) -> None:
+    """Go down from the surface by weight: pump and battery of a vehicle that an elevator pitches.
+
+    An elevator lifts the tail out of the water before it pitches the nose down, and awash a hull
+    is stiff in pitch: at low speeds it would stay there.
+    """
+    if gains[g.PITCHES_AT_REST] != 0.0:
+        return
+    pump, battery = int(gains[g.BUOYANCY_PART]), int(gains[g.TRIM_PART])
+    if 0 <= pump < command.size:
+        command[pump] = gains[g.BUOYANCY_LOW]
+    if 0 <= battery < command.size:
+        command[battery] = gains[g.TRIM_LOW if gains[g.TRIM_SENSE] > 0.0 else g.TRIM_HIGH]
 
 
 @jit
@@ -235,6 +259,8 @@ def guidance_step(
         _command(row, g.CLIMB_COMMAND, command)
     state[g.PITCH_SETPOINT] = setpoint
     _pitch_loop(row, gains, state, slot, setpoint - pitch, pitch_rate, command)
+    if setpoint < 0.0 and depth < row[g.SURFACE_DEPTH]:
+        _leave_surface(gains, command)
 
     part = int(gains[g.TURN_PART])
     if math.isnan(state[g.HEADING_SETPOINT]) or not 0 <= part < command.size:

@@ -158,5 +158,5 @@ class Painter:
             if shot.camera != "map" and layout.exaggeration != 1.0:
                 facts.append(f"depth × {layout.exaggeration:g}")
             if layout.scale < 1.0:
-                facts.append(f"glider × {1 / layout.scale:.0f}")
+                facts.append(f"vehicle × {1 / layout.scale:.0f}")
         return [title or "glider twin", *(["   ".join(facts)] if facts else [])]

@@ -96,4 +96,6 @@ def buoyancy(mass: float) -> str:
     """Net buoyancy mass [kg] with the way it pulls: a heavy glider (positive) down."""
     if not np.isfinite(mass):
         return UNKNOWN
+    if abs(mass) < 0.005:
+        return "neutral"
     return f"{'▼' if mass >= 0 else '▲'} {abs(mass):.2f} kg"

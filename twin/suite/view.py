@@ -53,7 +53,7 @@ class View:
     task: Annotated[str, tyro.conf.arg(help=", ".join(TASKS))] = "hold"
     policy: Annotated[str, tyro.conf.arg(help=", ".join(POLICIES))] = "autopilot"
     vehicle: str = "glider"
-    """shipped vehicle name, or the path of an MJCF file"""
+    """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
     seed: int = 0
     """seed of the task and of the random policy"""
     show_reward: bool = False

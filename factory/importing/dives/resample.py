@@ -264,8 +264,6 @@ def _put_times(log: DeploymentLog, times: Array, signals: dict[str, Array]) -> N
             signals[name] = nearest(channel.time, times) - times[0]
 
 
-
-
 def _put_onboard(
     log: DeploymentLog, segment: Segment, times: Array, signals: dict[str, Array]
 ) -> None:

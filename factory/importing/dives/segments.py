@@ -50,14 +50,15 @@ class Segment:
 def cut(log: DeploymentLog, depth: Channel, rules: DiveRules, tally: Tally) -> list[Segment]:
     """The dives of a log, in time order.
 
-    Consecutive fixes with a dive between them make a row; before the first and after the last fix,
-    and in logs without fixes, rows are split at surfacings and at gaps.
+    Consecutive fixes with a dive between them make a row, unless the log is silent for long in it:
+    nobody knows whether it surfaced. Before the first and after the last fix, and in logs without
+    fixes, rows are split at surfacings and at gaps.
     """
     fixes = good_fixes(log.fixes, depth, rules, tally, station=log.station)
     first, last = log.span
     edges = [first - 1.0, *fixes.time.tolist(), last + 1.0]
     segments: list[Segment] = []
-    short = 0
+    short = holes = 0
     for k in range(len(edges) - 1):
         start, end = edges[k], edges[k + 1]
         inside = depth.within(start, end)
@@ -65,14 +66,16 @@ def cut(log: DeploymentLog, depth: Channel, rules: DiveRules, tally: Tally) -> l
             continue
         has_start, has_end = k > 0, k < len(edges) - 2
         if has_start and has_end:
-            parts = [(start, end)]
+            parts = [(start, end)] if log.station else _between_holes(log, start, end, rules)
+            holes += len(parts) - 1
+            parts = [p for p in parts if _deepest(depth, *p) > rules.min_depth]
         else:
             parts = split_without_fixes(inside, rules)
-            if has_start and parts:
+            if has_start and parts and parts[0][0] - start < rules.longest_gap:
                 parts[0] = (start, parts[0][1])
-            if has_end and parts:
+            if has_end and parts and end - parts[-1][1] < rules.longest_gap:
                 parts[-1] = (parts[-1][0], end)
-        for p, (begin, stop) in enumerate(parts):
+        for begin, stop in parts:
             if stop - begin < rules.min_duration:
                 short += 1
                 continue
@@ -82,12 +85,16 @@ def cut(log: DeploymentLog, depth: Channel, rules: DiveRules, tally: Tally) -> l
                     fixes,
                     begin,
                     stop,
-                    k - 1 if has_start and p == 0 else None,
-                    k if has_end and p == len(parts) - 1 else None,
+                    k - 1 if has_start and begin == start else None,
+                    k if has_end and stop == end else None,
                     segments[-1].end if segments else None,
                     rules,
                 )
             )
+    tally.add(
+        "note", "rows", holes,
+        f"split where neither depth nor attitude is known for {rules.longest_gap:g} s",
+    )  # fmt: skip
     tally.add("left out", "dives", short, f"shorter than {rules.min_duration:g} s")
     carried = [s for s in segments if np.hypot(*s.surface_drift) > rules.drift_speed]
     tally.add(
@@ -102,6 +109,24 @@ def cut(log: DeploymentLog, depth: Channel, rules: DiveRules, tally: Tally) -> l
     open_ended = sum(1 for s in segments if s.start_fix is None or s.end_fix is None)
     tally.add("note", "rows", open_ended, "without a fix at one or both ends")
     return segments
+
+
+def _between_holes(
+    log: DeploymentLog, start: float, end: float, rules: DiveRules
+) -> list[tuple[float, float]]:
+    """Start and end of what the log holds between two fixes, parted at its long silences."""
+    names = ("measured_depth", "measured_pitch")
+    known = [log.channel(name).within(start, end).time for name in names]
+    times = np.unique(np.concatenate([[start, end], *known]))
+    silent = np.flatnonzero(np.diff(times) > rules.longest_gap)
+    begins = np.concatenate([[start], times[silent + 1]])
+    ends = np.concatenate([times[silent], [end]])
+    return [(float(a), float(b)) for a, b in zip(begins, ends, strict=True) if b > a]
+
+
+def _deepest(depth: Channel, start: float, end: float) -> float:
+    """[m] -inf where no depth is known."""
+    return float(depth.within(start, end).values.max(initial=-np.inf))
 
 
 _DAY = 86400.0

@@ -116,9 +116,9 @@ def _opened(path: Path) -> TextIO:
 
 
 def _header(file: TextIO) -> tuple[list[str], str]:
-    """Column names in the first line, and what separates them: a comma or a semicolon."""
+    """Column names in the first line, and what separates them: a comma, semicolon or tab."""
     line = file.readline()
-    delimiter = ";" if line.count(";") > line.count(",") else ","
+    delimiter = max(",;\t", key=line.count)
     return [word.strip().strip('"') for word in line.rstrip("\r\n").split(delimiter)], delimiter
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from factory.importing.reading.deployment_log import Channel
 from factory.importing.reading.tally import Tally
 from factory.importing.repairs.plausibility import FASTEST, SLOWEST, speed_along_pitch
+from factory.importing.repairs.restarts import lone_zeros, stale
 from factory.importing.repairs.unreachable import unreachable
 from twin.errors import InputError
 
@@ -52,6 +53,8 @@ CHAINED = frozenset({"measured_pressure", "measured_depth"})
 """Channels in which not only single samples go, but whole runs that the rest cannot reach."""
 _MOST = 0.3
 """With more than this part of its samples out of reach of the others, a sensor is not repaired."""
+_SHORT = 20
+"""Of such a sensor, runs of so few samples out of reach still go."""
 _RETURNED = 0.5
 """A spike's neighbours differ by less than this part of the spike."""
 
@@ -76,11 +79,19 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
     time, values = time[there], values[there]
     if limits is not None and np.isfinite(limits.rate):
         if name in CHAINED:
+            for find, what in (
+                (stale, "the last value again after a hole: no new one yet"),
+                (lone_zeros, "0 in the middle of a dive: no value yet"),
+            ):
+                unset = find(time, values, rate=limits.rate, jump=limits.jump)
+                tally.add("removed", subject, int(unset.sum()), what)
+                time, values = time[~unset], values[~unset]
             bad = unreachable(time, values, rate=limits.rate, jump=limits.jump)
             why = f"changes faster than {limits.rate:g} m/s"
             if bad.sum() > _MOST * len(bad):
-                tally.add("suspect", subject, int(bad.sum()), f"{why}; too many to be removed")
-                bad[:] = False
+                long = bad & ~short_runs(bad, _SHORT)
+                tally.add("suspect", subject, int(long.sum()), f"{why}; too many to be removed")
+                bad &= ~long
         else:
             bad = spikes(time, values, rate=limits.rate, jump=limits.jump)
             why = "single spikes"
@@ -105,6 +116,16 @@ def spikes(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[n
         excess[:-1] & excess[1:] & (out * back < 0) & (np.abs(out + back) < _RETURNED * size)
     )
     return bad
+
+
+def short_runs(mask: NDArray[np.bool_], longest: int) -> NDArray[np.bool_]:
+    """True where `mask` is, in runs of `longest` samples at most."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    short = np.zeros(len(mask), bool)
+    for start, end in edges.reshape(-1, 2):
+        if end - start <= longest:
+            short[start:end] = True
+    return short
 
 
 def from_degrees(values: Array, subject: str, tally: Tally, *, flying: bool) -> Array:

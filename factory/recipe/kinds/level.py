@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 from factory.recipe.drawn import Drawn, number
 from factory.recipe.kinds.base import MissionKind, keeps_level, survey_row
@@ -26,7 +27,13 @@ _ROWS = (
 class LevelKind(MissionKind):
     """At a depth or an altitude, at a speed."""
 
-    uses = ("level_by", "depth_m", "altitude_m", "min_altitude_m", "speed_m_s")
+    uses: ClassVar[tuple[str, ...]] = (
+        "level_by",
+        "depth_m",
+        "altitude_m",
+        "min_altitude_m",
+        "speed_m_s",
+    )
 
     def fits(self, vehicle: Vehicle) -> bool:
         """A propeller, and what pitches and turns it."""

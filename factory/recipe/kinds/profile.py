@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 from factory.recipe.drawn import Drawn, limit, number
 from factory.recipe.kinds.base import MissionKind
@@ -21,7 +21,7 @@ ENDS = ("yos", "segment_duration_s", "min_altitude_m")
 class ProfileKind(MissionKind):
     """Dives and climbs."""
 
-    uses = (*DEPTHS, *DRIVEN, *ENDS)
+    uses: ClassVar[tuple[str, ...]] = (*DEPTHS, *DRIVEN, *ENDS)
 
     def shortest_time(self, drawn: Drawn, vehicle: Vehicle) -> float:
         """Its clock, or its dives and climbs at their steady speeds."""

@@ -88,7 +88,7 @@ def test_payload_comes_by_known_names_and_by_those_that_the_user_maps(tmp_path: 
     # the tips of the saw-tooth lie between samples
     off = np.abs(dataset["measured_oxygen"].values - 200.0 - truth)
     assert np.nanmax(off) < 1.5
-    assert np.nanmedian(off) < 0.05
+    assert np.nanmedian(off) < 0.1
     assert np.isnan(dataset["measured_oxygen"].values[2]).mean() > 0.2  # no value where it was off
     assert np.nanmax(np.abs(dataset["measured_nitrate"].values - 3.0 - 0.1 * truth)) < 0.2
     assert report.count("removed", "sci_oxy4_oxygen") == 1

@@ -283,3 +283,145 @@ def test_real_seaexplorers_float_at_their_own_zero() -> None:
         at_fix = np.isfinite(dataset["measured_gps_north"].values)
         assert np.abs(depth[at_fix]).max() < 1.0
         assert (dataset["measured_phase"].values[at_fix] == 0.0).all()
+
+
+@pytest.mark.parametrize("zero", [(6.0, 14.0), (14.0, 14.0), (0.0, 0.0)])
+def test_stays_at_the_surface_are_no_dives_whatever_the_vehicles_own_sensor_shows(
+    tmp_path: Path, zero: tuple[float, float]
+) -> None:
+    """The CTD is silent there, and the other sensor was never zeroed and drifts."""
+    flight = Flight(dives=8, depth=120.0, surface=5000.0)
+    columns, time = slocum_columns(flight), flight.time
+    noise = np.random.default_rng(5).normal(0.0, 0.05, len(time))
+    drift = np.interp(time, time[[0, -1]], zero)
+    paths = write_slocum(
+        tmp_path,
+        flight,
+        m_depth=None,
+        m_pressure=columns["m_pressure"] + 0.1 * (drift + noise),
+        sci_water_pressure=np.where(columns["m_depth"] > 5.0, columns["m_pressure"], np.nan),
+    )
+    gps = gps_columns(flight)
+    since = (gps["time"] - gps["time"][0]) % flight.cycle
+    few = (since < 200.0) | (since > flight.surface - 200.0)  # when it comes up and before it dives
+    write_csv(paths[1], {name: values[few] for name, values in gps.items()})
+    dataset, report = import_logs("slocum", paths)
+    assert report.rows == report.rows_with_fixes == flight.dives
+    assert dataset["dive_duration"].values == pytest.approx(2.0 * flight.leg, abs=20.0)
+    assert np.abs(dataset["measured_depth"].values[:, 0]).max() < 2.0
+    assert report.count("removed", "GPS fixes") == 0
+
+
+@pytest.mark.parametrize(("again", "word"), [(False, "no value yet"), (True, "no new one yet")])
+def test_what_a_restarted_sensor_writes_first_is_removed_and_so_are_spikes(
+    again: bool, word: str, tmp_path: Path
+) -> None:
+    """After a restart it is 0 or an old value; with a hole on both sides it parted the log."""
+    flight = Flight(dives=6, depth=180.0, speed=0.5, pitch=40.0)
+    columns, time = slocum_columns(flight), flight.time
+    right, _ = import_logs("slocum", write_slocum(tmp_path, flight, m_depth=None))
+    bottom = flight.dive_times(2)[0] + flight.leg
+    keep = np.abs(time - bottom) > 80.0
+    alone = int(np.argmin(np.abs(time - bottom)))
+    keep[alone] = True  # in the hole
+    before = np.flatnonzero(keep[:alone])[-1]
+    if again:  # at the surface, the depth from before the hole
+        since = time > bottom
+        columns["m_pressure"] = np.where(since, 0.02, columns["m_pressure"])
+    first = columns["m_pressure"][before] if again else 0.0
+    pressure = np.where(np.abs(time - bottom) <= 2.0, first, columns["m_pressure"])
+    spike = np.flatnonzero(columns["m_depth"] > 50.0)[3]
+    pressure[spike] += 9.0
+    broken = {**columns, "m_pressure": pressure}
+    del broken["m_depth"]
+    folder = tmp_path / "broken"
+    folder.mkdir()
+    write_csv(folder / "unit1_flight.csv", {n: v[keep] for n, v in broken.items()})
+    write_csv(folder / "unit1_gps.csv", gps_columns(flight))
+    dataset, report = import_logs("slocum", [folder])
+    assert report.count("suspect", "m_pressure") == 0
+    assert why(report, "removed", word) == 1
+    assert why(report, "removed", "changes faster") == 1
+    if again:
+        return
+    assert report.rows == flight.dives
+    off = np.abs(dataset["measured_depth"].values - right["measured_depth"].values)
+    assert np.nanmax(np.delete(off, 2, axis=0)) < 0.5
+    assert np.nanmax(off[2]) < 30.0  # the hole is bridged, not filled with the surface
+
+
+def test_a_log_that_is_silent_for_hours_between_two_fixes_is_no_dive_of_hours(
+    tmp_path: Path,
+) -> None:
+    """Files are missing: nobody knows whether it surfaced, and one row of all is no dive."""
+    flight = Flight(dives=12, depth=90.0)
+    start, end = flight.dive_times(2)[0] + 200.0, flight.dive_times(9)[0] + 200.0
+    columns = slocum_columns(flight)
+    keep = (columns["time"] < start) | (columns["time"] > end)
+    write_csv(tmp_path / "unit1_flight.csv", {n: v[keep] for n, v in columns.items()})
+    gps = gps_columns(flight)
+    keep = (gps["time"] < start) | (gps["time"] > end)
+    write_csv(tmp_path / "unit1_gps.csv", {n: v[keep] for n, v in gps.items()})
+    dataset, report = import_logs("slocum", [tmp_path])
+    assert float(dataset["dive_duration"].max()) < 1.1 * flight.cycle
+    assert report.rows_with_fixes == 4
+    assert report.rows == 6
+    assert why(report, "note", "neither depth nor attitude is known for 3600 s") == 1
+
+
+def test_regular_sparse_sampling_at_depth_is_no_gap_and_a_hole_is_one(tmp_path: Path) -> None:
+    flight = Flight(dives=2, depth=150.0)
+    columns = slocum_columns(flight)
+    since = (columns["time"] - columns["time"][0]).astype(int)
+    deep = columns["m_depth"] > 40.0
+    keep = ~deep | (since % 60 == 0)
+    write_csv(tmp_path / "unit1_flight.csv", {n: v[keep] for n, v in columns.items()})
+    write_csv(tmp_path / "unit1_gps.csv", gps_columns(flight))
+    dataset, report = import_logs("slocum", [tmp_path])
+    assert np.nanmean(dataset["measured_gap"]) < 0.02
+    middle = flight.dive_times(1)[0] + 0.6 * flight.leg
+    keep &= np.abs(columns["time"] - middle) > 200.0
+    write_csv(tmp_path / "unit1_flight.csv", {n: v[keep] for n, v in columns.items()})
+    dataset, report = import_logs("slocum", [tmp_path])
+    assert np.nansum(dataset["measured_gap"][0]) < 12
+    assert 120 < np.nansum(dataset["measured_gap"][1]) < 260
+
+
+def test_raw_times_stand_beside_the_grid(tmp_path: Path) -> None:
+    flight = Flight(dives=1, step=7.0)
+    dataset, _ = import_logs("slocum", write_slocum(tmp_path, flight))
+    n = int(dataset["n_samples"][0])
+    raw = dataset["measured_depth_time"].values[0, :n].astype(float)
+    grid = dataset["time"].values[:n]
+    assert np.abs(raw - grid).max() <= 3.5 + 1e-3
+    start = float(dataset["start_time"].values.astype(float)[0])
+    original = np.unique(np.round(raw, 3)) + start
+    assert np.abs(original[:, None] - flight.time[None]).min(axis=1).max() < 1e-2
+    exact = np.abs(raw - grid) < 1e-6
+    assert exact.sum() > 10
+    truth = flight.state(start + grid[exact])["depth"]
+    assert np.abs(dataset["measured_depth"].values[0, :n][exact] - truth).max() < 0.5
+
+
+def test_waypoints_and_the_current_that_the_vehicle_uses_are_signals(tmp_path: Path) -> None:
+    time = FLIGHT.time
+    there = np.full(len(time), np.nan)
+    latitude, longitude, east, north = (there.copy() for _ in range(4))
+    first, second = (int(np.argmin(np.abs(time - FLIGHT.dive_times(k)[0]))) for k in (0, 1))
+    latitude[[2, second - 5]] = 0.0, 4936.0  # not set yet, then 49 deg 36 min
+    longitude[[2, second - 5]] = 0.0, -5800.0
+    east[second - 8], north[second - 8] = 0.1, 0.2
+    paths = write_slocum(
+        tmp_path, FLIGHT, c_wpt_lat=latitude, c_wpt_lon=longitude, m_water_vx=east, m_water_vy=north
+    )
+    dataset, report = import_logs("slocum", paths, variation_deg=0.0)
+    waypoint = dataset["commanded_waypoint_north"].values
+    n = dataset["n_samples"].values
+    assert np.isnan(waypoint[0]).all()
+    place = float(dataset["start_latitude"][1])
+    assert waypoint[1, : n[1]] == pytest.approx((49.6 - place) / METRES, rel=5e-3)
+    assert np.isnan(dataset["measured_current_north"].values[0]).all()
+    assert dataset["measured_current_north"].values[2, : n[2]] == pytest.approx(0.2)
+    assert dataset["measured_current_east"].values[2, : n[2]] == pytest.approx(0.1)
+    assert why(report, "removed", "no waypoint yet") == 1
+    assert first < second

@@ -26,6 +26,7 @@ from logs import (
     write_seaexplorer,
     write_seaglider,
     write_slocum,
+    write_table,
 )
 
 from factory.importing import IMPORTERS, Importer, import_logs, sniff
@@ -50,6 +51,7 @@ WRITERS: dict[str, tuple[Callable[[Path, Flight], list[Path]], ...]] = {
         lambda folder, flight: [write_mat(folder / "log.mat", flight)],
         lambda folder, flight: [write_nc4(folder / "log.nc4", flight)],
     ),
+    "csv": (lambda folder, flight: write_table(folder, flight, PAGE),),
 }
 """Logs of an imaginary flight in each layout of each kind."""
 LAYOUTS = [(kind, k) for kind, writers in WRITERS.items() for k in range(len(writers))]
@@ -60,6 +62,11 @@ def write(kind: str, layout: int, folder: Path) -> list[Path]:
         pytest.importorskip("dbdreader")
     folder.mkdir(exist_ok=True)
     return WRITERS[kind][layout](folder, FLIGHT)
+
+
+def mapping(kind: str, folder: Path) -> Path | None:
+    """What the columns of a kind's tables are, where its names do not say."""
+    return folder / "mine.toml" if IMPORTERS[kind].takes_mapping else None
 
 
 def test_every_importer_has_logs_that_these_tests_write() -> None:
@@ -77,7 +84,8 @@ def test_logs_come_back_dive_by_dive(kind: str, layout: int, tmp_path: Path) -> 
     paths = write(kind, layout, tmp_path / "logs")
     assert all(importer.accepts(path) for path in paths)
     given = None if (kind, layout) != ("og1", 0) else FLIGHT.variation  # that file has none
-    dataset, report = import_logs(kind, [tmp_path / "logs"], variation_deg=given)
+    logs = tmp_path / "logs"
+    dataset, report = import_logs(kind, [logs], variation_deg=given, mapping=mapping(kind, logs))
     assert report.kind == kind
     assert report.rows == FLIGHT.dives
     assert report.period == importer.period
@@ -120,7 +128,8 @@ def names_in(path: Path) -> set[str]:
 @pytest.mark.parametrize(("kind", "layout"), LAYOUTS)
 def test_each_name_of_a_file_is_accounted_for_once(kind: str, layout: int, tmp_path: Path) -> None:
     paths = write(kind, layout, tmp_path / "logs")
-    _, report = import_logs(kind, paths, variation_deg=FLIGHT.variation)
+    given = mapping(kind, tmp_path / "logs")
+    _, report = import_logs(kind, paths, variation_deg=FLIGHT.variation, mapping=given)
     named = [
         name for states in report.names.values() for names in states.values() for name in names
     ]
@@ -132,7 +141,7 @@ def test_each_name_of_a_file_is_accounted_for_once(kind: str, layout: int, tmp_p
     assert set(named) <= wanted, f"invented: {sorted(set(named) - wanted)}"
 
 
-@pytest.mark.parametrize(("kind", "layout"), LAYOUTS)
+@pytest.mark.parametrize(("kind", "layout"), [one for one in LAYOUTS if one[0] != "csv"])
 def test_logs_are_told_from_those_of_every_other_kind(
     kind: str, layout: int, tmp_path: Path
 ) -> None:
@@ -189,6 +198,12 @@ def test_marks_belong_to_one_kind(importer: Importer) -> None:
 def test_a_cache_is_refused_where_nothing_reads_it(kind: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=f"{kind} logs have no cache files.*for slocum"):
         import_logs(kind, [tmp_path], cache=tmp_path)
+
+
+@pytest.mark.parametrize("kind", [i.name for i in IMPORTERS.values() if not i.takes_mapping])
+def test_a_mapping_is_refused_where_names_are_known(kind: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"{kind} logs have names of their own.*csv"):
+        import_logs(kind, [tmp_path], mapping=tmp_path)
 
 
 @pytest.mark.parametrize(

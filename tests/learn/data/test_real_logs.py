@@ -16,13 +16,14 @@ from factory.importing import import_logs
 from factory.importing.dives.dive_rows import blocks
 from learn.data.dataset import Mission, load_missions
 from learn.data.features import INPUT_SETS, select_features
+from learn.data.labels import LabelConfig
 from learn.data.logs import filled, nearest
 from learn.data.preparation import prepare
 from learn.evaluation.log_score import LogReference, score_row
 from learn.navigation.baselines.base import Estimate
 from learn.networks.config import NetworkConfig
 from learn.report.origin import Origin
-from learn.studies.folds import dives_with_truth, leave_out_each
+from learn.studies.folds import folds_with_labels, leave_out_each
 from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
@@ -173,19 +174,23 @@ def test_training_goes_on_from_a_run(store: Path, tmp_path: Path) -> None:
 
 def test_a_dive_that_is_left_out_is_seen_by_no_network(store: Path, tmp_path: Path) -> None:
     settings = config(store)
-    assert dives_with_truth(settings) == list(range(6))
+    assert folds_with_labels(settings, "dive") == {str(k): (k,) for k in range(6)}
     held = prepare(store, target="surge", features=INPUTS, held_out=(2,))
     assert len(held.train.inputs) + len(held.validation.inputs) == 5
     run = fit(settings, tmp_path / "run", workers=1)
-    found = leave_out_each(run, settings, [0, 2], workers=1)
-    assert [fold.row for fold in found.folds] == [0, 2]
-    assert 0.0 < found.rmse < 1.0
+    chosen = {"0": (0,), "2": (2,)}
+    found = leave_out_each(run, settings, chosen, unit="dive", workers=1)
+    assert [fold.rows for fold in found.folds] == [(0,), (2,)]
+    assert 0.0 < found.rmse("surge") < 1.0
+    # no constant is better than the mean of what is judged
+    assert found.rmse("surge", "own_mean") <= found.rmse("surge", "training_mean")
+    assert found.rows()[-1]["dive"] == "all"
     assert (run.folder / "leave-out-each-dive.json").is_file()
 
 
 def test_leaving_out_needs_real_logs(small_store: Path) -> None:
     with pytest.raises(InputError, match="0 dives of real logs"):
-        dives_with_truth(config(small_store))
+        folds_with_labels(config(small_store), "dive")
 
 
 # --- dead reckoning -----------------------------------------------------------------------------
@@ -206,7 +211,7 @@ def row_of(start: float, moved: tuple[float, float], current: tuple[float, float
     displacement = (moved[0] + current[0] * duration, moved[1] + current[1] * duration)
     row = LogRow(deployment="a", start=start, duration=duration, displacement=displacement)
     mission = Mission(index=0, split="test", period=period, signals=signals, row=row)
-    return LogReference.of(mission, load_vehicle("graver-2005"))
+    return LogReference.of(mission, load_vehicle("graver-2005"), LabelConfig())
 
 
 def test_the_current_of_the_row_before_is_carried_over() -> None:

@@ -25,12 +25,17 @@ PLACE = {
     "mission.duration_h": "uniform(0.1, 0.15)",
     "mission.segment_duration_s": "uniform(100, 200)",
     "mission.max_depth_m": "25",
+    "floor.depth_m": "45",
 }
 
 
 def made(path: Path, **changes: str) -> Path:
     recipe = make_recipe(
-        hours=0.5, sensors="field", changes={**PLACE, **changes}, vehicle=str(TORPEDO), seed=3
+        hours=0.5,
+        sensors="survey-field",
+        changes={**PLACE, **changes},
+        vehicle=str(TORPEDO),
+        seed=3,
     )
     generate(recipe, path, workers=1)
     return path
@@ -40,7 +45,7 @@ def made(path: Path, **changes: str) -> Path:
 def still(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Shallow and still water, instruments with errors."""
     path = tmp_path_factory.mktemp("doppler") / "still.zarr"
-    return made(path, **{"current.speed": "0", "water.bottom_below_m": "20"})
+    return made(path, **{"current.speed": "0"})
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +130,7 @@ def test_in_still_water_and_in_a_current_the_page_says_what_can_be_known(
     judged: learn.RunEvaluation, run: learn.Run, tmp_path: Path
 ) -> None:
     assert any("The water stood still" in text for text in tables.verdicts(judged.figures))
-    moving = made(tmp_path / "m.zarr", **{"current.speed": "0.3", "water.bottom_below_m": "20"})
+    moving = made(tmp_path / "m.zarr", **{"current.speed": "0.3"})
     found = learn.evaluate(run, moving, split="all", baselines=("dvl",)).figures
     text = " ".join(tables.verdicts(found))
     assert "no method can know it without sight of the bottom or a fix" in text

@@ -264,7 +264,8 @@ def test_missing_file_and_unknown_name(tmp_path):
 @pytest.mark.parametrize("name", mission_names())
 def test_shipped_missions_can_be_flown(vehicle, name):
     mission = load_mission(name)
-    mission.check(load_vehicle(TORPEDO) if name == PROPELLED else vehicle)
+    driven = name in (PROPELLED, "transects")
+    mission.check(load_vehicle(TORPEDO) if driven else vehicle)
     assert mission.name == name
     assert mission.max_depth_m is not None
 

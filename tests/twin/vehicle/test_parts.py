@@ -24,6 +24,7 @@ from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation, simulate
 from twin.physics.start import Start
 from twin.vehicle import laws, parts
+from twin.vehicle.consumption import Consumption
 from twin.vehicle.laws import LAWS, BodyAxes
 from twin.vehicle.parts import PARTS, DropWeight, Part, Propeller, Quantity
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
@@ -66,6 +67,7 @@ SHIPPED = {
         TORPEDO.part("rudder"),
         TORPEDO.part("elevator"),
         dataclasses.replace(TORPEDO.part("elevator"), in_hull=True),
+        dataclasses.replace(TORPEDO.part("rudder"), induced_drag=0.06),
     ],
     "drop-weight": [CARRIER.part("weight")],
 }
@@ -245,6 +247,29 @@ def test_a_fin_has_the_lift_and_drag_of_its_angle_of_attack(deflection, lift, dr
     for sign in (1.0, -1.0):
         x, y, z, *_ = fin_wrench("elevator", sign * deflection)
         assert (x, y, z) == pytest.approx((-drag * pressure, 0.0, sign * lift * pressure))
+
+
+def test_lift_of_a_finite_span_costs_drag():
+    """C_L^2 / (pi e AR) beside the rest, and none where the stalled fin has lost its lift."""
+    pressure = 0.5 * DENSITY * 0.03 * 1.5**2
+    more = {"induced_drag": 0.06}
+    found = fin_wrench("elevator", 0.1, **more) - fin_wrench("elevator", 0.1)
+    assert found[:3] == pytest.approx([-0.06 * 0.31**2 * pressure, 0.0, 0.0])
+    stalled = {"stalled_lift_slope": -3.0}
+    np.testing.assert_allclose(
+        fin_wrench("elevator", 1.5, **more, **stalled), fin_wrench("elevator", 1.5, **stalled)
+    )
+
+
+def test_a_left_handed_screw_rolls_to_starboard_and_takes_as_much():
+    right: Propeller = TORPEDO.part("propeller")
+    left = dataclasses.replace(right, torque_coefficient=-right.torque_coefficient)
+    rolls = [p.wrench(100.0, np.zeros(6), DENSITY, 50.0)[3] for p in (right, left)]
+    assert rolls[0] < 0.0
+    assert rolls[1] == -rolls[0]
+    still = {"depth": 0.0, "pitch": 0.0, "duration": 1.0}
+    taken = [p.energy(TORPEDO, 100.0, 100.0, Consumption(), **still) for p in (right, left)]
+    assert taken[0] == taken[1] > 0.0
 
 
 def test_lift_of_a_stalled_fin_vanishes_and_does_not_turn_round():

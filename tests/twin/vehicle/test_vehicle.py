@@ -70,6 +70,15 @@ def test_everything_is_named_and_there_are_cameras(name):
     assert not model.geom_contype.any()
 
 
+@pytest.mark.parametrize("name", vehicle_names())
+def test_propellers_and_fins_are_seen_to_move(name):
+    """Pictures turn the body below the hull that has a part's name."""
+    vehicle = load_vehicle(name)
+    model = mujoco.MjModel.from_xml_string(vehicle.xml)
+    drawn = {model.body(i).name for i in range(model.nbody) if model.body_geomnum[i]}
+    assert {part.name for part in vehicle.parts if part.drawn_axis is not None} <= drawn
+
+
 def test_glider_has_keyframes_that_pose_it():
     model = mujoco.MjModel.from_xml_path(str(GLIDER.path))
     names = {model.keyframe(i).name for i in range(model.nkey)}

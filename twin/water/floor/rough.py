@@ -101,7 +101,7 @@ class RoughFloor(Floor):
                 f"start are more than {LARGEST:,}: give a longer length_m, or a smaller reach_m "
                 f"(now {reach:.0f} m)"
             )
-        axis = spacing * np.arange(-nodes, nodes + 1)
+        axis = np.asarray(spacing * np.arange(-nodes, nodes + 1), dtype=np.float64)
         direction = math.radians(self.slope_direction_deg)
         north = self.depth_m + self.slope * math.cos(direction) * axis
         east = self.slope * math.sin(direction) * axis

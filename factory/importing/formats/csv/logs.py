@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.formats.base import SHORTEST, ReadOptions
+from factory.importing.formats.base import SHORTEST, TABLES, ReadOptions
 from factory.importing.formats.csv.mapping import (
     HEADINGS,
     ISO,
@@ -26,6 +26,7 @@ from factory.importing.formats.csv.mapping import (
 )
 from factory.importing.formats.csv.row_times import row_times
 from factory.importing.formats.csv.velocity_checks import check_track, check_values
+from factory.importing.formats.registry import likely_kind
 from factory.importing.reading.columns import (
     Table,
     column_names,
@@ -38,7 +39,7 @@ from factory.importing.reading.columns import (
 from factory.importing.reading.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, Fixes
 from factory.importing.reading.tally import Tally
 from factory.importing.reading.units import SECONDS, in_unit
-from factory.importing.reading.unread_names import note_unread
+from factory.importing.reading.unread_names import leave_out, note_empty, note_unread
 from factory.importing.repairs.cleaning import LIMITS, clean
 from factory.importing.repairs.seawater import ctd_channels, pressure_of
 from twin.errors import InputError, unknown_name
@@ -68,15 +69,21 @@ def read_tables(
       InputError: no mapping, or one that does not fit the files; a velocity that is none.
     """
     if options.mapping is None:
+        kind = likely_kind(column_names(paths[0])) if paths[0].suffix.lower() in TABLES else None
+        hint = f". It looks like {kind}: use `factory import {kind}`" if kind else ""
         raise InputError(
-            "csv tables need a --mapping: a TOML file that says which column is which signal, or "
-            f"the name of a shipped one ({', '.join(shipped_names())}); docs/real.md shows one"
+            f"{paths[0].name}: csv tables need a --mapping, a TOML file that says which column is "
+            "which signal (docs/real.md shows one), or a shipped one "
+            f"({', '.join(shipped_names())}){hint}"
         )
     mapping = load_mapping(options.mapping)
     groups: dict[str, list[Piece]] = {}
     for path in paths:
         for deployment, piece in _pieces(path, mapping, tally):
             groups.setdefault(deployment, []).append(piece)
+    every = [piece.columns for pieces in groups.values() for piece in pieces]
+    valued = {n for columns in every for n, values in columns.items() if np.isfinite(values).any()}
+    note_empty(KIND, (s.column for n, s in mapping.signals.items() if n not in valued), tally)
     return [
         _log(name, pieces, mapping, options.variation_deg, tally)
         for name, pieces in groups.items()
@@ -139,12 +146,11 @@ def _account(
     used = {signal.column for signal, _ in signals.values()} | {mapping.time.column}
     if mapping.deployment == "column":
         used.add(mapping.deployment_word)
-    rest = [column for column in present if column not in used]
-    for column in rest:
-        why = mapping.reason(column)
-        if why is not None:
-            tally.add("left out", column, 1, f"files: {why}")
-    note_unread(KIND, (c for c in rest if mapping.reason(c) is None), (), tally)
+    reasons = {c: mapping.reason(c) for c in present if c not in used}
+    ignored = {column: why for column, why in reasons.items() if why is not None}
+    note_unread(KIND, present, used | set(ignored), tally)
+    for column, why in ignored.items():
+        leave_out((column,), f"files: {why}", tally)
     header = column_names(path)
     twice = sorted({name for name in header if header.count(name) > 1})
     if set(twice) & used:
@@ -253,9 +259,11 @@ def _log(
         elif np.isfinite(values).any() or not signal.optional:
             tally.add("missing", name, 1, f"{deployment} has no value of it")
     if mapping.dvl_lock is not None and "measured_dvl_surge" in channels:
-        has = np.isin(time, channels["measured_dvl_surge"].time)
+        has = np.isin(time, channels["measured_dvl_surge"].time).astype(np.float64)
         channels["measured_dvl_mode"] = Channel(time, LOCKS[mapping.dvl_lock] * has)
-        tally.add("note", "measured_dvl_mode", int(has.sum()), f"{mapping.dvl_lock}, says the mapping")
+        tally.add(
+            "note", "measured_dvl_mode", int(has.sum()), f"{mapping.dvl_lock}, says the mapping"
+        )
     variation = channels.pop("magnetic_variation", EMPTY)
     _to_true_north(deployment, channels, mapping, variation, variation_deg, tally)
     fixes = _fixes(channels.pop("gps_latitude", EMPTY), channels.pop("gps_longitude", EMPTY), tally)
@@ -347,9 +355,10 @@ def _with_water(log: DeploymentLog, conductivity: Channel | None, tally: Tally) 
     if not len(warm) or not have_salt or not (len(pressure) or len(depth)):
         return log
     track = log.channel("latitude"), log.channel("longitude")
-    known = len(log.fixes) or len(track[0])
-    latitude = float(np.median(log.fixes.latitude if len(log.fixes) else track[0].values)) if known else 0.0
-    longitude = float(np.median(log.fixes.longitude if len(log.fixes) else track[1].values)) if known else 0.0
+    places = (log.fixes.latitude, log.fixes.longitude) if len(log.fixes) else (
+        track[0].values, track[1].values
+    )  # fmt: skip
+    latitude, longitude = (float(np.median(p)) if len(p) else 0.0 for p in places)
     dbar = pressure if len(pressure) else Channel(depth.time, pressure_of(depth.values, latitude))
     both = warm.time
     made = ctd_channels(

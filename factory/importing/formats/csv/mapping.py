@@ -208,8 +208,8 @@ def load_mapping(name: str | Path) -> Mapping:
 def parse_mapping(data: Dict[str, Any], label: str) -> Mapping:
     """A mapping from what its TOML file says; errors as `load_mapping`."""
     label = f"mapping {label}"
-    keys = ("vehicle", "frame", "dvl_lock", "model", "deployment", "rows", "gap_s", "period_s", "time",
-            "signals", "ignored", "corrections")  # fmt: skip
+    keys = ("vehicle", "frame", "dvl_lock", "model", "deployment", "rows", "gap_s", "period_s",
+            "time", "signals", "ignored", "corrections")  # fmt: skip
     _known(label, data, keys)
     for key in ("vehicle", "time", "signals"):
         if key not in data:
@@ -237,7 +237,7 @@ def parse_mapping(data: Dict[str, Any], label: str) -> Mapping:
             )
     dvl_lock = data.get("dvl_lock")
     if dvl_lock is not None:
-        _one_of(label, "dvl_lock", dvl_lock, LOCKS)
+        _one_of(label, "dvl_lock", dvl_lock, tuple(LOCKS))
         if "measured_dvl_mode" in signals:
             raise InputError(f"{label}: dvl_lock and measured_dvl_mode say the same; give one")
         if "measured_dvl_surge" not in signals:
@@ -362,7 +362,9 @@ def _clock(label: str, entry: object) -> Clock:
         try:
             groups = re.compile(_text(label, "start_from_name", pattern)).groups
         except re.error as error:
-            raise InputError(f"{label}: start_from_name is no regular expression: {error}") from None
+            raise InputError(
+                f"{label}: start_from_name is no regular expression: {error}"
+            ) from None
         if groups != 1:
             raise InputError(
                 f"{label}: start_from_name must have one group in brackets, the date, such as "
@@ -389,7 +391,9 @@ def _moment(label: str, value: object) -> float:
     if isinstance(moment, datetime.date) and not isinstance(moment, datetime.datetime):
         moment = datetime.datetime(moment.year, moment.month, moment.day)
     if not isinstance(moment, datetime.datetime):
-        raise InputError(f"{label}: start must be a time such as 2022-06-25T08:00:00Z, not {value!r}")
+        raise InputError(
+            f"{label}: start must be a time such as 2022-06-25T08:00:00Z, not {value!r}"
+        )
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=datetime.UTC)
     return moment.timestamp()
@@ -431,7 +435,7 @@ def _rows(
     if isinstance(value, int | float) and not isinstance(value, bool):
         return "minutes", _positive(label, "rows", value)
     if value in ("dives", "file", "gaps"):
-        return value, 0.0  # type: ignore[return-value]
+        return value, 0.0
     raise InputError(
         f'{label}: rows must be "dives", "file", "gaps" or a number of minutes, not {value!r}'
     )

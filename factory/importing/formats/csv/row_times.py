@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -39,4 +40,4 @@ def _divided(run: Array, length: float) -> list[tuple[float, float]]:
     first, last = float(run[0]), float(run[-1])
     count = max(1, round((last - first) / length)) if length else 1
     edges = np.linspace(first, last, count + 1)
-    return [(float(a), float(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [(float(a), float(b)) for a, b in itertools.pairwise(edges)]

@@ -10,7 +10,7 @@ from factory.importing.formats.slocum.common_times import at_common_times
 from factory.importing.reading.deployment_log import Channel, Fixes
 from factory.importing.reading.tally import Tally
 from factory.importing.reading.unread_names import leave_out
-from factory.importing.repairs.cleaning import degrees_minutes, positions
+from factory.importing.repairs.cleaning import positions
 from twin.geodesy import turn
 
 Native = Mapping[str, Channel]
@@ -63,13 +63,17 @@ def on_board(
         found["latitude"] = Channel(here.time, here.latitude)
         found["longitude"] = Channel(here.time, here.longitude)
     time, latitude, longitude = at_common_times(native, WAYPOINT)
-    latitude, longitude = degrees_minutes(latitude), degrees_minutes(longitude)
-    good = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
-    good &= (latitude != 0.0) | (longitude != 0.0)
-    if good.any():
-        found["waypoint_latitude"] = Channel(time[good], latitude[good])
-        found["waypoint_longitude"] = Channel(time[good], longitude[good])
-    tally.add("removed", "c_wpt_lat, c_wpt_lon", int((~good).sum()), "no place: not set")
+    if time.size:
+        unset = (latitude == 0.0) & (longitude == 0.0)
+        tally.add("removed", "c_wpt_lat, c_wpt_lon", int(unset.sum()), "no waypoint yet (0, 0)")
+        latitude, longitude = positions(
+            np.where(unset, np.nan, latitude), np.where(unset, np.nan, longitude),
+            "c_wpt_lat, c_wpt_lon", Tally(),
+        )  # fmt: skip
+        good = np.isfinite(latitude) & np.isfinite(longitude)
+        if good.any():
+            found["waypoint_latitude"] = Channel(time[good], latitude[good])
+            found["waypoint_longitude"] = Channel(time[good], longitude[good])
     return found, signals
 
 

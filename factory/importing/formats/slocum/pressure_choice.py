@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from factory.importing.reading.deployment_log import EMPTY, Channel
 from factory.importing.reading.tally import Tally
+from factory.importing.reading.unread_names import leave_out
 from factory.importing.repairs.cleaning import clean, to_dbar
 from factory.importing.repairs.gps_fixes import nearest
 
@@ -20,6 +21,11 @@ _COVERED, _COVER_GAP = 0.9, 60.0
 """A pressure sensor competes when it covers this part of the longest cover; gaps count 60 s."""
 _MOVING = 8.0
 """[dbar] Noise is measured below the waves."""
+_ZERO = 20.0
+"""[dbar] The largest offset that a sensor is thought to have where it shows least."""
+_FLOATING = 1.0
+"""[dbar] A sensor that shows its least for a tenth of the time is at the surface then; one that is
+switched off near the surface passes its least."""
 _HOLE = 15.0
 """[s] A sensor that is silent for longer, and for three of its spacings, is off."""
 _SHALLOW = 20.0
@@ -31,8 +37,14 @@ _RATE, _ENOUGH = 0.05, 10
 _SAME_ZERO = 2.0
 """[dbar] Sensors that differ by less have one zero: a lag of some seconds, or half a hull's length
 at 26 degree of pitch, make as much."""
-_AGREE = 10.0
-"""[dbar] Sensors of one vehicle that differ by more in the median are not joined."""
+_DRIFTED, _CLEARLY = 1.0, 5.0
+"""[dbar] A zero that has moved by less stays, and one that moves by no more than so many times what
+single holes differ from their neighbours."""
+_NEIGHBOURS = 5
+"""Holes of which the median is taken."""
+_AGREE = 25.0
+"""[dbar] Sensors of one vehicle that differ by more are not joined: an offset that was never taken
+off is below."""
 
 
 def slocum_pressure(native: Mapping[str, Channel], tally: Tally) -> dict[str, Channel]:
@@ -70,13 +82,21 @@ def slocum_pressure(native: Mapping[str, Channel], tally: Tally) -> dict[str, Ch
     for name in sorted((n for n in found if n != best), key=lambda n: noise[n]):
         pressure, added = filled(pressure, found[name])
         tally.add("note", "measured_pressure", added, f"from {name} where {best} was silent")
+        if not added:
+            leave_out([name], f"{best} is taken, and has no hole that it fills", tally)
     return {"measured_pressure": pressure}
 
 
 def _cover(channel: Channel) -> float:
-    """[s] Time under water that a sensor covers; a fast one has more samples, not more cover."""
+    """[s] Time under water that a sensor covers; a fast one has more samples, not more cover.
+
+    Under water is by the sensor's own zero: an offset is no water.
+    """
     gap = np.minimum(np.diff(channel.time), _COVER_GAP)
-    return float(gap[channel.values[1:] > _MOVING].sum())
+    low, high = np.percentile(channel.values, [1.0, 10.0])
+    floats = high - low < _FLOATING and 0.0 < low < _ZERO
+    zero = float(low) if floats else 0.0
+    return float(gap[channel.values[1:] > zero + _MOVING].sum())
 
 
 def filled(pressure: Channel, other: Channel) -> tuple[Channel, int]:
@@ -94,9 +114,12 @@ def filled(pressure: Channel, other: Channel) -> tuple[Channel, int]:
     if shift is None:
         return pressure, 0
     added, low, high = other.time[inside], edges[at[inside]], edges[at[inside] + 1]
-    shifts = shift + np.zeros(len(added))
-    for edge in (low, high):
-        shifts += _step(pressure, other, shift, edge) * np.clip(
+    steps = [_step(pressure, other, shift, edge) for edge in (low, high)]
+    # a zero that has moved since: what is left at both edges, on the way up and down, alike
+    moved = _moved(at[inside], 0.5 * (steps[0] + steps[1]))
+    shifts = shift + moved
+    for edge, step in zip((low, high), steps, strict=True):
+        shifts += np.where(np.isfinite(step), step - moved, 0.0) * np.clip(
             1.0 - np.abs(added - edge) / _RAMP, 0.0, 1.0
         )
     time = np.concatenate([pressure.time, added])
@@ -105,13 +128,37 @@ def filled(pressure: Channel, other: Channel) -> tuple[Channel, int]:
     return Channel(time[order], values[order]), int(inside.sum())
 
 
+def _moved(hole: NDArray[np.intp], step: Array) -> Array:
+    """[dbar] By how much the difference of the zeros has changed at each added sample.
+
+    The median over neighbouring holes: what one says is noise of a turn.
+
+    Args:
+      hole: number of the hole that a sample is in, not decreasing. step: NaN where not known.
+    """
+    _, first, of = np.unique(hole, return_index=True, return_inverse=True)
+    each = step[first]
+    known = np.flatnonzero(np.isfinite(each))
+    if not known.size:
+        return np.zeros(len(step))
+    values = each[known]
+    reach = [min(_NEIGHBOURS // 2, k, known.size - 1 - k) for k in range(known.size)]
+    smooth = np.array([np.median(values[k - near : k + near + 1]) for k, near in enumerate(reach)])
+    inner = np.abs(values - smooth)[_NEIGHBOURS // 2 : known.size - _NEIGHBOURS // 2]
+    noise = float(np.median(inner)) if inner.size else np.inf
+    found = np.interp(np.arange(len(each)), known, smooth)
+    if np.abs(found).max() <= max(_DRIFTED, _CLEARLY * noise):
+        return np.zeros(len(step))
+    return np.asarray(found[of])
+
+
 def _step(pressure: Channel, other: Channel, shift: float, edge: Array) -> Array:
-    """[dbar] What is left of the difference at the edges of holes; 0 where nobody knows."""
+    """[dbar] What is left of the difference at the edges of holes; NaN where nobody knows."""
     there = np.isfinite(edge)
     at = np.where(there, edge, pressure.time[0])
     near = np.abs(nearest(other.time, at) - at) < _HOLE
     left = other.at(at) - pressure.at(at) - shift
-    return np.where(there & near & (np.abs(left) < _AGREE), left, 0.0)
+    return np.where(there & near & (np.abs(left) < _AGREE), left, np.nan)
 
 
 def _shift(pressure: Channel, other: Channel) -> float | None:
@@ -124,8 +171,10 @@ def _shift(pressure: Channel, other: Channel) -> float | None:
     left = pressure.time[np.clip(step - 1, 0, len(pressure) - 1)]
     right = pressure.time[np.clip(step, 0, len(pressure) - 1)]
     near = (np.abs(other.time - left) < _HOLE) & (np.abs(right - other.time) < _HOLE)
-    near &= other.values < _SHALLOW
-    difference = other.values - pressure.at(other.time)
+    beside = pressure.at(other.time)
+    shallow = near & (beside < _SHALLOW)
+    near = shallow if shallow.any() else near
+    difference = other.values - beside
     rate = np.gradient(other.values, other.time)
     ways = [near & (rate > _RATE), near & (rate < -_RATE)]
     if min(int(way.sum()) for way in ways) < _ENOUGH:

@@ -1,0 +1,185 @@
+"""Depth rates of yo-yos: a vehicle's logs beside its twin.
+
+    factory import lrauv FOLDER --out shore.zarr
+    python -m benchmarks.real_logs.yo_yos shore.zarr [--vehicle tethys] [--pitch 10 15 20]
+        [--speed 1] [--json]
+
+A leg is a descent or climb between two turns of the depth by more than 5 m; its rate is the depth
+between its ends over the time between them, inflections included. Legs that the log holds for less
+than nine tenths are left out. The twin flies a saw-tooth between the medians of the logs' own
+turning depths, at each pitch and at one speed through the water, in still water. Logs without
+attitude do not say their pitch: that at which the twin has the logs' rates is interpolated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.checks.logs.legs import legs_of
+from twin.errors import InputError, TwinError
+from twin.records.logs import LogStore
+
+Array = NDArray[np.float64]
+
+KNOWN = 0.9
+"""Part of a leg's samples that must be near original ones"""
+YOS = 3.0
+"""Dives that the twin flies at each pitch; the first begins at the surface and is left out"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Rates:
+    """Depth rates [m/s] of legs, sizes, and their turning depths."""
+
+    down: Array
+    up: Array
+    top: float
+    """[m] median of the shallow ends"""
+    bottom: float
+    """[m] median of the deep ends"""
+
+    def row(self, name: str) -> dict[str, object]:
+        """For a table or a program."""
+        found: dict[str, object] = {"of": name}
+        for way, values in (("down", self.down), ("up", self.up)):
+            if not values.size:
+                raise InputError(f"{name}: no leg goes {way}")
+            low, middle, high = np.percentile(values, [25.0, 50.0, 75.0])
+            found[f"{way} [m/s]"] = float(middle)
+            found[f"{way}, quartiles"] = [float(low), float(high)]
+            found[f"legs {way}"] = int(values.size)
+        return found
+
+
+def rates(dives: Sequence[tuple[Array, float]], skip: int = 0) -> Rates:
+    """Rates of the legs of some dives.
+
+    Args:
+      dives: depth [m], NaN where it is not known, and period [s] of each.
+      skip: legs at the beginning of each dive that do not count.
+    """
+    down, up, tops, bottoms = [], [], [], []
+    for depth, period in dives:
+        there = np.isfinite(depth)
+        if there.sum() < 2:
+            continue
+        index = np.arange(len(depth))
+        for leg in legs_of(np.interp(index, index[there], depth[there]))[skip:]:
+            if leg.last == leg.first or there[leg.samples].mean() < KNOWN:
+                continue
+            rate = (leg.bottom - leg.top) / (period * (leg.last - leg.first))
+            (down if leg.phase == "dive" else up).append(rate)
+            tops.append(leg.top)
+            bottoms.append(leg.bottom)
+    if not tops:
+        raise InputError("no leg of a yo-yo: the depth never turns round by 5 m")
+    return Rates(np.array(down), np.array(up), float(np.median(tops)), float(np.median(bottoms)))
+
+
+def logged(store: Path) -> Rates:
+    """Rates of all dives of a store of logs."""
+    with LogStore(store) as logs:
+        dives = []
+        for mission in range(len(logs)):
+            gap = logs.signal("measured_gap", mission) > 0.0
+            depth = logs.signal("measured_depth", mission)
+            dives.append((np.where(gap, np.nan, depth), logs.period))
+    return rates(dives)
+
+
+def flown(vehicle: str, pitch_deg: float, speed: float, top: float, bottom: float) -> Rates:
+    """Rates of the vehicle's twin between two depths [m]; errors as `twin.simulate`."""
+    import twin
+
+    saw_tooth = twin.SawTooth(
+        max_depth_m=bottom,
+        min_depth_m=max(top, SHALLOWEST),
+        pitch_deg=pitch_deg,
+        speed_m_s=speed,
+        yos=YOS,
+    )
+    mission = twin.Mission(name="yo-yos", segments=(saw_tooth,))
+    found = twin.simulate(vehicle=vehicle, mission=mission)
+    period = float(found.time[1] - found.time[0])
+    return rates([(np.asarray(found["true_depth"], float), period)], skip=1)
+
+
+SHALLOWEST = 2.0
+"""[m] A vehicle that logs its turns at the surface turns just below it in the twin."""
+
+
+def matching_pitch(pitch: Sequence[float], have: Sequence[float], wanted: float) -> float:
+    """Pitch [degree] at which a rate [m/s] is the wanted one; NaN outside those flown."""
+    order = np.argsort(have)
+    rate, angle = np.asarray(have)[order], np.asarray(pitch)[order]
+    return float(np.interp(wanted, rate, angle, left=math.nan, right=math.nan))
+
+
+def compare(
+    store: Path, vehicle: str, pitches: Sequence[float], speed: float
+) -> tuple[list[dict[str, object]], dict[str, float]]:
+    """Rows of the logs and of the twin, and the pitch of the twin with the logs' rates."""
+    real = logged(store)
+    rows = [real.row(store.name)]
+    twins = []
+    for pitch in pitches:
+        twins.append(flown(vehicle, pitch, speed, real.top, real.bottom))
+        rows.append(twins[-1].row(f"{vehicle}, {pitch:g} deg"))
+    match = {
+        way: matching_pitch(
+            pitches,
+            [float(np.median(getattr(one, way))) for one in twins],
+            float(np.median(getattr(real, way))),
+        )
+        for way in ("down", "up")
+    }
+    return rows, match
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("store", type=Path)
+    parser.add_argument("--vehicle", default="tethys")
+    parser.add_argument("--pitch", type=float, nargs="+", default=[10.0, 15.0, 20.0])
+    parser.add_argument("--speed", type=float, default=1.0, help="m/s through the water")
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args(words)
+    try:
+        rows, match = compare(options.store, options.vehicle, options.pitch, options.speed)
+    except TwinError as error:
+        print(f"yo_yos: error: {error}", file=sys.stderr)
+        return error.exit_code
+    if options.json:
+        print(json.dumps({"rows": rows, "matching_pitch_deg": match}))
+        return 0
+    for row in rows:
+        print(
+            f"{row['of']!s:30} "
+            + "  ".join(
+                f"{way} {row[f'{way} [m/s]']:.3f} m/s "
+                f"({row[f'{way}, quartiles'][0]:.3f} to {row[f'{way}, quartiles'][1]:.3f}, "  # type: ignore[index]
+                f"{row[f'legs {way}']} legs)"
+                for way in ("down", "up")
+            )
+        )
+    print(
+        f"the twin has the logs' rates at a pitch of {match['down']:.1f} degree down and "
+        f"{match['up']:.1f} degree up"
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

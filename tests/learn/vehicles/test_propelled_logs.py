@@ -1,0 +1,90 @@
+"""Logs of a propelled vehicle without depth: networks learn a Doppler log and are judged by it."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from logs import SENTINEL, sailfish_columns, write_csv
+
+import learn
+from factory.importing import import_logs
+from learn.data.features import select_features
+from learn.data.labels import LabelConfig
+from learn.networks.config import NetworkConfig
+from learn.studies.folds import folds_with_labels, leave_out_each
+from learn.training.fitting import fit
+from learn.training.schedule import TrainingConfig
+from learn.training.settings import FitConfig
+from twin.errors import InputError
+from twin.records.store import write_store
+
+RUNS = ("20220701_0_0", "20220702_0_0")
+SPEEDS = (1.4, 1.6)
+"""[m/s] of each run"""
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: Any) -> Path:
+    """Two runs at speeds of their own, the same in every sample."""
+    folder = tmp_path_factory.mktemp("auv")
+    for name, speed in zip(RUNS, SPEEDS, strict=True):
+        columns = sailfish_columns()
+        columns["vf"] = np.where(columns["vf"] == -SENTINEL, -SENTINEL, speed)
+        write_csv(folder / f"{name}.csv", columns)
+    dataset, report = import_logs("csv", [folder], mapping="sailfish")
+    assert "measured_depth" not in report.channels
+    return write_store(dataset, folder / "auv.zarr")
+
+
+def config(store: Path, **changes: Any) -> FitConfig:
+    base = FitConfig(
+        store=str(store),
+        features=select_features(("attitude", "gyroscope")),
+        network=NetworkConfig(kind="mlp", hidden=6, layers=1),
+        training=TrainingConfig(seconds=0.0, epochs=2, validations=2),
+        labels=LabelConfig(source="dvl", known_current="0,0"),
+        period=1.0,
+    )
+    return dataclasses.replace(base, **changes)
+
+
+def test_each_run_is_judged_by_networks_of_the_other(store: Path, tmp_path: Path) -> None:
+    settings = config(store)
+    folds = folds_with_labels(settings, "deployment")
+    assert tuple(folds) == RUNS
+    assert sum(len(rows) for rows in folds.values()) == 6
+    run = fit(settings, tmp_path / "run", workers=1)
+    found = leave_out_each(run, settings, folds, unit="deployment", workers=1)
+    # the mean of one run misses the other by the difference of their speeds, its own by nothing
+    gap = SPEEDS[1] - SPEEDS[0]
+    assert found.rmse("surge", "training_mean") == pytest.approx(gap, abs=1e-3)
+    assert found.rmse("surge", "own_mean") == pytest.approx(0.0, abs=1e-3)
+    assert 0.0 < found.rmse("surge") < 2.0
+    assert 0.0 < found.rmse("sway", "own_mean") < 0.16
+    assert (run.folder / "leave-out-each-deployment.json").is_file()
+    assert set(found.to_json()) >= {"surge_rmse", "sway_rmse", "sway_rmse_training_mean"}
+
+
+def test_a_log_without_depth_is_evaluated_by_its_velocities(store: Path, tmp_path: Path) -> None:
+    run = learn.fit(
+        store, folder=tmp_path / "run", features=("attitude", "gyroscope"), network="mlp",
+        hidden=6, layers=1, epochs=1, members=1, period=1.0, labels="dvl", known_current="0,0",
+    )  # fmt: skip
+    figures = run.figures
+    assert figures is not None
+    assert figures["counts"]["samples_with_truth"] > 50
+    assert figures["surge_mse"] < 4.0
+    assert figures["sway_mse"] is not None
+    assert figures["dr_ground_percent_mean"] is None  # without depth there is no path
+
+
+def test_what_the_studies_need(store: Path) -> None:
+    with pytest.raises(InputError, match="has no truth"):
+        folds_with_labels(config(store, labels=LabelConfig()), "deployment")
+    no_current = config(store, labels=LabelConfig(source="dvl"))
+    with pytest.raises(InputError, match=r"has 0 deployments .*velocity of their Doppler log"):
+        folds_with_labels(no_current, "deployment")

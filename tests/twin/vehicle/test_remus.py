@@ -1,0 +1,52 @@
+"""REMUS: a third propelled vehicle, by its file alone."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import twin
+from twin.checks.agreement import check_manoeuvres
+from twin.checks.held_flight import held_flight
+from twin.vehicle.vehicle import load_vehicle
+
+REMUS = load_vehicle("remus")
+RATE = 1500.0 * math.tau / 60.0
+FIN = 9.64  # [kg/m] a radian, Prestero (2001), table C.10
+
+
+def test_thrust_and_torque_are_those_of_the_thesis():
+    wrench = REMUS.part("propeller").wrench(RATE, np.zeros(6), 1030.0, 10.0)
+    assert wrench[0] == pytest.approx(3.86, abs=5e-3)
+    assert wrench[3] == pytest.approx(-0.543, abs=1e-3)
+
+
+def test_a_deflection_adds_what_the_thesis_has():
+    ahead = np.array([1.54, 0.0, 0.0, 0.0, 0.0, 0.0])
+    small = 1e-3
+    for name, axis, moment, sense in (("rudder", 1, 5, 1.0), ("elevator", 2, 4, -1.0)):
+        part = REMUS.part(name)
+        wrench = part.wrench(small, ahead, 1030.0, 10.0) / (small * 1.54**2)
+        assert wrench[axis] == pytest.approx(sense * FIN, rel=1e-3)
+        assert wrench[moment] == pytest.approx(-6.15, rel=1e-3)
+        assert np.abs(part.wrench(0.0, ahead, 1030.0, 10.0)).max() == 0.0  # the list holds it
+
+
+def test_it_cruises_rolls_and_turns_as_at_sea():
+    straight = held_flight(REMUS, {"propeller": RATE}).trim
+    assert straight.speed_m_s == pytest.approx(1.54, abs=0.005)
+    assert straight.roll_deg == pytest.approx(-5.3, abs=0.05)
+    turn = held_flight(REMUS, {"propeller": RATE, "rudder": math.radians(4.0)}, turning=True).trim
+    assert math.degrees(turn.turn_rate_rad_s) == pytest.approx(-10.0, abs=1.0)
+
+
+def test_manoeuvres_agree_with_fossen():
+    assert all(found.ok for found in check_manoeuvres(REMUS, count=2))
+
+
+def test_it_flies_the_shipped_survey():
+    run = twin.simulate(vehicle=REMUS)
+    assert run.provenance["ended"] == "flown"
+    assert 29.0 < run["true_depth"].max() < 33.0
