@@ -44,6 +44,8 @@ class FlownDive:
     """[m] as stored"""
     water_up: Array
     """[m/s] vertical velocity of the water, positive up, filtered over `RATE_WINDOW`"""
+    sink_rate: Array
+    """[m/s] downward through the water by the flight model: the depth rate in still water"""
     descending: Mask
     """In a dive, away from its turns and the surface"""
     ascending: Mask
@@ -90,6 +92,7 @@ def fly_dive(
         velocity=np.nan_to_num(np.stack(horizontal(log, calibration, motion), axis=1), nan=0.0),
         depth=store.row("measured_depth", log.index)[:count].astype(float),
         water_up=np.where(use, log.filtered(sink) - log.depth_rate, np.nan),
+        sink_rate=sink,
         descending=down & use,
         ascending=up & use,
         ctd=ctd,
@@ -106,6 +109,7 @@ def still(store: MissionStore, mission: int, ctd: Ctd | None) -> FlownDive:
         velocity=np.zeros((count, 2)),
         depth=store.row("measured_depth", mission)[:count].astype(float),
         water_up=np.full(count, np.nan),
+        sink_rate=np.full(count, np.nan),
         descending=no,
         ascending=no,
         ctd=ctd,

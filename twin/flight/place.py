@@ -41,6 +41,11 @@ class Place:
         return latitude, np.mod(longitude + 180.0, 360.0) - 180.0
 
 
+def place_of(store: MissionStore, mission: int) -> Place:
+    """The place of one mission of a store."""
+    return places_of(store, [mission])[mission]
+
+
 def places_of(store: MissionStore, missions: Sequence[int]) -> dict[int, Place]:
     """The places of these missions of a store."""
     latitude, longitude = (numbers(store, n) for n in (START_LATITUDE, START_LONGITUDE))
