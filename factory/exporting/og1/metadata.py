@@ -117,8 +117,6 @@ def parse_metadata(text: str, path: str) -> Metadata:
         if isinstance(loaded.get(name), dict):
             devices = loaded[name]
             break
-        (loaded[name] for name in DEVICES if isinstance(loaded.get(name), dict)), {}
-    )
     return Metadata(
         attributes={SPELT.get(name, name): text for name, text in said.items() if name not in OWN},
         devices={
