@@ -31,11 +31,17 @@ class Fixes:
 
 
 def fixes_of(store: MissionStore, mission: int) -> Fixes:
-    """The fixes of a mission of a store; none where it has no GPS."""
+    """The fixes of a mission of a store; none where it has no GPS.
+
+    A simulated mission was launched at its origin: that place is known as a fix is, whether the
+    receiver had one by then or not.
+    """
     names = ("measured_gps_north", "measured_gps_east")
     if any(name not in store for name in names):
         return Fixes(sample=np.zeros(0, np.intp), position=np.zeros((0, 2)))
     count = int(store.samples[mission])
     found = np.stack([store.row(name, mission)[:count].astype(float) for name in names], axis=1)
+    if not store.logged and not np.isfinite(found[0]).all():
+        found[0] = 0.0
     sample = np.flatnonzero(np.isfinite(found).all(axis=1))
     return Fixes(sample=sample, position=found[sample])

@@ -22,6 +22,10 @@ from twin.flight.fixes import Fixes
 
 Array = NDArray[np.float64]
 
+LEAST_INTERVAL = 300.0
+"""[s] between two fixes that tell a current: in a minute at the surface their noise is one of
+10 cm/s"""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Drift:
@@ -41,8 +45,8 @@ def corrected_track(
     """Position north and east [m], (time, 2), and its standard deviation [m], (time,), each way.
 
     At a fix the position is the fix. Before the first and after the last one the current of the
-    nearest interval between fixes holds, `drift.usual` where there is none. Without any fix the
-    track begins at the origin.
+    interval between the nearest fixes holds, or `drift.usual` where there is none of
+    `LEAST_INTERVAL`. Without any fix the track begins at the origin.
 
     Args:
       velocity: north, east through the water [m/s], (time, 2).
@@ -69,8 +73,8 @@ def corrected_track(
     for outside, fix, pair in ends:
         away = time[outside] - time[at[fix]]
         current = usual
-        if len(at) > 1:
-            current = np.diff(missed[pair], axis=0)[0] / np.diff(time[at[pair]])[0]
+        if len(at) > 1 and (apart := np.diff(time[at[pair]])[0]) >= LEAST_INTERVAL:
+            current = np.diff(missed[pair], axis=0)[0] / apart
         correction[outside] = missed[fix] + away[:, None] * current
         variance[outside] = _open(np.abs(away), drift)
     return water + correction, np.sqrt(fixes.deviation**2 + variance)

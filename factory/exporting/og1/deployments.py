@@ -230,7 +230,7 @@ def _places(track: JoinedDives, found: Flown) -> Iterator[tuple[str, Og1Variable
         return track.gather(lambda m: np.stack(place_of(logs, m).degrees(*of(m).T), axis=1))
 
     latitude, longitude = degrees(lambda mission: found.tracks[mission].position).T
-    reckoned = track.gather(lambda mission: found.tracks[mission].reckoned.astype(float)) > 0.0
+    reckoned = track.gather(lambda mission: found.tracks[mission].reckoned) > 0.0
     for name, values, word, vocabulary in (
         ("LONGITUDE", longitude, "longitude of each measurement and GPS location", "LON/"),
         ("LATITUDE", latitude, "Latitude north (WGS84)", "LAT/"),

@@ -43,13 +43,8 @@ class Track:
     """What the flight model says; None without one"""
     currents: tuple[DiveCurrent, ...]
     """of its dives"""
-
-    @property
-    def reckoned(self) -> NDArray[np.int8]:
-        """1 at each sample without a fix, 0 at the fixes, (time,)."""
-        flag = np.ones(len(self.position), np.int8)
-        flag[self.fixes.sample] = 0
-        return flag
+    reckoned: Array
+    """1 at each sample without a GPS fix, 0 at the fixes, (time,)"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -94,6 +89,7 @@ def flown(run: MissionStore, missions: Sequence[int], vehicle: str | None = None
             method=BY_MODEL if len(one.fixes) else f"{BY_MODEL}; no fix",
             dive=one.dive,
             currents=tuple(c for c in found.currents if c.mission == mission),
+            reckoned=_reckoned(run, mission),
         )
     return Flown(tracks=tracks, model=f"flight model of vehicle {found.calibration.vehicle.name}")
 
@@ -116,7 +112,16 @@ def _unmodelled(run: MissionStore, mission: int) -> Track:
         method=method,
         dive=None,
         currents=(),
+        reckoned=_reckoned(run, mission),
     )
+
+
+def _reckoned(run: MissionStore, mission: int) -> Array:
+    """1 where no GPS fix was taken, (time,)."""
+    count = int(run.samples[mission])
+    if "measured_gps_north" not in run:
+        return np.ones(count)
+    return 1.0 - np.isfinite(run.row("measured_gps_north", mission)[:count])
 
 
 def _on_board(run: MissionStore, mission: int, fixes: Fixes) -> Array | None:

@@ -41,6 +41,14 @@ def test_a_steady_current_is_corrected_to_nothing() -> None:
     np.testing.assert_allclose(position, truth, atol=1e-6)  # after the last fix too
 
 
+def test_two_fixes_of_one_stay_at_the_surface_tell_no_current() -> None:
+    """5 m of noise within 2 s would be a current of 2.5 m/s for the rest of the mission."""
+    given = fixes([598, 599], [(100.0, 0.0), (105.0, 0.0)])
+    position, _ = corrected_track(np.zeros((601, 2)), PERIOD, given, DRIFT)
+    np.testing.assert_allclose(position[0], [100.0, 0.0])
+    np.testing.assert_allclose(position[-1], [105.0, 0.0])
+
+
 def test_the_deviation_is_that_of_a_random_walk_tied_to_both_fixes() -> None:
     """Against walks of that diffusivity, bridged in the same way."""
     rng, samples, walks = np.random.default_rng(5), 401, 400
