@@ -73,6 +73,8 @@ SEAMS = (
          "extending.md#a-hull-law"),
     Seam("mission segment", "twin.mission.segments.registry:SEGMENTS",
          "twin.mission.segments.Segment", "extending.md#a-mission-segment"),
+    Seam("kind of drawn segment", "factory.recipe.kinds.registry:MISSION_KINDS",
+         "factory.recipe.kinds.MissionKind", "extending.md#a-kind-of-drawn-segment"),
     Seam("figure", "twin.plot.registry:FIGURES", "twin.plot.FigureKind", "render.md#twin-plot"),
     Seam("flight estimator", "twin.flight.estimators.registry:ESTIMATORS",
          "twin.flight.estimators.FlightEstimator", "flight.md#an-estimator-of-ones-own"),

@@ -367,6 +367,58 @@ def write_og1(path: Path, flight: Flight) -> Path:
     return path
 
 
+def write_ngdac(folder: Path, flight: Flight) -> list[Path]:
+    """IOOS NGDAC files, one for each descent and climb: CF names, seconds since 1990."""
+    import netCDF4
+
+    time = flight.time
+    state = flight.state(time)
+    latitude, longitude = flight.position(time)
+    zero = 631152000.0
+    paths = []
+    for dive in range(flight.dives):
+        start, end = flight.dive_times(dive)
+        middle = start + flight.leg
+        for first, last in ((start - 60.0, middle), (middle, end + 60.0)):
+            inside = (time >= first) & (time < last)
+            series = {
+                "time": (time[inside] - zero, "seconds since 1990-01-01T00:00:00Z"),
+                "depth": (state["depth"][inside], "m"),
+                "pressure": (1.0065 * state["depth"][inside], "dbar"),
+                "temperature": (np.full(inside.sum(), 8.0), "Celsius"),
+                "salinity": (np.full(inside.sum(), 34.0), "1"),
+                "lat": (latitude[inside], "degrees_north"),
+                "lon": (longitude[inside], "degrees_east"),
+                "pitch": (state["pitch"][inside], "degrees"),
+                "heading": (state["heading"][inside], "degrees"),
+            }
+            scalars = {
+                "profile_id": 2.0 * dive + (first == middle),
+                "profile_time": 0.5 * (first + last) - zero,
+                "profile_lat": latitude[inside].mean(),
+                "profile_lon": longitude[inside].mean(),
+                "u": flight.east,
+                "v": flight.north,
+                "time_uv": 0.5 * (start + end) - zero,
+                "lat_uv": latitude[inside].mean(),
+                "lon_uv": longitude[inside].mean(),
+            }
+            path = folder / f"glider_{int(first)}_rt.nc"
+            with netCDF4.Dataset(path, "w") as file:
+                file.createDimension("time", int(inside.sum()))
+                file.createDimension("letters", 7)
+                file.createVariable("trajectory", "S1", ("letters",))[:] = list("unit-23")
+                for name, (values, units) in series.items():
+                    file.createVariable(name, "f8", ("time",))[:] = values
+                    file[name].units = units
+                file.createVariable("depth_qc", "i1", ("time",))[:] = 1
+                for name, value in scalars.items():
+                    file.createVariable(name, "f8", ())[...] = value
+                file["time_uv"].units = "seconds since 1990-01-01T00:00:00Z"
+            paths.append(path)
+    return paths
+
+
 def write_basestation(folder: Path, flight: Flight, number: int = 999) -> list[Path]:
     """A Seaglider's basestation files, one a dive: samples under water, actuators after moves."""
     import netCDF4
@@ -421,6 +473,9 @@ def write_basestation(folder: Path, flight: Flight, number: int = 999) -> list[P
                     file.createVariable(name, "f8", (dimension,))[:] = values
             for name, value in numbers.items():
                 file.createVariable(name, "f8", ())[...] = value
+            target = "4936.000,-5800.000"
+            file.createDimension("letters", len(target))
+            file.createVariable("log_TGT_LATLONG", "S1", ("letters",))[:] = list(target)
         paths.append(path)
     return paths
 

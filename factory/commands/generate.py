@@ -25,8 +25,9 @@ class Generate(JsonOption):
     hours: float | None = None
     """simulated hours of all missions together [default: 10]"""
     preset: str = "paper"
-    """paper (noise-free, constant current), field (sensor errors, sheared and tidal currents,
-    vehicle spread, GPS at the surface) or paper-test (the paper's three test missions)"""
+    """paper (noise-free, constant current; vehicles with a propeller: still water, the paper's
+    instruments), field (sensor errors, sheared and tidal currents, vehicle spread, GPS at the
+    surface) or paper-test (the paper's three test missions of a glider)"""
     seed: int = 0
     """root of every random draw"""
     out: Path = DEFAULT_OUT
@@ -37,12 +38,13 @@ class Generate(JsonOption):
     """replace distributions: NAME=DISTRIBUTION ..., such as mission.pitch_deg="uniform(15,35)";
     `factory distributions` lists them"""
     config: Path | None = None
-    """TOML file with distributions to replace: tables [mission], [vehicle], [current], [water]"""
+    """TOML file with distributions to replace: tables [mission], [vehicle], [current], [water],
+    [floor]"""
     vehicle: str = "glider"
     """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
     sensors: str | None = None
-    """sensor suite instead of the preset's: ideal, field, field-uncalibrated or field-no-dvl; +NAME
-    adds a sensor that an installed distribution brings"""
+    """sensor suite instead of the preset's: ideal, field, field-uncalibrated, field-no-dvl, survey
+    or survey-field; +NAME adds a sensor that an installed distribution brings"""
     current: str | None = None
     """one current for all missions instead of drawn ones, as in `twin simulate`, such as
     grid:FILE.nc,lat=49,lon=-16,time=2000-01-05"""
@@ -148,12 +150,15 @@ def raw_bytes(recipe: Recipe) -> int:
     """Size [bytes] of the same signals as plain float32, without padding."""
     from factory.recipe.distribution import Fixed
     from factory.recipe.plan import samples_in
+    from factory.recipe.survey_parameters import FLOOR
     from twin.physics.part_signals import simulated_signals
-    from twin.records.schema import HYDROGRAPHY
+    from twin.records.schema import HYDROGRAPHY, WITH_FLOOR
 
     simulated = set(simulated_signals(recipe.vehicle))
     if recipe.distributions["water.stratified"] != Fixed(0.0):
         simulated |= {name for name in HYDROGRAPHY if name.startswith("true_")}
+    if FLOOR[0].name in recipe.table:
+        simulated |= {name for name in WITH_FLOOR if name.startswith("true_")}
     measured = {entry.name for entry in recipe.suite.writes(simulated)}
     signals = len(measured.union(simulated))
     return 4 * signals * sum(samples_in(duration) for duration in recipe.plan.durations_s)

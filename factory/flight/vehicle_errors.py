@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 import numpy as np
 
 from factory.recipe.sampling import Parameters
@@ -21,10 +24,13 @@ def spread_vehicle(nominal: Vehicle, parameters: Parameters) -> Vehicle:
     value = parameters.number
     law = nominal.law
     factors = {u.name: value(f"vehicle.{u.name}") for u in law.uncertainties()}
+    factor = {cell: value(f"vehicle.added_mass_{name}") for name, (_, cell) in ADDED_MASS.items()}
     added_mass = nominal.added_mass.copy()
-    for name, (_, (i, j)) in ADDED_MASS.items():
-        added_mass[i, j] *= value(f"vehicle.added_mass_{name}")
-        added_mass[j, i] = added_mass[i, j]
+    for i in range(6):
+        for j in range(i, 6):
+            if added_mass[i, j]:
+                added_mass[i, j] *= _coupled(factor, i, j)
+                added_mass[j, i] = added_mass[i, j]
     cg = [0.0, MILLIMETRE * value("vehicle.cg_y_mm"), MILLIMETRE * value("vehicle.cg_z_mm")]
     return nominal.replace(
         law=law.scaled(factors),
@@ -33,6 +39,13 @@ def spread_vehicle(nominal: Vehicle, parameters: Parameters) -> Vehicle:
         hull_compressibility=nominal.hull_compressibility + value("vehicle.compressibility"),
         **{part.name: _fields(part, parameters) for part in nominal.parts},
     )
+
+
+def _coupled(factor: Mapping[tuple[int, int], float], i: int, j: int) -> float:
+    """What an added mass is multiplied by: a coupling without a factor of its own goes with the two
+    motions that it couples, so that the matrix stays positive."""
+    own = factor.get((i, j))
+    return math.sqrt(factor[i, i] * factor[j, j]) if own is None else own
 
 
 def believed_vehicle(nominal: Vehicle, parameters: Parameters) -> Vehicle:

@@ -166,8 +166,10 @@ class Reference:
             if not estimate.uses_fixes:
                 found["ground"] = estimate.ground_track
             elif not self.surfaced:
-                # A logged track without a fix after the launch never learnt of a current.
-                found["ground"] = found["water"] = estimate.ground_track
+                found["ground"] = estimate.ground_track
+                if not estimate.saw_bottom:
+                    # Without a fix after the launch it never learnt of a current.
+                    found["water"] = estimate.ground_track
         return found
 
 

@@ -45,8 +45,9 @@ class Simulate(JsonOption):
     compressibility: float | None = None
     """part of the hull's volume lost per pascal, such as 4e-10; default: the vehicle file's"""
     floor: str = "none"
-    """sea floor: none, depth:200 [m], or a bathymetry file such as GEBCO.nc (latitude, longitude,
-    elevation in m) about --start; docs/physics.md has its settings"""
+    """sea floor: none, depth:200 [m], rough:60,height=3,length=400 [m] for a random relief, or a
+    bathymetry file such as GEBCO.nc (latitude, longitude, elevation in m) about --start;
+    docs/physics.md has their settings"""
     start: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[,TIME]")] = None
     """where and when it begins: degrees north and east, and UTC, such as
     49,-16,2003-08-01T00:00. Gridded currents, density and the store use it;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NoReturn
 from xml.etree import ElementTree
@@ -9,10 +10,13 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import VehicleError
+from twin.errors import VehicleError, unknown_name
 from twin.frames import flip_vector
 
 Array = NDArray[np.float64]
+
+USER = "user."
+"""Begins the names of a file's numbers and texts that are not for the twin"""
 
 
 class MjcfReader:
@@ -32,6 +36,8 @@ class MjcfReader:
             self.fail(f"root element <{self.root.tag}>", "<mujoco>")
         self.numerics = {e.get("name", ""): e for e in self.root.iterfind("./custom/numeric")}
         self.texts = {e.get("name", ""): e for e in self.root.iterfind("./custom/text")}
+        self.asked: set[str] = set()
+        """Names of numbers and texts that somebody has looked for, there or not."""
 
     def fail(self, what: str, rule: str) -> NoReturn:
         """Raise a VehicleError: `what` must be `rule`."""
@@ -86,11 +92,13 @@ class MjcfReader:
 
     def text(self, name: str, default: str) -> str:
         """The data of a <custom><text>, or `default`."""
+        self.asked.add(name)
         element = self.texts.get(name)
         return default if element is None else element.get("data", default)
 
     def number(self, name: str, default: float | None = None) -> float:
         """The one number of a <custom><numeric>, or `default` when there is none."""
+        self.asked.add(name)
         if default is not None and name not in self.numerics:
             return default
         return float(self.numeric(name, 1)[0])
@@ -101,6 +109,7 @@ class MjcfReader:
 
     def numeric(self, name: str, size: int, default: tuple[float, ...] | None = None) -> tuple:
         """The `size` numbers of a <custom><numeric>; without a default it must be there."""
+        self.asked.add(name)
         if name not in self.numerics:
             if default is not None:
                 return default
@@ -109,6 +118,21 @@ class MjcfReader:
                 f"it holds {size} number{'s' if size > 1 else ''}"
             )
         return tuple(float(x) for x in self.vector(self.numerics[name], "data", size))
+
+    def refuse_unknown(self, known: Iterable[str], own: tuple[str, ...]) -> None:
+        """Raise VehicleError for a number or text that nobody looks for: it would be ignored.
+
+        Args:
+          known: names that are right although nobody has asked for them.
+          own: what names of another purpose begin with or contain.
+        """
+        right = self.asked | set(known)
+        for name in (*self.numerics, *self.texts):
+            if name not in right and not any(mark in name for mark in own):
+                raise VehicleError(
+                    f"vehicle file {self.path}: <custom>: {unknown_name('name', name, right)}; "
+                    f"names of your own begin with {USER!r}"
+                )
 
     def vector(
         self, element: ElementTree.Element, attribute: str, size: int, default: str | None = None

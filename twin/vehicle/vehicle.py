@@ -21,11 +21,12 @@ from twin.frames import flip_vector
 from twin.vehicle.assembly import read_masses, read_parts, read_steering
 from twin.vehicle.assets import assets_folder
 from twin.vehicle.laws import LAWS, FlowFrame, HullLaw
-from twin.vehicle.mjcf import MjcfReader
+from twin.vehicle.mjcf import USER, MjcfReader
 from twin.vehicle.moving_mass import MovingMass
 from twin.vehicle.parts import Part, Pump
+from twin.vehicle.parts.base import LOSSES
 from twin.vehicle.parts.pump import CUBIC_CM as CUBIC_CM
-from twin.vehicle.presets import SEPARATOR, apply_preset, preset_names, split_preset
+from twin.vehicle.presets import PRESETS, SEPARATOR, apply_preset, preset_names, split_preset
 
 Array = NDArray[np.float64]
 
@@ -463,7 +464,7 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         added_mass = np.array(numeric("added_mass", 36)).reshape(6, 6)
     gravity = reader.vector(reader.one("option"), "gravity", 3, default="0 0 -9.81")
     steering = read_steering(reader, parts)
-    return Vehicle(
+    vehicle = Vehicle(
         name=path.stem,
         path=path,
         xml=xml,
@@ -503,3 +504,13 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
             if name.startswith(SPREAD)
         },
     )
+    _refuse_unknown(reader)
+    return vehicle
+
+
+def _refuse_unknown(reader: MjcfReader) -> None:
+    """Raise VehicleError for a misspelt number or text; those of other hull laws may be there."""
+    others = [name for law in LAWS.values() for name in law.names()]
+    known = ("added_mass", "cruise_speed", "depth_pid", "buoyancy_pid", "usual_glide", PRESETS)
+    loops = ("pitch_pid", "heading_pid", "trim_pid")
+    reader.refuse_unknown((*known, *loops, *LOSSES, *others), (SPREAD, SEPARATOR, USER))

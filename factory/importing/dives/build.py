@@ -90,7 +90,7 @@ def build(
                 lacking.setdefault(name, []).append(log.deployment)
         if not len(log.channel("measured_pitch")):
             tally.add(
-                "suspect", "measured_pitch", 1,
+                "note", "measured_pitch", 1,
                 f"{log.deployment} has none: identification and dead reckoning need it",
             )  # fmt: skip
         if log.pieces is None:

@@ -16,6 +16,7 @@ IMPORTERS: Registry[Importer] = Registry(
         "seaglider": "factory.importing.formats.seaglider:SEAGLIDER",
         "seaexplorer": "factory.importing.formats.seaexplorer:SEAEXPLORER",
         "og1": "factory.importing.formats.og1:OG1",
+        "ngdac": "factory.importing.formats.ngdac:NGDAC",
         "lrauv": "factory.importing.formats.lrauv:LRAUV",
         "csv": "factory.importing.formats.csv:CSV",
     },

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.reading.columns import parse_stamps, unix_seconds
+from factory.importing.reading.tally import Tally
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -50,3 +54,54 @@ def variable_names(path: Path) -> list[str]:
     """Names of the variables and groups of a netCDF or HDF5 file; errors as `open_netcdf`."""
     with open_netcdf(path) as file:
         return [*file.variables, *file.groups]
+
+
+def attributes_of(variable: Any) -> dict[str, Any]:
+    """Attributes by name."""
+    return {name: variable.getncattr(name) for name in variable.ncattrs()}
+
+
+def text_of(variable: Any) -> str:
+    """A text, whether stored as one or letter by letter; empty for None."""
+    if variable is None:
+        return ""
+    value = variable[...]
+    if getattr(value, "dtype", None) is not None and value.dtype.kind == "S":
+        return b"".join(np.ma.filled(value, b"").ravel()).decode("utf-8", "replace").strip("\0 ")
+    return str(value)
+
+
+_UNITS_SINCE = re.compile(r"(\w+) since (.+)")
+_SECONDS_IN = {
+    "nanoseconds": 1e-9, "microseconds": 1e-6, "milliseconds": 1e-3, "seconds": 1.0,
+    "minutes": 60.0, "hours": 3600.0, "days": 86400.0,
+}  # fmt: skip
+
+
+def seconds_of(time: Array, attributes: Mapping[str, Any], subject: str, tally: Tally) -> Array:
+    """Unix seconds by the variable's units, or by size where it has none.
+
+    Raises:
+      InputError: units that are no times.
+    """
+    units = str(attributes.get("units", ""))
+    if " since " not in units:
+        return unix_seconds(time, subject, tally)
+    match = _UNITS_SINCE.fullmatch(units.strip())
+    unit = match[1].lower() if match else ""
+    factor = _SECONDS_IN.get(unit if unit.endswith("s") else f"{unit}s")
+    if match is None or factor is None:
+        raise InputError(f"{subject}: its time has unknown units {units!r}")
+    zero = parse_stamps(np.array([_whole_stamp(match[2])]))[0]
+    if not np.isfinite(zero):
+        raise InputError(f"{subject}: its time has unknown units {units!r}")
+    return zero + factor * time
+
+
+def _whole_stamp(word: str) -> str:
+    """A written moment with microseconds at most: datetime reads no more digits."""
+    word = re.sub(r"(\.\d{6})\d+", r"\1", word.strip().removesuffix(" UTC").removesuffix(" GMT"))
+    # 2010-7-29 13:31:4
+    date, _, clock = word.replace("T", " ").partition(" ")
+    date = "-".join(part.zfill(2) for part in date.split("-"))
+    return f"{date} {clock}".strip()

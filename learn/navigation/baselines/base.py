@@ -45,6 +45,9 @@ class Estimate:
     own track."""
     uses_fixes: bool = False
     """`ground_track` is reset at GPS fixes and carries the depth-averaged current."""
+    saw_bottom: bool = False
+    """`ground_track` may follow the sea floor: without fixes, too, it is no track through the
+    water."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -142,7 +145,9 @@ def check_estimate(name: str, estimate: Any, samples: int) -> Estimate:
     for field in dataclasses.fields(Estimate):
         values = getattr(estimate, field.name)
         wanted = (samples, 2) if field.name == "ground_track" else (samples,)
-        if field.name != "uses_fixes" and values is not None and np.shape(values) != wanted:
+        if field.name in ("uses_fixes", "saw_bottom") or values is None:
+            continue
+        if np.shape(values) != wanted:
             raise InputError(
                 f"baseline {name!r} gives {field.name} of shape {np.shape(values)}, not {wanted}"
             )

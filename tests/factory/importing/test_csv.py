@@ -423,6 +423,15 @@ def test_distances_in_the_place_of_velocities_are_refused(tmp_path: Path) -> Non
         sailfish(tmp_path, vf=np.zeros(len(run)))
 
 
+def test_a_strong_current_is_suspect_and_no_other_unit(tmp_path: Path) -> None:
+    columns = sailfish_columns()
+    slow = np.where(columns["vf"] == -SENTINEL, -SENTINEL, 0.4 + 0.02 * np.sin(columns["time"]))
+    _, report = sailfish(tmp_path, vf=slow)
+    assert report.count("suspect", "measured_dvl_surge")
+    with pytest.raises(InputError, match=r"says 4 m/s where .*a distance, or another unit"):
+        sailfish(tmp_path, vf=np.where(slow == -SENTINEL, -SENTINEL, 10.0 * slow))
+
+
 def test_a_sway_against_the_track_is_suspect_and_corrected_by_the_mapping(tmp_path: Path) -> None:
     turned = sailfish_columns()["vl"]
     turned = np.where(turned == SENTINEL, turned, -turned)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from logs import (
     write_csv,
     write_mat,
     write_nc4,
+    write_ngdac,
     write_og1,
     write_seaexplorer,
 )
@@ -213,6 +215,74 @@ def test_real_logs_come_back_from_their_og1_files(tmp_path: Path, log: str, kind
     assert again.count("suspect") == again.count("removed", "GPS fixes") == 0
     moved = [np.sort(d["displacement_north"].values) for d in (dataset, back)]
     assert np.allclose(*moved, atol=1.0)
+
+
+def test_ngdac_profiles_make_one_log_with_its_currents(tmp_path: Path) -> None:
+    paths = write_ngdac(tmp_path, FLIGHT)
+    dataset, report = import_logs("ngdac", paths)
+    assert report.deployments == ("unit-23",)
+    assert report.rows == FLIGHT.dives
+    assert dataset["vehicle_dac_north"].values == pytest.approx(FLIGHT.north)
+    assert dataset["vehicle_dac_east"].values == pytest.approx(FLIGHT.east)
+    n = int(dataset["n_samples"][0])
+    start = float(dataset["start_time"].values.astype(float)[0])
+    truth = FLIGHT.state(start + dataset["time"].values[:n])
+    north = truth["north"] - truth["north"][0]
+    assert np.allclose(dataset["measured_onboard_north"].values[0, :n], north, rtol=5e-3, atol=1.0)
+    assert np.nanmedian(dataset["measured_heading"]) == pytest.approx(FLIGHT.heading, abs=1e-3)
+    # what the file's own quality control calls bad goes; where the vehicle's own fixes are, rows
+    # run from fix to fix
+    import netCDF4
+
+    for path in paths:
+        with netCDF4.Dataset(path, "a") as file:
+            under = file["depth"][:] > 0.0
+            for name in ("lat", "lon"):
+                fix = file.createVariable(f"m_gps_{name}", "f8", ("time",))
+                fix[:] = np.ma.masked_where(under, file[name][:])
+            file["depth_qc"][7] = 4
+            file["depth"][7] = 500.0
+    dataset, report = import_logs("ngdac", paths)
+    assert report.count("removed", "depth") == len(paths)
+    assert report.rows == report.rows_with_fixes == FLIGHT.dives
+    for dive in range(FLIGHT.dives):
+        moved = FLIGHT.displacement(*FLIGHT.dive_times(dive))
+        assert float(dataset["displacement_north"][dive]) == pytest.approx(moved[0], abs=1.0)
+
+
+def test_seaexplorer_offloads_hold_events_and_other_files(tmp_path: Path) -> None:
+    """The rest is read; a CTD of the payload and its oxygen come with it."""
+    right, _ = import_logs("seaexplorer", [write_seaexplorer(tmp_path / "a_gli.csv", FLIGHT)])
+    folder = tmp_path / "offload"
+    folder.mkdir()
+    write_seaexplorer(folder / "sea009.3.gli.sub.1.csv", FLIGHT)
+    (folder / "sea.0.gli.evt.1").write_text("12/07/2018 20:53:02\t   3\tKey=q\n" * 5)
+    (folder / "sea.0.pld1.evt.1").write_text("12/07/2018 20:53:02\t   3\tStarting, v2.5\n" * 5)
+    (folder / "sea.msn").write_text("mission")
+    (folder / "sea009.3.gli.sub.2.gz").write_bytes(b"\x1f\x8b\x08 damaged")
+    time = FLIGHT.time[::3]
+    depth = FLIGHT.state(time)["depth"]
+    stamps = [datetime.fromtimestamp(t, UTC).strftime("%d/%m/%Y %H:%M:%S.%f")[:-3] for t in time]
+    write_csv(
+        folder / "sea009.3.pld1.sub.1.csv",
+        {
+            "PLD_REALTIMECLOCK": stamps,
+            "LEGATO_TEMPERATURE": 8.0 + 0.01 * depth,
+            "LEGATO_CONDUCTIVITY": np.full(len(time), 34.0),
+            "LEGATO_PRESSURE": 1.0065 * depth,
+            "AROD_FT_DO": 250.0 - depth,
+        },
+    )
+    dataset, report = import_logs("seaexplorer", [folder])
+    assert report.deployments == ("SEA009_M3",)
+    told = [e.detail for e in report.entries if e.subject == "unreadable file"]
+    assert len(told) == 3
+    assert sum("list of events" in line or "evt" in line for line in told) == 2
+    assert np.array_equal(dataset["measured_depth"], right["measured_depth"], equal_nan=True)
+    there = np.isfinite(dataset["measured_oxygen"].values)
+    off = dataset["measured_oxygen"].values - 250.0 + dataset["measured_depth"].values
+    assert np.abs(off[there]).max() < 2.0
+    assert there.mean() > 0.5
 
 
 @pytest.mark.parametrize("write", [write_mat, write_nc4])

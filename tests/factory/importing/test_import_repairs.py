@@ -193,7 +193,9 @@ def test_what_is_not_read_is_named_and_what_is_missing_looked_for(tmp_path: Path
     assert details(report, "not read")["flight table"] == "m_vacuum, pitch"
     assert report.count("not read", "flight table") == 2
     assert "is it 'pitch', which is not read?" in details(report, "missing")["measured_pitch"]
-    assert "identification and dead reckoning" in details(report, "suspect")["measured_pitch"]
+    # a log without attitude is a log: what cannot be made of it is said, nothing is suspect
+    assert "identification and dead reckoning" in details(report, "note")["measured_pitch"]
+    assert report.count("suspect", "measured_pitch") == 0
     # a Slocum has no roll mass: nothing to miss
     assert "measured_rotation" not in details(report, "missing")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
-from logs import SHARED, Flight, write_csv, write_seaglider
+from logs import SHARED, Flight, write_basestation, write_csv, write_seaglider
 
 from factory.importing import import_logs
 from factory.importing.dives.resample import to_body
@@ -240,3 +240,15 @@ def test_sg171_dives_nose_down_with_the_bladder_small_and_moves_along_its_nose()
     assert np.median(surge[there]) > 0.15
     # a wrong sign of the variation or of east would put the motion beside the hull
     assert abs(np.median(sway[there])) < 0.1 * np.median(surge[there])
+
+
+def test_base_stations_files_say_where_the_glider_was_sent(tmp_path: Path) -> None:
+    flight = Flight(depth=150.0)
+    dataset, report = import_logs("seaglider", write_basestation(tmp_path, flight))
+    north = (49.6 - dataset["start_latitude"].values) * 111_230.0
+    waypoint = dataset["commanded_waypoint_north"].values
+    for row, count in enumerate(dataset["n_samples"].values):
+        known = np.isfinite(waypoint[row, :count])
+        assert known.mean() > 0.9
+        assert waypoint[row, :count][known] == pytest.approx(north[row], rel=2e-3)
+    assert "log_TGT_LATLONG" in report.names["basestation file"]["read"]

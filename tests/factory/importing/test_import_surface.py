@@ -377,12 +377,12 @@ def test_regular_sparse_sampling_at_depth_is_no_gap_and_a_hole_is_one(tmp_path: 
     keep = ~deep | (since % 60 == 0)
     write_csv(tmp_path / "unit1_flight.csv", {n: v[keep] for n, v in columns.items()})
     write_csv(tmp_path / "unit1_gps.csv", gps_columns(flight))
-    dataset, report = import_logs("slocum", [tmp_path])
+    dataset, _ = import_logs("slocum", [tmp_path])
     assert np.nanmean(dataset["measured_gap"]) < 0.02
     middle = flight.dive_times(1)[0] + 0.6 * flight.leg
     keep &= np.abs(columns["time"] - middle) > 200.0
     write_csv(tmp_path / "unit1_flight.csv", {n: v[keep] for n, v in columns.items()})
-    dataset, report = import_logs("slocum", [tmp_path])
+    dataset, _ = import_logs("slocum", [tmp_path])
     assert np.nansum(dataset["measured_gap"][0]) < 12
     assert 120 < np.nansum(dataset["measured_gap"][1]) < 260
 

@@ -22,6 +22,7 @@ from logs import (
     write_dbd,
     write_mat,
     write_nc4,
+    write_ngdac,
     write_og1,
     write_seaexplorer,
     write_seaglider,
@@ -46,6 +47,7 @@ WRITERS: dict[str, tuple[Callable[[Path, Flight], list[Path]], ...]] = {
     "seaexplorer": (
         lambda folder, flight: [write_seaexplorer(folder / "sea009_M3_gli.csv", flight)],
     ),
+    "ngdac": (write_ngdac,),
     "og1": (lambda folder, flight: [write_og1(folder / "deployment.nc", flight)],),
     "lrauv": (
         lambda folder, flight: [write_mat(folder / "log.mat", flight)],

@@ -12,6 +12,7 @@ import pytest
 from factory.flight.bounds import Impossible
 from factory.flight.fly import build_mission, build_scenario, fly
 from factory.flight.mission_water import DEEPEST_FLOOR_M
+from factory.flight.vehicle_errors import spread_vehicle
 from factory.generation.bulk import generate
 from factory.inspect.missions_page import store_page
 from factory.inspect.replay import replay_mission
@@ -287,3 +288,17 @@ def test_every_shipped_kind_is_complete(name: str) -> None:
     flown, heading = kind.segment(drawn, 30.0, tethys)
     assert flown.kind == name
     assert 0.0 <= heading < 360.0
+
+
+def test_added_masses_stay_positive_whatever_is_drawn() -> None:
+    """Tethys' Gazebo set has its roll coupled to sway so closely that factors apart break it."""
+    gazebo = make_recipe(preset="field", hours=0.5, vehicle="tethys:gazebo", changes=SHORT)
+    nominal, parameters = gazebo.vehicle, gazebo.parameters(0, 0)
+    assert nominal.added_mass[1, 3] != 0.0
+    for sway, roll in ((0.9, 1.1), (1.1, 0.9)):
+        drawn = {"vehicle.added_mass_sway": sway, "vehicle.added_mass_roll": roll}
+        values = {**parameters.values, **drawn}
+        spread = spread_vehicle(nominal, dataclasses.replace(parameters, values=values))
+        assert np.linalg.eigvalsh(spread.added_mass).min() > 0.0
+        both = math.sqrt(sway * roll) * nominal.added_mass[1, 3]
+        assert spread.added_mass[1, 3] == spread.added_mass[3, 1] == pytest.approx(both)

@@ -138,3 +138,13 @@ def test_in_still_water_and_in_a_current_the_page_says_what_can_be_known(
     assert isinstance(own, float)
     assert own < 5.0 < network  # the log sees the current, the networks do not
     assert away > 5.0
+
+
+def test_an_on_board_track_by_a_doppler_log_is_none_through_the_water(
+    run: learn.Run, still: Path
+) -> None:
+    found = learn.evaluate(run, still, split="all", baselines=("onboard",)).figures
+    onboard = found["baselines"]["onboard"]
+    assert onboard["dr_water_percent_mean"] is None
+    assert onboard["dr_ground_percent_mean"] < 5.0
+    assert "reckoned by a Doppler log" in tables.without_track(found, "water")

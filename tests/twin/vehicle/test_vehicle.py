@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 
 import mujoco
@@ -212,3 +213,33 @@ def test_changes_round_trip():
     again = GLIDER.with_changes(changes)
     assert again.flow_frame.drag == (7.0, 390.0)
     np.testing.assert_array_equal(again.static_cg, changed.static_cg)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ('numeric name="hull_thermal_lag"', 'numeric name="hull_thermal_lga"'),
+        ('text name="summary"', 'text name="sumary"'),
+        ('numeric name="rudder.stall_angle"', 'numeric name="rudder.stal_angle"'),
+    ],
+)
+def test_a_misspelt_name_is_refused_with_the_right_one(right, wrong):
+    path = load_vehicle("slocum-200").path
+    text = path.read_text(encoding="utf-8")
+    assert right in text
+    with pytest.raises(VehicleError, match=f"did you mean '{right.split(chr(34))[1]}'"):
+        parse_vehicle(text.replace(right, wrong), path)
+
+
+def test_names_of_ones_own_and_of_other_laws_may_be_there():
+    path = load_vehicle("remus").path
+    own = '<custom><numeric name="user.colour" data="3"/><numeric name="drag" data="1 2"/>'
+    text = path.read_text(encoding="utf-8").replace("<custom>", own, 1)
+    assert parse_vehicle(text, path).law.kind == "body-axes"
+
+
+def test_every_loss_of_a_file_is_a_known_name():
+    from twin.vehicle.consumption import Consumption
+    from twin.vehicle.parts.base import LOSSES
+
+    assert set(LOSSES) == {field.name for field in dataclasses.fields(Consumption)}

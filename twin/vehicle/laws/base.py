@@ -50,6 +50,11 @@ class HullLaw(abc.ABC):
     def values(self) -> Array:
         """Its coefficients as both kernels read them, shape (n,)."""
 
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Names of numbers that a file may hold for it, besides those that every law shares."""
+        return tuple(field.name for field in dataclasses.fields(cls))
+
     def problems(self) -> list[tuple[str, str]]:
         """What is wrong with it: pairs of a field's name and the rule that it breaks."""
         return []

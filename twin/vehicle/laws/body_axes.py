@@ -189,6 +189,11 @@ class BodyAxes(HullLaw):
             )
         return cls(derivatives=found)
 
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Every derivative that there can be."""
+        return NAMES
+
     def problems(self) -> list[tuple[str, str]]:
         """Drag that would drive, and a derivative that is given twice in two orders."""
         found = []

@@ -59,6 +59,13 @@ class Carrier(Protocol):
         """Position of its pump [cm3] for a net mass [kg]."""
 
 
+LOSSES = (
+    "pump_efficiency", "hull_vacuum", "screw_efficiency", "rail_friction", "bearing_torque",
+    "propeller_efficiency", "hotel_power",
+)  # fmt: skip
+"""Names of a file's numbers that say what its drives and electronics take"""
+
+
 class Losses(Protocol):
     """What the drives of a vehicle lose; see `twin.vehicle.consumption.Consumption`."""
 

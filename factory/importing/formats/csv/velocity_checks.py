@@ -37,6 +37,8 @@ _WINDOWS = 5
 """Windows that a comparison needs."""
 SCALE = (0.4, 2.5)
 """Track speed over velocity: a current of half the vehicle's speed either way, and noise."""
+_CURRENT = 1.5
+"""[m/s] Stronger currents are rare where vehicles go: a larger difference is no current."""
 _AGREES = 0.5
 """Correlation from which the sign of sway is judged."""
 
@@ -108,7 +110,7 @@ def check_track(log: DeploymentLog, tally: Tally) -> None:
     use = np.isfinite(said) & (np.hypot(v_north, v_east) > _MOVING)
     if use.sum() < _WINDOWS:
         return
-    _check_scale(log, ahead, said[use], forward[use])
+    _check_scale(log, ahead, said[use], forward[use], tally)
     for name in SIDEWAYS:
         aside = _means(log.channel(name), times)
         both = np.isfinite(aside) & use
@@ -123,8 +125,10 @@ def check_track(log: DeploymentLog, tally: Tally) -> None:
             )  # fmt: skip
 
 
-def _check_scale(log: DeploymentLog, name: str, said: Array, track: Array) -> None:
-    """Refuse a forward velocity whose size is not the track's."""
+def _check_scale(
+    log: DeploymentLog, name: str, said: Array, track: Array, tally: Tally
+) -> None:  # fmt: skip
+    """Refuse a forward velocity whose size is not the track's, beyond what a current explains."""
     size = float(np.median(np.abs(said)))
     moved = float(np.median(np.abs(track)))
     low, high = SCALE
@@ -133,15 +137,19 @@ def _check_scale(log: DeploymentLog, name: str, said: Array, track: Array) -> No
     if max(size, moved) < _MOVING:
         return
     spacing = log.channel(name).spacing
-    per_sample = size > 0.0 and low <= moved * spacing / size <= high
-    what = (
-        f"metres per sample of {spacing:g} s?" if per_sample
-        else "a distance, another unit, or a sensor that was off?"
-    )  # fmt: skip
+    found = f"{size:.3g} m/s where the track moves forward at {moved:.3g} m/s (medians)"
+    if size > 0.0 and low <= moved * spacing / size <= high:
+        what = f"metres per sample of {spacing:g} s?"
+    elif np.ptp(log.channel(name).values) == 0.0:
+        what = "a sensor that was off?"
+    elif abs(moved - size) > _CURRENT:
+        what = "a distance, or another unit?"
+    else:  # what a current can do to a velocity through the water
+        tally.add("suspect", name, len(log.channel(name)), f"{log.deployment}: {found}")
+        return
     raise InputError(
-        f"{', '.join(log.files)}: {name} says {size:.3g} m/s where the track moves forward at "
-        f"{moved:.3g} m/s (medians): no velocity in m/s: {what} Correct the unit, or leave the "
-        "file or the column out"
+        f"{', '.join(log.files)}: {name} says {found}: no velocity in m/s: {what} Correct the "
+        "unit, or leave the file or the column out"
     )
 
 

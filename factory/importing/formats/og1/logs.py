@@ -17,10 +17,16 @@ from numpy.typing import NDArray
 
 from factory.exporting.og1.terms import MEASURED
 from factory.importing.formats.base import ReadOptions, WrongFormat
-from factory.importing.reading.columns import parse_stamps, tidy, unix_seconds
+from factory.importing.reading.columns import tidy
 from factory.importing.reading.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, Fixes
 from factory.importing.reading.each_file import each_file
-from factory.importing.reading.netcdf import as_array, open_netcdf
+from factory.importing.reading.netcdf import (
+    as_array,
+    attributes_of,
+    open_netcdf,
+    seconds_of,
+    text_of,
+)
 from factory.importing.reading.payload import payload_channels, payload_names
 from factory.importing.reading.tally import Tally
 from factory.importing.reading.unread_names import leave_out, note_empty, note_unread
@@ -72,11 +78,6 @@ _READ = (
     "LATITUDE_ONBOARD", "LONGITUDE_ONBOARD",
     *DIVES, *CURRENTS.values(), *_NAMES,
 )  # fmt: skip
-_UNITS_SINCE = re.compile(r"(\w+) since (.+)")
-_SECONDS_IN = {
-    "nanoseconds": 1e-9, "microseconds": 1e-6, "milliseconds": 1e-3, "seconds": 1.0,
-    "minutes": 60.0, "hours": 3600.0, "days": 86400.0,
-}  # fmt: skip
 _RADIAN = frozenset({"rad", "radian", "radians"})
 _LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
 
@@ -107,12 +108,12 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
                 if variable.dimensions == (DIMENSION,) and variable.dtype != str
                 and variable.dtype.kind in "fiu" and not name.endswith("_QC")
             }  # fmt: skip
-            attributes = {name: _attributes(variables[name]) for name in raw}
+            attributes = {name: attributes_of(variables[name]) for name in raw}
             names = list(variables)
         except (RuntimeError, OSError) as error:
             raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
         name = _deployment(file, path)
-        platform = _text(variables.get("PLATFORM_MODEL")) or str(
+        platform = text_of(variables.get("PLATFORM_MODEL")) or str(
             getattr(file, "platform", "underwater glider")
         )
         simulated = "simul" in str(getattr(file, "title", "")).lower()
@@ -121,9 +122,9 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     time = raw.pop("TIME")
     if not np.isfinite(time).any():
         raise InputError(f"{path.name} holds no measurement with a time")
-    time = _seconds(time, attributes["TIME"], path, tally)
+    time = seconds_of(time, attributes["TIME"], path.name, tally)
     if np.isfinite(raw.get("TIME_GPS", np.zeros(0))).any():
-        gps_time = _seconds(raw["TIME_GPS"], attributes["TIME_GPS"], path, tally)
+        gps_time = seconds_of(raw["TIME_GPS"], attributes["TIME_GPS"], path.name, tally)
     else:  # the fixes are at the measurements
         gps_time = time
     columns = {**raw, "TIME_GPS": gps_time}
@@ -166,22 +167,9 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     )
 
 
-def _attributes(variable: Any) -> dict[str, Any]:
-    return {name: variable.getncattr(name) for name in variable.ncattrs()}
-
-
-def _text(variable: Any) -> str:
-    if variable is None:
-        return ""
-    value = variable[...]
-    if getattr(value, "dtype", None) is not None and value.dtype.kind == "S":
-        return b"".join(np.ma.filled(value, b"").ravel()).decode("utf-8", "replace").strip("\0 ")
-    return str(value)
-
-
 def _deployment(file: Any, path: Path) -> str:
     for source in ("TRAJECTORY", "trajectory"):
-        text = _text(file.variables.get(source))
+        text = text_of(file.variables.get(source))
         if text and not re.fullmatch(r"[\d.\[\]]+", text):
             return text
     return str(getattr(file, "id", path.stem))
@@ -204,31 +192,6 @@ def _without_fill(
 
 _SEAGLIDER = re.compile(r"sg\d{3}(_|$)", re.IGNORECASE)
 """Names of a Seaglider's deployments."""
-
-
-def _seconds(time: Array, attributes: Mapping[str, Any], path: Path, tally: Tally) -> Array:
-    """Unix seconds by the variable's units, or by size where it has none."""
-    units = str(attributes.get("units", ""))
-    if " since " not in units:
-        return unix_seconds(time, path.name, tally)
-    match = _UNITS_SINCE.fullmatch(units.strip())
-    unit = match[1].lower() if match else ""
-    factor = _SECONDS_IN.get(unit if unit.endswith("s") else f"{unit}s")
-    if match is None or factor is None:
-        raise InputError(f"{path.name}: TIME has unknown units {units!r}")
-    zero = parse_stamps(np.array([_whole_stamp(match[2])]))[0]
-    if not np.isfinite(zero):
-        raise InputError(f"{path.name}: TIME has unknown units {units!r}")
-    return zero + factor * time
-
-
-def _whole_stamp(word: str) -> str:
-    """A written moment with microseconds at most: datetime reads no more digits."""
-    word = re.sub(r"(\.\d{6})\d+", r"\1", word.strip().removesuffix(" UTC").removesuffix(" GMT"))
-    # 2010-7-29 13:31:4
-    date, _, clock = word.replace("T", " ").partition(" ")
-    date = "-".join(part.zfill(2) for part in date.split("-"))
-    return f"{date} {clock}".strip()
 
 
 @dataclasses.dataclass(frozen=True)

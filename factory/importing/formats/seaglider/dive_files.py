@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from factory.importing.formats.base import WrongFormat
 from factory.importing.reading.deployment_log import EMPTY, Channel
-from factory.importing.reading.netcdf import as_array, open_netcdf
+from factory.importing.reading.netcdf import as_array, open_netcdf, text_of
 from factory.importing.reading.tally import Tally
 from factory.importing.reading.unread_names import note_empty, note_unread
+from factory.importing.repairs.cleaning import degrees_minutes
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -51,12 +52,14 @@ ADCP = {
     "ad2cp_inv_glider_vocn": "v_ocn",
 }
 _FIXES = ("gps1", "gps2", "gpsE")
+WAYPOINT = "log_TGT_LATLONG"
+"""Where the glider was sent: latitude and longitude as ddmm.mmm in one text."""
 _CALIBRATION = ("log_C_ROLL_DIVE", "log_C_ROLL_CLIMB", "log_ROLL_CNV")
 _FIX_FLAGS = {fix: f"{fix.replace('gps', 'GPS')}_qc" for fix in _FIXES}
 _FIX_PARTS = {part: f"log_gps_{part}" for part in ("time", "lat", "lon")}
 READ = (
     "time", *SAMPLES, "gc_end_secs", *MOVES, *NUMBERS, *ADCP, *_CALIBRATION, "start_of_climb_time",
-    "trajectory", *_FIX_PARTS.values(), *_FIX_FLAGS.values(), "ctd_time", "temperature",
+    "trajectory", WAYPOINT, *_FIX_PARTS.values(), *_FIX_FLAGS.values(), "ctd_time", "temperature",
     "temperature_qc", "salinity", "salinity_qc",
 )  # fmt: skip
 """Variables that are read, beside those of the payload."""
@@ -111,6 +114,7 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> DiveFile:
                 if number in variables:
                     row[number] = as_array(variables[number][...])[:1]
             row |= _fixes(variables, tally)
+            row |= _waypoint(variables)
             adcp = {c: as_array(variables[v][:]) for v, c in ADCP.items() if v in variables}
             ctd = _ctd(variables, path, tally)
             carried = {n: _carried(variables, n) for n in payload if n in variables}
@@ -221,6 +225,16 @@ def _fixes(variables: Any, tally: Tally) -> Columns:
                 row[f"{fix}_lat"] = np.array([np.nan])
                 tally.add("removed", "GPS fixes", 1, "flagged bad by the basestation")
     return row
+
+
+def _waypoint(variables: Any) -> Columns:
+    """Latitude and longitude [degree] of the target; nothing where the file has none."""
+    parts = text_of(variables.get(WAYPOINT)).split(",")
+    try:
+        latitude, longitude = (degrees_minutes(np.array([float(part)])) for part in parts)
+    except ValueError:  # none, or of another form
+        return {}
+    return {"waypoint_latitude": latitude, "waypoint_longitude": longitude}
 
 
 def _ctd(variables: Any, path: Path, tally: Tally) -> Columns:

@@ -210,6 +210,8 @@ def _log(glider: GliderTables, options: ReadOptions, tally: Tally) -> Deployment
         auxiliary["dive"] = Channel(time[there], samples["dive"][there])
     for axis in ("north", "east"):
         auxiliary[f"dac_{axis}"] = _per_dive(dives, f"depth_avg_curr_{axis}", at="gpsE_time")
+    for axis in ("latitude", "longitude"):
+        auxiliary[f"waypoint_{axis}"] = _per_dive(dives, f"waypoint_{axis}", at="gps2_time")
     auxiliary |= adcp_truth(glider.name, glider.adcp, tally)
     flown = set(samples["dive"][np.isfinite(samples["dive"])]) if "dive" in samples else set()
     if flown and "dive" in dives:

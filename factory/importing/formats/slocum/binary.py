@@ -37,6 +37,9 @@ from factory.importing.reading.tally import Tally
 from factory.importing.reading.unread_names import leave_out, note_empty, note_unread
 from twin.errors import InputError
 
+_CLOCKS = ("m_present_time", "sci_m_present_time")
+"""The times of flight and science."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Decoded:
@@ -81,7 +84,7 @@ def read_slocum_binary(
         files.setdefault(one.vehicle, []).append(path.name)
         units |= one.units
         kind = f"{path.suffix.lower()} file"
-        note_unread(kind, one.names, wanted, tally)
+        note_unread(kind, one.names, (*_CLOCKS, *wanted), tally)
         rows = 0
         for name, (time, values) in one.sensors.items():
             time, columns = tidy(

@@ -1,0 +1,72 @@
+"""The accounts of an import: names, soundness, and times and fixes against the raw files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from logs import (
+    Flight,
+    write_basestation,
+    write_dbd,
+    write_mat,
+    write_ngdac,
+    write_og1,
+    write_seaexplorer,
+)
+
+from benchmarks.real_logs.accounts import Raw, account, fixes_apart, table, times_apart
+from factory.importing import import_logs
+
+FLIGHT = Flight(depth=100.0, surface=600.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "write", "fixes"),
+    [
+        ("slocum", write_dbd, 6),
+        ("seaglider", write_basestation, 6),
+        ("seaexplorer", lambda f, flight: write_seaexplorer(f / "sea009_M3_gli.csv", flight), 6),
+        ("lrauv", lambda f, flight: write_mat(f / "log.mat", flight), 6),
+        ("ngdac", write_ngdac, 0),
+    ],
+)
+def test_an_import_keeps_times_and_fixes_of_the_raw_files(
+    kind: str, write: Callable[[Path, Flight], object], fixes: int, tmp_path: Path
+) -> None:
+    if kind == "slocum":
+        pytest.importorskip("dbdreader")
+    write(tmp_path, FLIGHT)
+    found = account(kind, tmp_path, None)
+    assert found.refused == ""
+    assert found.rows == FLIGHT.dives
+    assert found.problems == 0
+    assert found.time_error_s < 1e-3
+    assert found.fixes_compared == fixes
+    if fixes:
+        assert found.fix_error_m < 1e-3
+    assert found.read > 3
+    assert f"| {found.log} | {kind} | 3, {fixes // 2} |" in table([found])
+
+
+def test_what_the_raw_files_contradict_is_told(tmp_path: Path) -> None:
+    path = write_og1(tmp_path / "deployment.nc", FLIGHT)
+    dataset, _ = import_logs("og1", [path])
+    time = FLIGHT.time
+    latitude, longitude = FLIGHT.position(time)
+    right = np.stack([time, latitude, longitude], axis=1)
+    assert times_apart(dataset, Raw(time, right)) < 1e-3
+    assert fixes_apart(dataset, Raw(time, right)) == (pytest.approx(0.0, abs=1e-3), 6)
+    assert times_apart(dataset, Raw(time[::5] + 0.5, right)) > 1.0
+    moved = right + np.array([0.0, 1e-4, 0.0])
+    assert fixes_apart(dataset, Raw(time, moved))[0] == pytest.approx(11.1, abs=0.1)
+    assert fixes_apart(dataset, Raw(time, right[:5]))[0] == np.inf
+
+
+def test_a_refused_log_has_its_reason(tmp_path: Path) -> None:
+    (tmp_path / "a.nc").write_bytes(b"nothing")
+    found = account("ngdac", tmp_path, None)
+    assert "a.nc" in found.refused
+    assert "refused: " in table([found])
