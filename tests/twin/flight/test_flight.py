@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from examples import files_of, needs_docs
 from logs import SHARED
 from simulated_logs import simulated_flight
 
@@ -194,6 +195,20 @@ def test_the_shipped_estimators_agree_in_steady_flight(name: str, flight, store:
     deep = truth(store, "depth") > 10.0
     assert np.median(np.abs(other.speed - own.speed)[deep]) < 0.01
     assert ESTIMATORS[name].summary
+
+
+@needs_docs
+def test_the_example_of_the_page_runs(store: Path, tmp_path: Path) -> None:
+    with files_of("docs/flight.md", tmp_path) as names:
+        assert names == ["two_thirds"]
+        import two_thirds
+
+        try:
+            found = estimate_flight(store, estimator="two-thirds")
+        finally:
+            ESTIMATORS.unregister(two_thirds.TwoThirds.kind)
+    whole = estimate_flight(store).missions[0].dive.motion
+    np.testing.assert_allclose(found.missions[0].dive.motion.surge, whole.surge * 2.0 / 3.0)
 
 
 UNIT334 = SHARED / "slocum_unit334_2023"
