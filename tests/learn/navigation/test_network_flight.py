@@ -27,7 +27,9 @@ def test_the_velocities_are_those_of_the_run() -> None:
     for one in found.missions:
         if one.dive.motion is None:
             continue
-        np.testing.assert_array_equal(one.dive.motion.surge, predicted[one.dive.mission].surge)
+        step = round(estimator.run.period / found.store.period)
+        surge = predicted[one.dive.mission].surge
+        np.testing.assert_allclose(one.dive.motion.surge[::step][: len(surge)], surge, rtol=1e-6)
         assert np.isfinite(one.dive.motion.heave).all()
         under = one.dive.depth > 1.0
         assert np.hypot(*one.dive.velocity.T)[under].mean() > 0.1
