@@ -43,7 +43,8 @@ DIMENSION = "N_MEASUREMENTS"
 OURS = {name: stored for name, stored, _ in MEASURED} | {
     stored.upper(): stored
     for stored in VARIABLES
-    if stored.startswith(("true_", "commanded_")) and not stored.startswith("commanded_waypoint")
+    if stored.startswith(("true_", "commanded_", "measured_current_"))
+    and not stored.startswith("commanded_waypoint")
 }
 """Names that `factory export` writes, and the store's."""
 ALIASES = {
