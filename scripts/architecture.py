@@ -76,6 +76,8 @@ SEAMS = (
     Seam("kind of drawn segment", "factory.recipe.kinds.registry:MISSION_KINDS",
          "factory.recipe.kinds.MissionKind", "extending.md#a-kind-of-drawn-segment"),
     Seam("figure", "twin.plot.registry:FIGURES", "twin.plot.FigureKind", "render.md#twin-plot"),
+    Seam("flight estimator", "twin.flight.estimators.registry:ESTIMATORS",
+         "twin.flight.estimators.FlightEstimator", "flight.md#an-estimator-of-ones-own"),
     Seam("control task", "twin.suite.registry:TASKS", "twin.suite.task.GliderTask",
          "dm_control.md"),
     Seam("importer", "factory.importing.formats.registry:IMPORTERS",

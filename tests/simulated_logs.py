@@ -39,15 +39,30 @@ def mission(yos: int = 2) -> Mission:
     )
 
 
-def simulated_log(folder: Path, vehicle: Vehicle, *, yos: int = 2, sensors: str = "field") -> Path:
-    """A store of logs of `vehicle`, made from an OG1.0 file."""
+def simulated_flight(
+    folder: Path,
+    vehicle: Vehicle | str,
+    *,
+    yos: int = 2,
+    sensors: str = "field",
+    current: str | None = None,
+    density: str | None = None,
+) -> Path:
+    """A store of one flight of `vehicle` at a place and a date."""
     flown = twin.simulate(
         mission=mission(yos),
         vehicle=vehicle,
+        current=current,
+        density=density,
         start={"latitude": 49.0, "longitude": -16.0, "time": "2003-08-01T00:00"},
         sensors=sensors,
     )
-    saved = flown.save(folder / "flown.zarr")
+    return flown.save(folder / "flown.zarr")
+
+
+def simulated_log(folder: Path, vehicle: Vehicle, *, yos: int = 2, sensors: str = "field") -> Path:
+    """A store of logs of `vehicle`, made from an OG1.0 file."""
+    saved = simulated_flight(folder, vehicle, yos=yos, sensors=sensors)
     files = EXPORTERS["og1"].export(open_exportable(saved), [0], folder / "og1", lambda: None)
     dataset, _ = import_logs("og1", files, period=PERIOD)
     return write_store(dataset, folder / "log.zarr")

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from twin.checks.agreement import check_manoeuvres as check_manoeuvres
     from twin.checks.agreement import check_published as check_published
     from twin.facade import simulate as simulate
+    from twin.flight.flight import estimate_flight as estimate_flight
     from twin.mission.controller import Command as Command
     from twin.mission.controller import Observation as Observation
     from twin.mission.plan import Mission as Mission
@@ -104,6 +105,7 @@ _PLACES = {
     "check_manoeuvres": "twin.checks.agreement:check_manoeuvres",
     "check_published": "twin.checks.agreement:check_published",
     "errors": "twin.errors",
+    "estimate_flight": "twin.flight.flight:estimate_flight",
     "figure": "twin.plot.registry:figure",
     "figure_names": "twin.plot.registry:figure_names",
     "load_mission": "twin.mission.shipped:load_mission",

@@ -34,6 +34,11 @@ PROGRAM = Program(
             loader="twin.commands.identify:Identify",
         ),
         Command(
+            name="flight",
+            summary="speed, vertical water velocity, currents and corrected tracks of logs",
+            loader="twin.commands.flight:Flight",
+        ),
+        Command(
             name="bench",
             summary="cost of the physics, side by side in one run",
             loader="twin.commands.bench:Bench",

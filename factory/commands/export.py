@@ -10,6 +10,7 @@ from typing import Annotated
 
 import tyro
 
+from factory.exporting.base import ExportOptions
 from factory.exporting.registry import EXPORTERS
 from twin.cli.console import Console, JsonOption
 from twin.errors import InputError
@@ -33,6 +34,13 @@ class Export(JsonOption):
     ] = None
     mission: tuple[int, ...] | None = None
     """only these missions [default: all]"""
+    vehicle: str | None = None
+    """og1: the vehicle that made the logs, as `twin identify` wrote it, or a shipped name; its
+    flight model makes track, velocities and currents [default: the shipped one of the log's kind]
+    """
+    metadata: Path | None = None
+    """og1: YAML file in pyglider's layout with title, people, project and instruments [default:
+    metadata.yml or deployment.yml beside the store, and what the import found beside the log]"""
 
     def run(self, console: Console) -> int:
         """Export."""
@@ -47,7 +55,8 @@ class Export(JsonOption):
         what = "dives" if isinstance(run, LogStore) else "missions"
         out = self.out or exporter.default_path(self.store)
         with console.progress(total=len(missions), label="export", unit=what) as progress:
-            written = exporter.export(run, missions, out, progress.update)
+            options = ExportOptions(vehicle=self.vehicle, metadata=self.metadata)
+            written = exporter.export(run, missions, out, progress.update, options)
         size = sum(path.stat().st_size for path in written)
         console.say(f"wrote {len(missions)} {what} to {out} ({size / 1e6:.1f} MB)")
         console.answer(store=self.store, to=self.to, out=out, missions=missions, bytes=size)

@@ -21,8 +21,30 @@ def no_progress() -> None:
     """For callers that show no progress."""
 
 
-Writer = Callable[["MissionStore", Sequence[int], Path, Advance], "list[Path]"]
-"""Writes the chosen missions of a store to a file or into a folder; returns what it wrote.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ExportOptions:
+    """What a user may say beside the store; a format takes all of it or nothing."""
+
+    vehicle: str | None = None
+    """file or name of the vehicle whose flight model makes tracks and velocities"""
+    metadata: Path | None = None
+    """YAML file with what the logs do not say: who, why, which instruments"""
+
+    @property
+    def given(self) -> list[str]:
+        """Names of the options that were used."""
+        return [
+            field.name
+            for field in dataclasses.fields(self)
+            if getattr(self, field.name) is not None
+        ]
+
+
+Writer = Callable[..., "list[Path]"]
+"""Takes a `MissionStore`, missions, a path, an `Advance` and, where the format `takes_options`,
+`ExportOptions`.
+
+It writes the chosen missions of the store to a file or into a folder and returns what it wrote.
 
 It raises `StoreError` for data that cannot be read and `InputError` when the disk refuses.
 """
@@ -41,6 +63,8 @@ class Exporter:
     begins with a dot makes a file, another one a folder."""
     write: Writer
     """The writer."""
+    takes_options: bool = False
+    """Whether `write` takes a fifth argument, the `ExportOptions`."""
     extra: str | None = None
     """Extra of this project that brings the packages which writing needs."""
 
@@ -76,17 +100,24 @@ class Exporter:
         missions: Sequence[int],
         path: Path,
         advance: Advance = no_progress,
+        options: ExportOptions | None = None,
     ) -> list[Path]:
         """Write, after the store and the missions were checked.
 
         Raises:
           StoreError: no such mission, or its data cannot be read.
-          InputError: a package is missing, or the disk refuses.
+          InputError: an option that the format does not take, a package is missing, or the disk
+            refuses.
         """
+        options = options or ExportOptions()
+        if options.given and not self.takes_options:
+            raise InputError(f"the {self.name} export takes no --{options.given[0]}: leave it out")
         run.check_arrays()
         for mission in missions:
             run.check_mission(mission)
         try:
+            if self.takes_options:
+                return self.write(run, missions, path, advance, options)
             return self.write(run, missions, path, advance)
         except ModuleNotFoundError as error:
             if self.extra is None:

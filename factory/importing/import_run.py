@@ -21,6 +21,7 @@ from factory.importing.reading.payload import parse_payload
 from factory.importing.reading.tally import ImportReport, Tally
 from factory.importing.repairs.dive_rules import DiveRules
 from twin.errors import InputError
+from twin.records.attributes import DEPLOYMENT_METADATA
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -81,7 +82,7 @@ def import_logs(
     _expect_mapped(options, tally)
     read = {name for log in logs for name in log.files}
     own = [log.period for log in logs if log.period is not None]
-    return build(
+    dataset, report = build(
         logs,
         kind=kind,
         period=period or min(own, default=importer.period),
@@ -91,6 +92,21 @@ def import_logs(
         held=importer.held,
         lacks=importer.lacks,
     )
+    said = _beside(paths)
+    if said is not None:
+        dataset.attrs[DEPLOYMENT_METADATA] = said
+    return dataset, report
+
+
+METADATA = ("metadata.yml", "deployment.yml", "metadata.yaml", "deployment.yaml")
+"""What pyglider and its kin call the file in which people describe a deployment"""
+
+
+def _beside(paths: Sequence[Path]) -> str | None:
+    """The text of the one such file in the folders of the logs; None without, and with several."""
+    folders = dict.fromkeys(path.resolve().parent for path in paths)
+    found = [folder / name for folder in folders for name in METADATA if (folder / name).is_file()]
+    return found[0].read_text(encoding="utf-8", errors="replace") if len(found) == 1 else None
 
 
 def _read(

@@ -17,15 +17,14 @@ from numpy.typing import NDArray
 
 from twin.errors import VehicleError
 from twin.vehicle.laws import FlowFrame
-from twin.vehicle.vehicle import CUBIC_CM, Vehicle, load_vehicle
+from twin.vehicle.vehicle import CUBIC_CM, IDENTIFIED, Vehicle, load_vehicle
 from twin.water.density import SEA_COMPRESSIBILITY
 
 Array = NDArray[np.float64]
 
-HULL_NUMERIC, SENSOR_NUMERIC = "hull_and_water", "sensor_errors"
-PUMP_NUMERIC = "pump_position"
-"""Names of the MJCF numerics that hold what `Vehicle` does not; the last is read only, from files
-of earlier versions."""
+HULL_NUMERIC, SENSOR_NUMERIC, PROVENANCE, PUMP_NUMERIC = IDENTIFIED
+"""Names of the elements that hold what `Vehicle` does not; the last is read only, from files of
+earlier versions."""
 ALUMINIUM_EXPANSION = 7.1e-5
 """[1/K] of volume: three times the 23.6e-6 of aluminium alloys; the Seaglider basestation's
 hulls have 7.05e-5."""

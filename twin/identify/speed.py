@@ -78,8 +78,18 @@ def density_of(log: Log, calibration: Calibration) -> Array:
     return calibration.sea_density(log.depth) if log.density is None else log.density
 
 
-def motion_of(log: Log, calibration: Calibration, model: FlightModel = "flight") -> Motion:
-    """Velocity through the water, body FRD, that the model gives for a log."""
+def motion_of(
+    log: Log,
+    calibration: Calibration,
+    model: FlightModel = "flight",
+    *,
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Motion:
+    """Velocity through the water, body FRD, that the model gives for a log.
+
+    Args:
+      start: velocity [m/s] at the first sample, which the steady model does not know.
+    """
     if model not in MODELS:
         raise InputError(unknown_name("flight model", model, MODELS))
     vehicle = calibration.vehicle
@@ -111,6 +121,7 @@ def motion_of(log: Log, calibration: Calibration, model: FlightModel = "flight")
         roll=log.roll,
         pitch=pitch,
         rates=log.rates,
+        start=start,
     )
 
 

@@ -81,8 +81,9 @@ def fly(
     roll: Array,
     pitch: Array,
     rates: Array,
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Motion:
-    """Velocity through the water of a vehicle with this attitude, from rest.
+    """Velocity through the water of a vehicle with this attitude.
 
     Args:
       period: [s] between samples.
@@ -90,6 +91,7 @@ def fly(
       immersion: part of the hull that the water acts on, 0 to 1, (time,).
       roll, pitch: [rad], (time,).
       rates: roll, pitch and yaw rate, body FRD [rad/s], (3, time).
+      start: surge, sway and heave [m/s] at the first sample; at rest by default.
 
     Raises:
       InputError: the speed leaves every bound: the parameters or the inputs are wrong.
@@ -97,7 +99,9 @@ def fly(
     mass = vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]
     coefficients = vehicle.flow_frame.values()
     inputs = np.stack([vehicle.gravity * net_mass, immersion, roll, pitch, *rates], axis=1)
-    velocity = _integrate(mass, np.linalg.inv(mass), coefficients, inputs, period)
+    velocity = _integrate(
+        mass, np.linalg.inv(mass), coefficients, inputs, period, np.asarray(start, float)
+    )
     if not (np.abs(velocity) < FASTEST).all():
         raise InputError(
             f"vehicle {vehicle.name!r} flies faster than {FASTEST:g} m/s in this log: its drag or "
@@ -147,15 +151,16 @@ def _rate(mass, inverse, c, inputs, row, part, u, v, w):  # type: ignore[no-unty
 
 
 @jit
-def _integrate(mass, inverse, c, inputs, period):  # type: ignore[no-untyped-def]
-    """Classical RK4 with the inputs linear between samples; velocities (time, 3) from rest."""
+def _integrate(mass, inverse, c, inputs, period, start):  # type: ignore[no-untyped-def]
+    """Classical RK4 with the inputs linear between samples; velocities (time, 3) from `start`."""
     samples = inputs.shape[0]
     out = np.zeros((samples, 3))
     # rate at which the force of an angle of attack or sideslip dies out, over speed [1/m]
     settling = max(
         (c[K_D0] + c[K_ALPHA]) * inverse[2, 2], (c[K_D0] + abs(c[K_BETA])) * inverse[1, 1]
     )
-    u, v, w = 0.0, 0.0, 0.0
+    u, v, w = start[0], start[1], start[2]
+    out[0, 0], out[0, 1], out[0, 2] = u, v, w
     for row in range(samples - 1):
         speed = np.sqrt(u * u + v * v + w * w)
         shortest = min(LONGEST_STEP, LONGEST_DECAY / max(settling * speed, 1e-12))

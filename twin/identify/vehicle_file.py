@@ -21,6 +21,7 @@ from twin.errors import InputError, VehicleError
 from twin.frames import flip_vector
 from twin.identify.calibration import (
     HULL_NUMERIC,
+    PROVENANCE,
     PUMP_NUMERIC,
     REFERENCE_TEMPERATURE,
     SENSOR_NUMERIC,
@@ -30,8 +31,6 @@ from twin.identify.stiffness import file_step, largest_step
 from twin.vehicle.parts import Fin, Pump
 from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
-PROVENANCE = "identification"
-"""Name of the `<text>` element."""
 COEFFICIENTS = (
     "drag", "lift", "side_force", "side_force_lift", "roll_moment", "roll_moment_lift",
     "pitch_moment", "yaw_moment", "yaw_moment_lift", "roll_from_yaw", "yaw_from_roll",

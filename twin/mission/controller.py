@@ -121,12 +121,12 @@ class MissionController:
         """One guidance tick.
 
         Raises:
-          MissionError: dives turn above the sea floor, and the observation has none.
+          MissionError: it is flown above the sea floor, and the observation has none.
         """
         o = observation
         if self._needs_floor and math.isinf(o.altitude):
             raise MissionError(
-                "the mission's dives turn at min_altitude_m, and the observation has no altitude: "
+                f"the mission goes by {self._needs_floor}, and the observation has no altitude: "
                 "fly it in a scenario with a sea floor, such as floor=FlatFloor(depth_m=200)"
             )
         guidance.guidance_step(

@@ -31,7 +31,9 @@ Array = NDArray[np.float64]
 INTEGRAL_ZONE = math.radians(2.0)
 """[rad] largest error that is integrated: turns and inflections must not wind the loops up."""
 DEPTH_ZONE = 1.0
-"""[m] largest depth error that is integrated at all: the way to a depth must not wind a loop up."""
+"""[m] largest depth error that is integrated on the way: an approach must not wind a loop up."""
+UNDER_WAY = 0.02
+"""[m/s] depth rate of a vehicle on its way; a slower one is stuck, and the integral frees it."""
 WAITING_ERROR = math.radians(60.0)
 """[rad] heading error beyond which a turning setpoint waits for the vehicle."""
 TURN_SIDE = math.radians(120.0)
@@ -143,7 +145,7 @@ def _level_pitch(
         state,
         g.DEPTH_INTEGRAL,
     )
-    if abs(error) > DEPTH_ZONE:
+    if abs(error) > DEPTH_ZONE and abs(depth_rate) > UNDER_WAY:
         state[g.DEPTH_INTEGRAL] = integral
     return -output
 
@@ -171,7 +173,7 @@ def _buoyancy_loop(
         state,
         g.BUOYANCY_INTEGRAL,
     )
-    if abs(wanted - depth) > DEPTH_ZONE:
+    if abs(wanted - depth) > DEPTH_ZONE and abs(depth_rate) > UNDER_WAY:
         state[g.BUOYANCY_INTEGRAL] = integral
 
 

@@ -151,13 +151,15 @@ class Mission:
         return _plain(data)
 
     @property
-    def needs_floor(self) -> bool:
-        """Whether something is flown by the altitude above the sea floor."""
-        return any(
-            getattr(segment, name, None) is not None
-            for segment in self.segments
+    def needs_floor(self) -> str:
+        """The first field by which something is flown above the sea floor; empty: nothing is."""
+        used = (
+            name
             for name in ("altitude_m", "min_altitude_m")
+            for segment in self.segments
+            if getattr(segment, name, None) is not None
         )
+        return next(used, "")
 
     def check(self, vehicle: Vehicle) -> None:
         """Raise MissionError when `vehicle` cannot fly this: pump, rotation, pitch, trim."""

@@ -113,9 +113,9 @@ class Scenario:
         if self.floor is None:
             if isinstance(self.plan, Mission) and self.plan.needs_floor:
                 raise MissionError(
-                    f"mission {self.plan.name!r}: dives turn at min_altitude_m, and the scenario "
+                    f"mission {self.plan.name!r} goes by {self.plan.needs_floor}, and the scenario "
                     "has no sea floor: give one (--floor depth:200, floor=FlatFloor(depth_m=200)), "
-                    "or leave min_altitude_m out"
+                    f"or leave {self.plan.needs_floor} out"
                 )
         elif self.floor.needs_place and not self.has_place:
             raise FloorError(

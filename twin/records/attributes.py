@@ -30,6 +30,8 @@ SENSOR_SUITE = "sensor_suite"
 SOURCE_FORMAT = "source_format"
 """Which kind of log was imported: the mark of a store of logs."""
 IMPORT_REPORT, PLATFORM, FILES = "import_report", "platform", "files"
+DEPLOYMENT_METADATA = "deployment_metadata"
+"""Text of the YAML file that lay beside the logs: what people said of the deployment."""
 PROGRAM_VERSION = "glider_twin_version"
 
 N_SAMPLES, SPLIT, DURATION, ATTEMPT = "n_samples", "split", "duration", "attempt"

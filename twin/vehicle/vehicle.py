@@ -37,6 +37,9 @@ CONTROLS = ("pitch", "heading", "buoyancy", "speed", "trim")
 USUAL_GLIDE = (math.radians(30.0), 0.3)
 """[rad], [kg] of vehicles whose files do not say: the Sea-Wing's"""
 
+IDENTIFIED = ("hull_and_water", "sensor_errors", "identification", "pump_position")
+"""Names of what `twin identify` writes into a vehicle file for itself"""
+
 SPREAD = "spread."
 """Begins the names of the `<text>` elements that say what the factory draws for the vehicle."""
 
@@ -511,6 +514,7 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
 def _refuse_unknown(reader: MjcfReader) -> None:
     """Raise VehicleError for a misspelt number or text; those of other hull laws may be there."""
     others = [name for law in LAWS.values() for name in law.names()]
-    known = ("added_mass", "cruise_speed", "depth_pid", "buoyancy_pid", "usual_glide", PRESETS)
-    loops = ("pitch_pid", "heading_pid", "trim_pid")
-    reader.refuse_unknown((*known, *loops, *LOSSES, *others), (SPREAD, SEPARATOR, USER))
+    loops = ("pitch_pid", "heading_pid", "trim_pid", "depth_pid", "buoyancy_pid")
+    known = ("added_mass", "cruise_speed", "usual_glide", PRESETS)
+    right = (*known, *loops, *IDENTIFIED, *LOSSES, *others)
+    reader.refuse_unknown(right, (SPREAD, SEPARATOR, USER))

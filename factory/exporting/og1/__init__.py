@@ -6,27 +6,36 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from factory.exporting.base import Advance, Exporter
+from factory.exporting.base import Advance, Exporter, ExportOptions
 
 if TYPE_CHECKING:
     from twin.records.reader import MissionStore
 
 
 def _write(
-    run: MissionStore, missions: Sequence[int], folder: Path, advance: Advance
+    run: MissionStore,
+    missions: Sequence[int],
+    folder: Path,
+    advance: Advance,
+    options: ExportOptions,
 ) -> list[Path]:
     from factory.exporting.og1.deployments import export_og1_logs
+    from factory.exporting.og1.metadata import metadata_for
     from factory.exporting.og1.missions import export_og1
     from factory.stores.generated import GeneratedStore
     from factory.stores.stored_flight import StoredFlight
     from twin.records.logs import LogStore
 
     if isinstance(run, LogStore):
-        return export_og1_logs(run, missions, folder, advance)
+        metadata = metadata_for(run, options.metadata)
+        return export_og1_logs(
+            run, missions, folder, advance, vehicle=options.vehicle, metadata=metadata
+        )
     assert isinstance(run, GeneratedStore | StoredFlight)
     written = []
     for mission in missions:
-        written.append(export_og1(run, mission, folder))
+        metadata = metadata_for(run, options.metadata)
+        written.append(export_og1(run, mission, folder, vehicle=options.vehicle, metadata=metadata))
         advance()
     return written
 
@@ -35,5 +44,6 @@ OG1 = Exporter(
     name="og1",
     title="OceanGliders OG1.0 netCDF files, one a simulated mission or one a logged deployment",
     ending="-og1",
+    takes_options=True,
     write=_write,
 )

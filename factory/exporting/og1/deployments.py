@@ -8,7 +8,6 @@ coordinate and stays complete.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.exporting.base import Advance, no_progress
+from factory.exporting.og1.flight_terms import JoinedDives, flight_terms, reckoning
+from factory.exporting.og1.flown import Flown, flown
+from factory.exporting.og1.metadata import Metadata
+from factory.exporting.og1.quality import ENDING, quality
 from factory.exporting.og1.terms import (
     ASCENT,
     COORDINATES,
@@ -42,6 +45,7 @@ from factory.exporting.og1.variables import (
     time_attributes,
     write_og1,
 )
+from twin.flight.place import place_of
 from twin.records.logs import LogStore
 from twin.records.schema import VARIABLES
 
@@ -60,39 +64,44 @@ SENSOR_NAMES = {
     "SENSOR_CTD": "conductivity, temperature and depth sensor",
     "SENSOR_DVL": "Doppler velocity log",
 }
+MS_PER_CM = 10.0
+"""gsw gives conductivity in mS/cm; 1 S/m is 10 of them."""
+RAW_TIMES = {
+    "measured_depth_time": "TIME_DEPTH",
+    "measured_attitude_time": "TIME_ATTITUDE",
+    "measured_ctd_time": "TIME_CTD",
+}
+"""Times of the original samples beside those of the grid"""
+ELSEWHERE = frozenset(
+    {
+        "measured_depth", "measured_phase", "measured_gap", "measured_gps_north",
+        "measured_gps_east", "measured_onboard_north", "measured_onboard_east",
+    }
+)  # fmt: skip
+"""Signals that have variables of their own"""
 PHASE_CODES = np.array([SURFACING, DESCENT, ASCENT, INFLECTION])
 """By the flag of `measured_phase`"""
 
 
-@dataclass(frozen=True)
-class JoinedDives:
-    """The dives of one file on one time axis, which increases strictly."""
-
-    logs: LogStore
-    missions: tuple[int, ...]
-    order: NDArray[np.intp]
-    """Samples that are kept, of all dives put behind each other."""
-
-    def gather(self, of: Callable[[int], Array]) -> Array:
-        """What `of` says about each dive, as one array (samples,)."""
-        return np.concatenate([of(mission) for mission in self.missions])[self.order]
-
-    def signal(self, name: str) -> Array:
-        """A stored signal, (samples,)."""
-        return self.gather(lambda mission: self.logs.signal(name, mission))
-
-    def repeated(self, name: str) -> Array:
-        """A number of each dive at each of its samples, (samples,)."""
-        values = self.logs.number(name)
-        return self.gather(
-            lambda mission: np.full(int(self.logs.samples[mission]), values[mission])
-        )
-
-
 def export_og1_logs(
-    logs: LogStore, missions: Sequence[int], folder: Path, advance: Advance = no_progress
+    logs: LogStore,
+    missions: Sequence[int],
+    folder: Path,
+    advance: Advance = no_progress,
+    *,
+    vehicle: str | None = None,
+    metadata: Metadata | None = None,
 ) -> list[Path]:
     """Write one file for each deployment that `missions` belong to; returns their paths.
+
+    Args:
+      logs: the store.
+      missions: rows of it.
+      folder: for the files.
+      advance: called for each dive that is written.
+      vehicle: file or name of the vehicle whose flight model makes track and velocities; default
+        the shipped one of the log's kind.
+      metadata: what people know of the deployment.
 
     Raises:
       StoreError: no such mission, or its data cannot be read.
@@ -100,12 +109,14 @@ def export_og1_logs(
     """
     for mission in missions:
         logs.check_mission(mission)
+    metadata = metadata or Metadata()
+    found = flown(logs, missions, vehicle)
     paths = []
     for deployment in dict.fromkeys(logs.deployments[mission] for mission in missions):
         chosen = [k for k in logs.missions_of(deployment) if k in set(missions)]
         track = _track(logs, chosen)
-        identity = log_attributes(logs, chosen)
-        series = _series(track, deployment)
+        identity = {**log_attributes(logs, chosen, metadata), "flight_model": found.model}
+        series = _series(track, deployment, found, metadata)
         paths.append(write_og1(folder, identity, series, len(track.order)))
         for _ in chosen:
             advance()
@@ -119,20 +130,29 @@ def _track(logs: LogStore, missions: Sequence[int]) -> JoinedDives:
     return JoinedDives(logs, tuple(missions), len(time) - 1 - reversed_unique)
 
 
-def _series(track: JoinedDives, deployment: str) -> Iterator[tuple[str, Og1Variable]]:
+def _series(
+    track: JoinedDives, deployment: str, found: Flown, metadata: Metadata
+) -> Iterator[tuple[str, Og1Variable]]:
     logs = track.logs
     at = {"coordinates": COORDINATES}
     yield "TRAJECTORY", text(deployment, "trajectory name", cf_role="trajectory_id")
-    yield "WMO_IDENTIFIER", text(NOT_LOGGED, "wmo id")
+    yield "WMO_IDENTIFIER", text(metadata.wmo or NOT_LOGGED, "wmo id")
     model = {"platform_model_vocabulary": "n/a"}
-    yield "PLATFORM_MODEL", text(logs.platform, "model of the glider", **model)
-    yield "PLATFORM_SERIAL_NUMBER", text(deployment, "glider serial number")
+    name = metadata.model or logs.platform
+    yield "PLATFORM_MODEL", text(name, "model of the glider", **model)
+    serial = metadata.serial or deployment
+    yield "PLATFORM_SERIAL_NUMBER", text(serial, "glider serial number")
     time = track.gather(logs.time)
     elapsed = time_attributes("Time elapsed since 1970-01-01T00:00:00Z")
-    elapsed["time_vocabulary"] = VOCABULARY + "TIME/"
+    elapsed |= {"time_vocabulary": VOCABULARY + "TIME/", "axis": "T"}
+    elapsed["ancillary_variables"] = f"TIME{ENDING}"
     yield "TIME", Og1Variable(time, elapsed, TIME_FILL)
-    yield from _places(track)
-    yield "DEPTH", _depth(track.signal("measured_depth"))
+    yield quality("TIME", time)
+    yield from _places(track, found)
+    gap = track.signal("measured_gap") > 0.0
+    depth = track.signal("measured_depth")
+    yield "DEPTH", _depth(depth)
+    yield quality("DEPTH", depth, estimated=gap)
     yield from _gps(track, time)
     start = np.array(time[0])
     yield (
@@ -143,34 +163,93 @@ def _series(track: JoinedDives, deployment: str) -> Iterator[tuple[str, Og1Varia
     yield "PHASE", _phase(track.signal("measured_phase"))
     dive = {"long_name": "number of the dive", "units": "1", **at}
     yield "DIVE_NUMBER", Og1Variable(track.repeated("dive"), dive, fill=-1, kind="i4")
-    gap = track.signal("measured_gap") > 0.0
     seen = set(logs.signals())
     fitted = [sensor for _, stored, sensor in MEASURED if sensor and stored in seen]
     for name in dict.fromkeys(fitted):
-        yield name, _sensor(name)
+        yield name, _sensor(name, metadata)
     for name, stored, sensor in MEASURED:
         if stored in seen:
             values = track.signal(stored)
             if stored in GAPPED:
                 values = np.where(gap, np.nan, values)
-            yield name, _signal(values, stored, {"sensor": sensor} if sensor else {})
+            own = {"sensor": sensor} if sensor else {}
+            if sensor:
+                own["ancillary_variables"] = f"{name}{ENDING}"
+                yield quality(name, values)
+            yield name, _signal(values, stored, own)
+    yield from _conductivity(track, seen)
     for stored in PROFILER:
         if stored in seen:
             yield stored.upper(), _signal(track.signal(stored), stored, {})
+    written = {stored for _, stored, _ in MEASURED} | {*PROFILER, *ELSEWHERE}
+    for stored in logs.signals():
+        if stored not in written and stored not in RAW_TIMES:
+            yield stored.upper(), _signal(track.signal(stored), stored, {})
+    for stored, name in RAW_TIMES.items():
+        if stored in seen:
+            yield name, _raw_time(track, stored)
+    yield from flight_terms(track, found)
     yield from _currents(track)
 
 
-def _places(track: JoinedDives) -> Iterator[tuple[str, Og1Variable]]:
-    found = [track.logs.positions(mission) for mission in track.missions]
-    methods = ", ".join(dict.fromkeys(method for _, _, method in found))
-    method = {"interpolation_methodology": methods}
-    longitude = _wrap(np.concatenate([one[1] for one in found])[track.order])
-    latitude = np.concatenate([one[0] for one in found])[track.order]
-    own = {**method, "longitude_vocabulary": VOCABULARY + "LON/"}
-    long_name = "longitude of each measurement and GPS location"
-    yield "LONGITUDE", position(longitude, long_name, "longitude", own)
-    own = {**method, "latitude_vocabulary": VOCABULARY + "LAT/"}
-    yield "LATITUDE", position(latitude, "Latitude north (WGS84)", "latitude", own)
+def _raw_time(track: JoinedDives, stored: str) -> Og1Variable:
+    """Times of the original samples, where the store has those since each row's start."""
+    logs = track.logs
+    values = track.gather(lambda mission: logs.starts[mission] + logs.signal(stored, mission))
+    attributes = time_attributes(VARIABLES[stored].long_name)
+    return Og1Variable(values, {**attributes, "coordinates": COORDINATES}, TIME_FILL)
+
+
+def _conductivity(track: JoinedDives, seen: set[str]) -> Iterator[tuple[str, Og1Variable]]:
+    """What the CTD measured, from temperature, salinity and pressure."""
+    names = ("measured_salinity", "measured_temperature", "measured_pressure")
+    if not set(names) <= seen:
+        return
+    import gsw
+
+    values = np.asarray(gsw.C_from_SP(*(track.signal(name) for name in names))) / MS_PER_CM
+    attributes = {
+        "long_name": "conductivity, from practical salinity, temperature and pressure",
+        "standard_name": "sea_water_electrical_conductivity",
+        "units": "S m-1",
+        "coordinates": COORDINATES,
+        "sensor": "SENSOR_CTD",
+        "ancillary_variables": f"CNDC{ENDING}",
+    }
+    yield quality("CNDC", values)
+    yield "CNDC", Og1Variable(values, attributes, fill=np.nan, kind="f4")
+
+
+def _places(track: JoinedDives, found: Flown) -> Iterator[tuple[str, Og1Variable]]:
+    """The corrected track, its deviation and flags, and the vehicle's own track beside it."""
+    logs = track.logs
+    methods = ", ".join(dict.fromkeys(found.tracks[mission].method for mission in track.missions))
+
+    def degrees(of: Callable[[int], Array]) -> Array:
+        """Latitude and longitude of each dive's metres, (samples, 2)."""
+        return track.gather(lambda m: np.stack(place_of(logs, m).degrees(*of(m).T), axis=1))
+
+    latitude, longitude = degrees(lambda mission: found.tracks[mission].position).T
+    reckoned = track.gather(lambda mission: found.tracks[mission].reckoned) > 0.0
+    for name, values, word, vocabulary in (
+        ("LONGITUDE", longitude, "longitude of each measurement and GPS location", "LON/"),
+        ("LATITUDE", latitude, "Latitude north (WGS84)", "LAT/"),
+    ):
+        own = {
+            "interpolation_methodology": methods,
+            f"{name.lower()}_vocabulary": VOCABULARY + vocabulary,
+            "ancillary_variables": f"{name}{ENDING} POSITION_SD DEAD_RECKONING",
+        }
+        yield name, position(values, word, name.lower(), own)
+        yield quality(name, values, estimated=reckoned, good=~reckoned)
+    yield from reckoning(reckoned, track.gather(lambda mission: found.tracks[mission].deviation))
+    if "measured_onboard_north" in logs:
+        names = ("measured_onboard_north", "measured_onboard_east")
+        own_track = degrees(lambda m: np.stack([logs.signal(name, m) for name in names], axis=1))
+        for name, values in zip(("LATITUDE", "LONGITUDE"), own_track.T, strict=True):
+            word = f"{name.lower()} by the vehicle's own dead reckoning"
+            at = {"coordinates": COORDINATES}
+            yield f"{name}_ONBOARD", position(values, word, name.lower(), at)
 
 
 def _gps(track: JoinedDives, time: Array) -> Iterator[tuple[str, Og1Variable]]:
@@ -236,9 +315,12 @@ def _phase(flag: Array) -> Og1Variable:
 
 
 def _currents(track: JoinedDives) -> Iterator[tuple[str, Og1Variable]]:
-    """Depth-averaged currents of the dives, repeated at their samples."""
+    """Depth-averaged currents of the dives as stored, repeated at their samples."""
     for axis, standard in (("north", "northward"), ("east", "eastward")):
-        for stored in (f"dac_{axis}", f"vehicle_dac_{axis}"):
+        for stored, name in (
+            (f"dac_{axis}", f"DAC_{axis.upper()}"),
+            (f"vehicle_dac_{axis}", f"DAVG_CURR_{axis.upper()}"),
+        ):
             if stored in track.logs.dataset:
                 attributes = {
                     "long_name": str(track.logs.dataset[stored].attrs["long_name"]),
@@ -248,20 +330,28 @@ def _currents(track: JoinedDives) -> Iterator[tuple[str, Og1Variable]]:
                     "comment": "mean over the depths of the dive",
                 }
                 yield (
-                    stored.upper(),
+                    name,
                     Og1Variable(track.repeated(stored), attributes, fill=np.nan, kind="f4"),
                 )
 
 
-def _sensor(name: str) -> Og1Variable:
+def _sensor(name: str, metadata: Metadata) -> Og1Variable:
+    known = metadata.sensor(name)
     attributes = {
-        "long_name": SENSOR_NAMES[name],
-        "sensor_model": NOT_LOGGED,
+        "long_name": known.get("long_name", SENSOR_NAMES[name]),
+        "sensor_model": known.get("make_model", known.get("model", NOT_LOGGED)),
         "sensor_model_vocabulary": "n/a",
-        "sensor_maker": NOT_LOGGED,
-        "sensor_serial_number": "n/a",
+        "sensor_maker": known.get("make", known.get("maker", NOT_LOGGED)),
+        "sensor_serial_number": known.get("serial_number", known.get("serial", "n/a")),
         "sensor_type_vocabulary": SENSOR_TYPES,
     }
+    for ours, theirs in (
+        ("sensor_calibration_date", ("calibration_date", "factory_calibrated")),
+        ("comment", ("comment",)),
+    ):
+        found = next((known[word] for word in theirs if word in known), "")
+        if found:
+            attributes[ours] = found
     return Og1Variable(np.array(0, np.int8), attributes, dimensions=(), kind="i1")
 
 

@@ -2,9 +2,10 @@
 
 Format: OceanGliders OG1.0 terms of reference, version 1.0.0 (2024), on CF-1.10 and ACDD-1.3. The
 format knows one file per deployment, so each mission is one. LATITUDE and LONGITUDE are what the
-glider itself logged, its on-board dead-reckoned track; the truth, which no real file has, is in
-variables named TRUE_*. Positions and TIME are at the place and date of the mission; one without a
-date counts from a nominal deployment.
+glider's measurements give, a dead-reckoned track corrected at the fixes; *_ONBOARD is the track
+that it logged itself; the truth, which no real file has, is in variables named TRUE_*. Positions
+and TIME are at the place and date of the mission; one without a date counts from a nominal
+deployment.
 """
 
 from __future__ import annotations
@@ -16,6 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.exporting.og1.flight_terms import reckoning
+from factory.exporting.og1.flown import Track, flown
+from factory.exporting.og1.metadata import Metadata
 from factory.exporting.og1.simulated import SimulatedMission, simulated_mission
 from factory.exporting.og1.terms import (
     ASCENT,
@@ -56,8 +60,23 @@ from twin.records.schema import VARIABLES
 Array = NDArray[np.float64]
 
 
-def export_og1(run: GeneratedStore | StoredFlight, mission: int, folder: Path) -> Path:
+def export_og1(
+    run: GeneratedStore | StoredFlight,
+    mission: int,
+    folder: Path,
+    *,
+    vehicle: str | None = None,
+    metadata: Metadata | None = None,
+) -> Path:
     """Write one mission into `folder`, under the name that the format prescribes.
+
+    Args:
+      run: the store.
+      mission: row of it.
+      folder: for the file.
+      vehicle: file or name of the vehicle whose flight model reckons the track; default the
+        mission's own.
+      metadata: what people say of it.
 
     Raises:
       StoreError: no such mission, or its data cannot be read.
@@ -67,8 +86,10 @@ def export_og1(run: GeneratedStore | StoredFlight, mission: int, folder: Path) -
     if missing:
         raise StoreError(f"store {run.path} lacks {', '.join(missing)}: OG1.0 needs them")
     facts = simulated_mission(run, mission)
-    identity = global_attributes(facts, mission)
-    series = _series(run, mission, identity, facts)
+    found = flown(run, [mission], vehicle)
+    identity = global_attributes(facts, mission, metadata or Metadata())
+    identity["flight_model"] = found.model
+    series = _series(run, mission, identity, facts, found.tracks[mission])
     return write_og1(folder, identity, series, int(run.samples[mission]))
 
 
@@ -83,6 +104,7 @@ def _series(
     mission: int,
     identity: Mapping[str, Any],
     facts: SimulatedMission,
+    track: Track,
 ) -> Iterator[tuple[str, Og1Variable]]:
     samples = int(run.samples[mission])
 
@@ -106,17 +128,25 @@ def _series(
     )
     yield "PLATFORM_SERIAL_NUMBER", text(f"sim{mission:06d}", "glider serial number")
     elapsed = time_attributes("Time elapsed since 1970-01-01T00:00:00Z")
-    elapsed["time_vocabulary"] = VOCABULARY + "TIME/"
+    elapsed |= {"time_vocabulary": VOCABULARY + "TIME/", "axis": "T"}
     yield "TIME", Og1Variable(time, elapsed, TIME_FILL)
-    latitude, longitude = from_tangent_plane(
-        row("measured_onboard_north"), row("measured_onboard_east"), *place
-    )
-    method = {"interpolation_methodology": "simulated on-board dead reckoning between GPS fixes"}
+    latitude, longitude = from_tangent_plane(track.position[:, 0], track.position[:, 1], *place)
+    method = {
+        "interpolation_methodology": f"{track.method} (simulated)",
+        "ancillary_variables": "POSITION_SD DEAD_RECKONING",
+    }
     long_name = "longitude of each measurement and GPS location"
     own = {**method, "longitude_vocabulary": VOCABULARY + "LON/"}
     yield "LONGITUDE", position(longitude, long_name, "longitude", own)
     own = {**method, "latitude_vocabulary": VOCABULARY + "LAT/"}
     yield "LATITUDE", position(latitude, "Latitude north (WGS84)", "latitude", own)
+    yield from reckoning(track.reckoned > 0, track.deviation)
+    own_track = from_tangent_plane(
+        row("measured_onboard_north"), row("measured_onboard_east"), *place
+    )
+    for name, values in zip(("LATITUDE", "LONGITUDE"), own_track, strict=True):
+        word = f"{name.lower()} by the simulated on-board dead reckoning"
+        yield f"{name}_ONBOARD", position(values, word, name.lower(), {"coordinates": COORDINATES})
     yield (
         "DEPTH",
         Og1Variable(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.exporting.og1.metadata import Metadata, with_metadata
 from factory.exporting.og1.simulated import SimulatedMission
 from factory.stores.generated import GeneratedStore
 from factory.stores.stored_flight import StoredFlight
@@ -158,15 +159,38 @@ def bounds(latitude: Array, longitude: Array, depth: Array) -> dict[str, float |
             limits[f"geospatial_{name}_min"] = float(np.nanmin(values))
             limits[f"geospatial_{name}_max"] = float(np.nanmax(values))
             limits[f"geospatial_{name}_units"] = units
+    if "geospatial_lat_min" in limits and "geospatial_lon_min" in limits:
+        south, north = limits["geospatial_lat_min"], limits["geospatial_lat_max"]
+        west, east = limits["geospatial_lon_min"], limits["geospatial_lon_max"]
+        corners = ((south, west), (north, west), (north, east), (south, east), (south, west))
+        text = ", ".join(f"{a:.5f} {b:.5f}" for a, b in corners)
+        limits["geospatial_bounds"] = f"POLYGON (({text}))"
+        limits["geospatial_bounds_crs"] = "EPSG:4326"
+        limits["geospatial_bounds_vertical_crs"] = "EPSG:5831"
     return limits
 
 
-def global_attributes(facts: SimulatedMission, mission: int) -> dict[str, Any]:
+KEYWORDS = (
+    "EARTH SCIENCE > OCEANS > OCEAN TEMPERATURE > WATER TEMPERATURE, "
+    "EARTH SCIENCE > OCEANS > SALINITY/DENSITY > SALINITY, "
+    "EARTH SCIENCE > OCEANS > OCEAN CIRCULATION > OCEAN CURRENTS"
+)
+"""GCMD's, of what gliders measure"""
+FORMAT = {
+    "featureType": "trajectory",
+    "cdm_data_type": "Trajectory",
+    "Conventions": "CF-1.10, ACDD-1.3, OG-1.0",
+    "standard_name_vocabulary": "CF Standard Name Table v93",
+}
+"""What every file says of its layout"""
+
+
+def global_attributes(facts: SimulatedMission, mission: int, metadata: Metadata) -> dict[str, Any]:
     """Global attributes; those that depend on the data are `bounds`."""
     serial = f"sim{mission:06d}"
     start = stamp(facts.start)
     end = facts.start + datetime.timedelta(seconds=facts.duration)
-    return {
+    own = {
         "title": "SIMULATED OceanGliders trajectory file",
         "summary": "Simulated underwater glider mission: not an observation of the ocean.",
         "platform": "sub-surface gliders",
@@ -186,19 +210,22 @@ def global_attributes(facts: SimulatedMission, mission: int) -> dict[str, Any]:
         "contributing_institutions_role_vocabulary": ROLES,
         "rtqc_method": "No QC applied",
         "rtqc_method_doi": "n/a",
-        "comment": f"SIMULATED DATA. {facts.said} LATITUDE and LONGITUDE are the simulated "
-        "on-board dead reckoning, TRUE_* variables what really happened in the simulation.",
+        "comment": f"SIMULATED DATA. {facts.said} LATITUDE and LONGITUDE are dead-reckoned as "
+        "interpolation_methodology says, TRUE_* variables what really happened in the simulation.",
         "source": facts.source,
         "history": facts.history,
         "references": "https://oceangliderscommunity.github.io/OG-format-user-manual/OG_Format.html",
         "start_date": start,
         "date_created": stamp(datetime.datetime.now(datetime.UTC)),
-        "featureType": "trajectory",
-        "Conventions": "CF-1.10, ACDD-1.3, OG-1.0",
+        "keywords": f"simulation, {KEYWORDS}",
+        "keywords_vocabulary": "GCMD Science Keywords",
+        "processing_level": "simulated sensors, as measured",
+        **FORMAT,
     }
+    return with_metadata(own, metadata, simulated=True)
 
 
-def log_attributes(logs: LogStore, missions: Sequence[int]) -> dict[str, Any]:
+def log_attributes(logs: LogStore, missions: Sequence[int], metadata: Metadata) -> dict[str, Any]:
     """Global attributes of a file of logged dives `missions`, of one deployment in time order."""
     deployment = logs.deployments[missions[0]]
     first, last = missions[0], missions[-1]
@@ -210,7 +237,7 @@ def log_attributes(logs: LogStore, missions: Sequence[int]) -> dict[str, Any]:
     serial = re.sub(r"[^A-Za-z0-9-]+", "-", deployment).strip("-") or "glider"
     kind = "SIMULATED OceanGliders" if logs.simulated else "OceanGliders"
     files = logs.files
-    return {
+    own = {
         "title": f"{kind} trajectory file, deployment {deployment}",
         "summary": f"{len(missions)} dives of deployment {deployment}, {logs.platform}.",
         "platform": "sub-surface gliders",
@@ -230,17 +257,23 @@ def log_attributes(logs: LogStore, missions: Sequence[int]) -> dict[str, Any]:
         "contributing_institutions_role_vocabulary": ROLES,
         "rtqc_method": "No QC applied",
         "rtqc_method_doi": "n/a",
-        "comment": "On one time grid for each dive; LATITUDE and LONGITUDE between the fixes are "
-        "as interpolation_methodology says. Attitude and PRES are missing where the log had gaps.",
+        "comment": ON_A_GRID,
         "source": f"logs of a vehicle ({logs.source}: {files}), read by glider-twin {__version__}",
         "history": logs.history,
         "references": "https://oceangliderscommunity.github.io/OG-format-user-manual/OG_Format.html",
         "start_date": start,
         "date_created": stamp(datetime.datetime.now(datetime.UTC)),
-        "featureType": "trajectory",
-        "Conventions": "CF-1.10, ACDD-1.3, OG-1.0",
+        "keywords": KEYWORDS,
+        "keywords_vocabulary": "GCMD Science Keywords",
+        "processing_level": "sensor values as logged, cleaned of impossible ones, on a time grid",
+        **FORMAT,
     }
+    return with_metadata(own, metadata, simulated=logs.simulated)
 
 
+ON_A_GRID = (
+    "On one time grid for each dive; LATITUDE and LONGITUDE between the fixes are "
+    "as interpolation_methodology says. Attitude and PRES are missing where the log had gaps."
+)
 NOT_LOGGED = "unknown: the log does not say"
 """Value of attributes that the format demands and a vehicle's log cannot know"""

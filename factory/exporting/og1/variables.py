@@ -67,7 +67,10 @@ def _fill(
         variable: Any = file.createVariable(
             name, kind, one.dimensions, fill_value=one.fill, **options
         )
-        variable.setncatts(dict(one.attributes))
+        attributes = dict(one.attributes)
+        if one.dimensions:
+            attributes.setdefault("coverage_content_type", _content(name, one.kind))
+        variable.setncatts(attributes)
         if one.kind == "str":
             variable[...] = str(one.values)
         else:
@@ -77,7 +80,23 @@ def _fill(
                 values = np.where(np.isnan(values), one.fill, values)
             variable[...] = values.astype(one.kind)
     limits = bounds(place["LATITUDE"], place["LONGITUDE"], place["DEPTH"])
-    file.setncatts({**identity, **limits})
+    file.setncatts({**identity, **limits, **_duration(place["TIME"])})
+
+
+def _content(name: str, kind: str) -> str:
+    """ACDD's kind of a variable."""
+    if name in COORDINATES.split():
+        return "coordinate"
+    return "auxiliaryInformation" if kind.startswith("i") else "physicalMeasurement"
+
+
+def _duration(time: Array) -> dict[str, str]:
+    """ACDD's length and resolution of the data, as ISO 8601 writes durations."""
+    steps = np.diff(time)
+    words = {"time_coverage_duration": f"PT{float(time[-1] - time[0]):.0f}S"}
+    if len(steps):
+        words["time_coverage_resolution"] = f"PT{float(np.median(steps)):g}S"
+    return words
 
 
 def text(value: str, long_name: str, **attributes: str) -> Og1Variable:
@@ -101,7 +120,7 @@ def time_attributes(long_name: str) -> dict[str, Any]:
         "long_name": long_name,
         "standard_name": "time",
         "units": EPOCH,
-        "calendar": "gregorian",
+        "calendar": "standard",
         "valid_min": 1e9,
         "valid_max": 4e9,
     }

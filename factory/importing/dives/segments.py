@@ -58,17 +58,21 @@ def cut(log: DeploymentLog, depth: Channel, rules: DiveRules, tally: Tally) -> l
     first, last = log.span
     edges = [first - 1.0, *fixes.time.tolist(), last + 1.0]
     segments: list[Segment] = []
-    short = holes = 0
+    short = holes = noise = 0
     for k in range(len(edges) - 1):
         start, end = edges[k], edges[k + 1]
         inside = depth.within(start, end)
-        if not len(inside) or inside.values.max() <= rules.min_depth:
+        if longest_stretch(inside, rules.min_depth) < rules.min_stretch:
+            noise += int((inside.values > rules.min_depth).sum())
             continue
         has_start, has_end = k > 0, k < len(edges) - 2
         if has_start and has_end:
             parts = [(start, end)] if log.station else _between_holes(log, start, end, rules)
             holes += len(parts) - 1
-            parts = [p for p in parts if _deepest(depth, *p) > rules.min_depth]
+            parts = [
+                p for p in parts
+                if longest_stretch(depth.within(*p), rules.min_depth) >= rules.min_stretch
+            ]  # fmt: skip
         else:
             parts = split_without_fixes(inside, rules)
             if has_start and parts and parts[0][0] - start < rules.longest_gap:
@@ -94,6 +98,10 @@ def cut(log: DeploymentLog, depth: Channel, rules: DiveRules, tally: Tally) -> l
     tally.add(
         "note", "rows", holes,
         f"split where neither depth nor attitude is known for {rules.longest_gap:g} s",
+    )  # fmt: skip
+    tally.add(
+        "left out", "depth samples", noise,
+        f"deeper than {rules.min_depth:g} m for less than {rules.min_stretch:g} s: no dive",
     )  # fmt: skip
     tally.add("left out", "dives", short, f"shorter than {rules.min_duration:g} s")
     carried = [s for s in segments if np.hypot(*s.surface_drift) > rules.drift_speed]
@@ -124,11 +132,22 @@ def _between_holes(
     return [(float(a), float(b)) for a, b in zip(begins, ends, strict=True) if b > a]
 
 
-def _deepest(depth: Channel, start: float, end: float) -> float:
-    """[m] -inf where no depth is known."""
-    return float(depth.within(start, end).values.max(initial=-np.inf))
+def longest_stretch(depth: Channel, deeper: float) -> float:
+    """[s] For how long at a stretch the samples are deeper; each stands for the time around it,
+    and for no more than `_STANDS_FOR` usual spacings."""
+    if not len(depth) or not (depth.values > deeper).any():
+        return 0.0
+    if len(depth) < 3:
+        return float("inf")  # too few to tell a dive from noise
+    gap = np.minimum(np.diff(depth.time), _STANDS_FOR * depth.spacing)
+    stands = 0.5 * (np.append(gap, gap[-1]) + np.append(gap[:1], gap))
+    under = np.concatenate([[0], (depth.values > deeper).astype(np.int8), [0]])
+    edges = np.flatnonzero(np.diff(under)).reshape(-1, 2)
+    return max(float(stands[start:end].sum()) for start, end in edges)
 
 
+_STANDS_FOR = 3.0
+"""Usual spacings that one sample stands for at most."""
 _DAY = 86400.0
 """[s]"""
 
@@ -209,7 +228,9 @@ def split_without_fixes(depth: Channel, rules: DiveRules) -> list[tuple[float, f
         turns = np.diff(np.concatenate([[0], under, [0]]))
         for down, up in zip(np.flatnonzero(turns == 1), np.flatnonzero(turns == -1), strict=True):
             rows = part[down:up]
-            if depth.values[rows].max() <= rules.min_depth:
+            if longest_stretch(Channel(depth.time[rows], depth.values[rows]), rules.min_depth) < (
+                rules.min_stretch
+            ):
                 continue
             # the surface sample on either side belongs to the dive
             low, high = max(part[0], rows[0] - 1), min(part[-1], rows[-1] + 1)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from factory.importing.reading.deployment_log import Channel
 from factory.importing.reading.tally import Tally
 from factory.importing.repairs.plausibility import FASTEST, SLOWEST, speed_along_pitch
-from factory.importing.repairs.restarts import lone_zeros, stale
+from factory.importing.repairs.restarts import lone_zeros, short_runs, stale
 from factory.importing.repairs.unreachable import unreachable
 from twin.errors import InputError
 
@@ -116,16 +116,6 @@ def spikes(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[n
         excess[:-1] & excess[1:] & (out * back < 0) & (np.abs(out + back) < _RETURNED * size)
     )
     return bad
-
-
-def short_runs(mask: NDArray[np.bool_], longest: int) -> NDArray[np.bool_]:
-    """True where `mask` is, in runs of `longest` samples at most."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    short = np.zeros(len(mask), bool)
-    for start, end in edges.reshape(-1, 2):
-        if end - start <= longest:
-            short[start:end] = True
-    return short
 
 
 def from_degrees(values: Array, subject: str, tally: Tally, *, flying: bool) -> Array:

@@ -11,6 +11,9 @@ class DiveRules:
 
     min_depth: float = 5.0
     """[m] An interval between fixes that goes deeper is a dive, another one time at the surface."""
+    min_stretch: float = 30.0
+    """[s] It is so deep for so long at a stretch: a sensor at the surface shows single depths of 5
+    to 14 m when air and waves pass it."""
     min_duration: float = 60.0
     """[s] Shorter dives are left out, counted."""
     surface_depth: float = 1.5

@@ -12,6 +12,8 @@ Mask = NDArray[np.bool_]
 
 FASTEST = 1.0
 """[m/s] No glider changes its depth faster over a restart: what needs more is no measurement."""
+_FEW = 3
+"""So many zeros in a row can be a restart's."""
 _HOLE = 20.0
 """[s] A sensor that is silent for longer may have been restarted."""
 
@@ -36,7 +38,8 @@ def lone_zeros(time: Array, values: Array, *, rate: float, jump: float) -> Mask:
         beside = other[np.clip(near, 0, len(other) - 1)]
         reach = jump + FASTEST * np.abs(time - time[beside])
         bad |= zero & there & (np.abs(values[beside]) > reach)
-    return bad
+    # many in a row are the surface, and it is the other sample that is wrong
+    return bad & short_runs(zero, _FEW)
 
 
 def stale(time: Array, values: Array, *, rate: float, jump: float) -> Mask:
@@ -51,3 +54,13 @@ def stale(time: Array, values: Array, *, rate: float, jump: float) -> Mask:
         again = (step[:-1] == 0.0) & (gap[:-1] > _HOLE)
         bad[1:-1] = again & (np.abs(step[1:]) > jump + FASTEST * gap[1:])
     return bad
+
+
+def short_runs(mask: Mask, longest: int) -> Mask:
+    """True where `mask` is, in runs of `longest` samples at most."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    short = np.zeros(len(mask), bool)
+    for start, end in edges.reshape(-1, 2):
+        if end - start <= longest:
+            short[start:end] = True
+    return short

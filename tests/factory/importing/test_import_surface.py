@@ -425,3 +425,40 @@ def test_waypoints_and_the_current_that_the_vehicle_uses_are_signals(tmp_path: P
     assert dataset["measured_current_east"].values[2, : n[2]] == pytest.approx(0.1)
     assert why(report, "removed", "no waypoint yet") == 1
     assert first < second
+
+
+def test_single_depths_of_a_noisy_sensor_at_the_surface_are_no_dive(tmp_path: Path) -> None:
+    """Air and waves pass it: some samples show 5 to 13 m, which neighbours can just reach."""
+    flight = Flight(dives=6, depth=60.0, surface=2000.0)
+    depth = slocum_columns(flight)["m_depth"].copy()
+    for dive in range(flight.dives):
+        start, _ = flight.dive_times(dive)
+        at = np.searchsorted(flight.time, start - 1000.0)
+        depth[[at, at + 40, at + 41, at + 42, at + 80]] = 11.0, 6.0, 11.0, 7.0, 5.5
+    paths = write_slocum(tmp_path, flight, m_pressure=None, m_depth=depth)
+    gps = gps_columns(flight)
+    since = (gps["time"] - gps["time"][0]) % flight.cycle
+    few = (since < 200.0) | (since > flight.surface - 200.0)
+    write_csv(paths[1], {name: values[few] for name, values in gps.items()})
+    dataset, report = import_logs("slocum", paths)
+    assert report.rows == report.rows_with_fixes == flight.dives
+    assert dataset["dive_duration"].values == pytest.approx(2.0 * flight.leg, abs=20.0)
+    assert why(report, "left out", "deeper than 5 m for less than 30 s") == 5 * flight.dives
+
+
+def test_one_wrong_sample_beside_a_step_takes_no_days_with_it(tmp_path: Path) -> None:
+    """A spike that the sample after it can reach parted the log: the shorter part was removed."""
+    flight = Flight(dives=6, depth=60.0, surface=600.0)
+    columns = slocum_columns(flight)
+    depth = columns["m_depth"].copy()
+    start, _ = flight.dive_times(4)
+    at = int(np.searchsorted(flight.time, start - 300.0))
+    depth[at] = 13.0  # 4 m + 2 m/s cannot reach it in 4 s ...
+    keep = (flight.time <= flight.time[at]) | (flight.time > flight.time[at] + 40.0)  # ... or can
+    broken = {**columns, "m_depth": depth}
+    del broken["m_pressure"]
+    write_csv(tmp_path / "unit1_flight.csv", {n: v[keep] for n, v in broken.items()})
+    write_csv(tmp_path / "unit1_gps.csv", gps_columns(flight))
+    _, report = import_logs("slocum", [tmp_path])
+    assert report.count("removed", "m_depth") == 1
+    assert report.rows == flight.dives

@@ -69,14 +69,22 @@ def test_time_and_place_of_the_export_are_real(og1: Path, store: Path) -> None:
         true = FLIGHT.position(when)
         np.testing.assert_allclose(np.asarray(file["LATITUDE_GPS"][:])[fixed], true[0], atol=1e-7)
         np.testing.assert_allclose(np.asarray(file["LONGITUDE_GPS"][:])[fixed], true[1], atol=1e-7)
-        # without an on-board track a straight line: within a dive the glider keeps its course
+        # by the flight model of a Slocum, corrected at the fixes
         latitude, longitude = FLIGHT.position(time)
         off = np.hypot(
             np.asarray(file["LATITUDE"][:]) - latitude,
             (np.asarray(file["LONGITUDE"][:]) - longitude) * np.cos(np.radians(LATITUDE)),
         )
         assert off.max() * 111e3 < 100.0
-        assert "straight line" in file["LATITUDE"].interpolation_methodology
+        assert "by a flight model" in file["LATITUDE"].interpolation_methodology
+        assert file.flight_model == "flight model of vehicle slocum-200"
+        # at every fix the position is the fix, and nowhere else does it claim to be one
+        gps = np.stack([file[f"{name}_GPS"][:][fixed] for name in ("LATITUDE", "LONGITUDE")])
+        own = np.stack([file[name][:][fixed] for name in ("LATITUDE", "LONGITUDE")])
+        np.testing.assert_allclose(own, gps, atol=1e-6)  # 0.1 m
+        np.testing.assert_array_equal(np.asarray(file["DEAD_RECKONING"][:]) == 0, fixed)
+        np.testing.assert_array_equal(np.asarray(file["LATITUDE_QC"][:]), np.where(fixed, 1, 8))
+        assert float(file["POSITION_SD"][:].max()) > float(file["POSITION_SD"][:][fixed].max())
 
 
 def test_an_exported_log_comes_back(og1: Path, imported: xr.Dataset) -> None:
@@ -164,7 +172,7 @@ def test_water_and_currents_are_exported_by_deployment(tmp_path: Path) -> None:
             assert float(np.ma.median(file["TEMP"][:])) == pytest.approx(8.0)
             assert 1020.0 < float(np.ma.median(file["DENSITY"][:])) < 1030.0
             assert "SENSOR_CTD" in file.variables
-            np.testing.assert_allclose(file["VEHICLE_DAC_NORTH"][:], FLIGHT.north, rtol=1e-6)
+            np.testing.assert_allclose(file["DAVG_CURR_NORTH"][:], FLIGHT.north, rtol=1e-6)
 
 
 @pytest.mark.skipif(importlib.util.find_spec("pyarrow") is None, reason="pyarrow is not installed")

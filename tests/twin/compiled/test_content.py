@@ -145,22 +145,6 @@ def test_code_without_a_file_is_compiled_and_not_kept():
     assert space["twice"](4.0) == 8.0
 
 
-def test_a_stamp_takes_less_than_20_ms():
-    import learn.navigation.baselines.ekf  # noqa: F401
-
-    content.stamp("twin.compiled.content")  # versions of the compiler
-
-    def seconds() -> float:
-        content._stamp.cache_clear()
-        content._source.cache_clear()
-        content._search.cache_clear()
-        start = time.perf_counter()
-        assert content.stamp("learn.navigation.baselines.ekf")
-        return time.perf_counter() - start
-
-    assert min(seconds() for _ in range(5)) < 0.02
-
-
 def test_numba_is_loaded_by_the_first_call_only():
     code = (
         "import sys, twin.compiled, twin.fossen.forces as f; before = 'numba' in sys.modules;"

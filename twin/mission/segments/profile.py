@@ -54,9 +54,9 @@ class Profile(Segment):
     """Magnitude for the climb [kg]; None: that of the dive."""
     speed_m_s: float | None = None
     """Speed through the water [m/s] of a vehicle with a propeller; None: its cruising speed."""
-    trim_share: float = 0.0
+    trim_share: float | None = None
     """Part of the pitch that the battery holds, 0 to 1; the elevator holds the rest. Of vehicles
-    with a battery beside an elevator; it is slow, and on short legs it comes late."""
+    with a battery beside an elevator; it is slow, and on short legs it comes late. None: 0."""
     yos: float | None = None
     """Limit: number of dives with their climbs, in halves (0.5 is one dive)."""
     duration_s: float | None = None
@@ -82,7 +82,8 @@ class Profile(Segment):
             check.net_mass(kind, "climb_net_mass_kg", self.climb_net_mass_kg)
         if self.speed_m_s is not None:
             check.limit(kind, "speed_m_s", self.speed_m_s, "m/s")
-        check.within(kind, "trim_share", self.trim_share, "", 0.0, 1.0)
+        if self.trim_share is not None:
+            check.within(kind, "trim_share", self.trim_share, "", 0.0, 1.0)
         if self.yos is not None:
             check.limit(kind, "yos", self.yos, "")
             if (2 * self.yos) % 1:
@@ -112,7 +113,7 @@ class Profile(Segment):
         if vehicle.steered("buoyancy") is not None:
             check_net_mass(vehicle, label, "net_mass_kg", heavy)
             check_net_mass(vehicle, label, climb_mass, light)
-        speed, share = self.speed_m_s, self.trim_share
+        speed, share = self.speed_m_s, self.trim_share or 0.0
         up = getattr(self, climb_pitch)
         return (
             way(vehicle, label, "pitch_deg", -self.pitch_deg, heavy, speed, trim_share=share),

@@ -41,7 +41,10 @@ Array = NDArray[np.float64]
 
 DIMENSION = "N_MEASUREMENTS"
 OURS = {name: stored for name, stored, _ in MEASURED} | {
-    stored.upper(): stored for stored in VARIABLES if stored.startswith("true_")
+    stored.upper(): stored
+    for stored in VARIABLES
+    if stored.startswith(("true_", "commanded_", "measured_current_"))
+    and not stored.startswith("commanded_waypoint")
 }
 """Names that `factory export` writes, and the store's."""
 ALIASES = {
@@ -65,12 +68,15 @@ SALINITIES = ("PSAL", "PSAL_ADJUSTED", "PSAL_RAW")
 CONDUCTIVITIES = ("CNDC", "CNDC_RAW")
 DIVES = ("dive_num", "divenum", "DIVE_NUMBER")
 """Numbers of the dives, as converters from Seaglider files keep them."""
+CORRECTED = "POSITION_SD"
+"""Files of `factory export` have it beside a track that is corrected at the fixes."""
 CURRENTS = {"dac_north": "DAVG_CURR_NORTH", "dac_east": "DAVG_CURR_EAST"}
 """[m/s] Reported depth-averaged current, at the measurements of its dive."""
 _NAMES = ("TRAJECTORY", "trajectory", "PLATFORM_MODEL")
 _READ = (
     *OURS, *(name for names in ALIASES.values() for name in names), *TEMPERATURES, *SALINITIES,
     *CONDUCTIVITIES, "LATITUDE", "LONGITUDE", "LATITUDE_GPS", "LONGITUDE_GPS", "TIME", "TIME_GPS",
+    "LATITUDE_ONBOARD", "LONGITUDE_ONBOARD",
     *DIVES, *CURRENTS.values(), *_NAMES,
 )  # fmt: skip
 _RADIAN = frozenset({"rad", "radian", "radians"})
@@ -367,12 +373,17 @@ def _ctd(
 
 
 def _track(time: Array, columns: Mapping[str, Array], tally: Tally) -> dict[str, Channel]:
-    """The glider's own track."""
-    if not all(name in columns for name in ("LATITUDE", "LONGITUDE")):
+    """The glider's own track: beside a corrected one where the file has both."""
+    names = ("LATITUDE_ONBOARD", "LONGITUDE_ONBOARD")
+    if not all(name in columns for name in names):
+        if CORRECTED in columns:
+            leave_out(["LATITUDE", "LONGITUDE"], "a track corrected at the fixes", tally)
+            return {}
+        names = ("LATITUDE", "LONGITUDE")
+    if not all(name in columns for name in names):
         return {}
-    latitude, longitude = positions(
-        columns["LATITUDE"], columns["LONGITUDE"], "LATITUDE, LONGITUDE", tally
-    )
+    first, second = (columns[name] for name in names)
+    latitude, longitude = positions(first, second, ", ".join(names), tally)
     good = np.isfinite(latitude) & np.isfinite(longitude)
     if not good.any():
         return {}

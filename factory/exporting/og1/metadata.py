@@ -1,0 +1,160 @@
+"""Metadata: what people know of a deployment and no log says, from a YAML file.
+
+The layout is pyglider's: a section `metadata` (`global` in older files) with attributes of the
+whole file, and `glider_devices` (or `sensors`) with one section for each instrument. Others, such
+as `netcdf_variables`, are for pyglider itself and are left alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from twin.errors import InputError
+from twin.records.attributes import DEPLOYMENT_METADATA
+from twin.records.reader import MissionStore
+
+GLOBAL = ("metadata", "global")
+DEVICES = ("glider_devices", "sensors")
+VEHICLE = "glider"
+BESIDE = ("metadata.yml", "deployment.yml", "metadata.yaml", "deployment.yaml")
+"""Names that are looked for beside a store"""
+OWN = frozenset(
+    {
+        "Conventions", "Metadata_Conventions", "id", "date_created", "featureType", "history",
+        "format_version", "source", "cdm_data_type", "standard_name_vocabulary", "platform",
+        "platform_vocabulary", "wmo_id", "glider_name", "glider_serial", "glider_model",
+        "glider_instrument_name", "deployment_start", "deployment_end",
+    }
+)  # fmt: skip
+"""Attributes that the export itself knows, or that have a variable of their own"""
+SPELT = {"acknowledgment": "acknowledgement"}
+INSTRUMENTS = {
+    "SENSOR_CTD": ("ctd",),
+    "SENSOR_PRESSURE": ("pressure",),
+    "SENSOR_AHRS": ("ahrs", "attitude", "compass"),
+    "SENSOR_DVL": ("dvl", "adcp", "ad2cp"),
+}
+"""Sensor variable of the format, and what its device is called in such files"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Metadata:
+    """What such a file says; empty without one."""
+
+    attributes: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """of the whole file"""
+    devices: Mapping[str, Mapping[str, str]] = dataclasses.field(default_factory=dict)
+    """of each instrument, by its name in small letters"""
+    wmo: str = ""
+    """identifier of the World Meteorological Organization"""
+    serial: str = ""
+    """of the glider"""
+    model: str = ""
+    """of the glider"""
+
+    def sensor(self, variable: str) -> Mapping[str, str]:
+        """What is known of the instrument behind a sensor variable such as SENSOR_CTD."""
+        for name, device in self.devices.items():
+            if any(word in name for word in INSTRUMENTS.get(variable, ())):
+                return device
+        return {}
+
+
+def metadata_for(run: MissionStore, given: Path | None) -> Metadata:
+    """Of the given file, else of one beside the store, else what lay beside the log; or empty.
+
+    Raises:
+      InputError: the file cannot be read or has another layout.
+    """
+    if given is not None:
+        return read_metadata(given)
+    folder = run.path.resolve().parent
+    for name in BESIDE:
+        if (folder / name).is_file():
+            return read_metadata(folder / name)
+    if DEPLOYMENT_METADATA in run.attributes:
+        return parse_metadata(str(run.attributes[DEPLOYMENT_METADATA]), f"of {run.path}")
+    return Metadata()
+
+
+def read_metadata(path: Path) -> Metadata:
+    """Of a YAML file.
+
+    Raises:
+      InputError: it cannot be read or has another layout.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot read metadata {path}: {error}") from error
+    return parse_metadata(text, str(path))
+
+
+def parse_metadata(text: str, path: str) -> Metadata:
+    """Of the text of a YAML file; `path` is named in errors.
+
+    Raises:
+      InputError: it is not YAML or has another layout.
+    """
+    import yaml
+
+    try:
+        loaded: Any = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise InputError(f"metadata {path} is not YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(loaded, dict) or not any(name in loaded for name in GLOBAL):
+        raise InputError(
+            f"metadata {path} has no section `metadata` (or `global`) with title, institution and "
+            "the like: pyglider's deployment.yml has it"
+        )
+    said = _words(path, loaded, GLOBAL)
+    vehicle = _words(path, loaded, (VEHICLE,))
+    devices: dict[str, Any] = {}
+    for name in DEVICES:
+        if isinstance(loaded.get(name), dict):
+            devices = loaded[name]
+            break
+    return Metadata(
+        attributes={SPELT.get(name, name): text for name, text in said.items() if name not in OWN},
+        devices={
+            str(name).lower(): _words(path, devices, (name,))
+            for name in devices
+            if isinstance(devices[name], dict)
+        },
+        wmo=said.get("wmo_id", "") or vehicle.get("WMO", ""),
+        serial=said.get("glider_serial", "") or vehicle.get("serial", ""),
+        model=said.get("glider_model", "") or vehicle.get("type", ""),
+    )
+
+
+def _words(path: str, loaded: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, str]:
+    """The entries of the first of these sections that is there, as text; empty ones left out."""
+    section: Any = next((loaded[name] for name in names if name in loaded), {}) or {}
+    if not isinstance(section, dict):
+        raise InputError(f"metadata {path}: section `{names[0]}` must hold names and values")
+    return {
+        str(name): " ".join(str(value).split())
+        for name, value in section.items()
+        if value is not None and not isinstance(value, (dict, list)) and str(value).strip()
+    }
+
+
+def with_metadata(own: dict[str, Any], metadata: Metadata, *, simulated: bool) -> dict[str, Any]:
+    """The attributes with what people said: comments together, a simulation still marked as one."""
+    given = dict(metadata.attributes)
+    if "comment" in given:
+        given["comment"] = f"{given['comment']} {own['comment']}"
+    if simulated:
+        for name in ("title", "summary"):
+            if name in given and "simulated" not in given[name].lower():
+                given[name] = f"SIMULATED: {given[name]}"
+    if "institution" in given:
+        given.setdefault("contributing_institutions", given["institution"])
+    merged = {**own, **given}
+    for name in ("creator", "publisher"):
+        if f"{name}_name" in given:
+            merged.setdefault(f"{name}_type", "person" if name == "creator" else "institution")
+    return merged

@@ -1,0 +1,274 @@
+"""What an OG1.0 file of a log holds: metadata, flight terms, raw times, flags; what comes back."""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+from logs import Flight, write_seaglider, write_slocum
+from simulated_logs import simulated_flight
+
+from factory.__main__ import PROGRAM
+from factory.exporting import EXPORTERS, ExportOptions
+from factory.exporting.og1.deployments import export_og1_logs
+from factory.exporting.og1.flown import ON_BOARD, STRAIGHT, flown
+from factory.exporting.og1.metadata import read_metadata
+from factory.importing import import_logs
+from factory.stores.stored_flight import open_exportable
+from twin.errors import InputError, VehicleError
+from twin.records.logs import LogStore
+from twin.records.store import write_store
+
+FLIGHT = Flight(dives=3)
+DEPLOYMENT = """
+metadata:
+  title: Salmon of the Gulf
+  summary: A survey of salmon in the Gulf of St. Lawrence with an underwater glider.
+  acknowledgement: Paid by nobody.
+  comment: Iceberg ahead.
+  creator_name: A. Nansen
+  creator_email: nansen@example.org
+  creator_url: https://example.org
+  publisher_name: The Gulf
+  publisher_email: gulf@example.org
+  publisher_url: https://example.org
+  institution: University of the Gulf
+  license: CC0
+  project: Salmon 2023
+  naming_authority: org.example
+  wmo_id: "6801670"
+  glider_serial: "334"
+  id: not this one
+glider_devices:
+  ctd:
+    long_name: Seabird Glider Payload CTD
+    make_model: SBE 41CP
+    serial_number: "9028"
+    calibration_date: "2023-05-23"
+netcdf_variables:
+  timebase: {source: sci_water_temp}
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Logs of a Seaglider with the file that describes their deployment beside them."""
+    folder = tmp_path_factory.mktemp("log")
+    write_seaglider(folder, FLIGHT)
+    (folder / "deployment.yml").write_text(DEPLOYMENT)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def store(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    dataset, _ = import_logs("seaglider", sorted(folder.glob("*.csv")))
+    return write_store(dataset, tmp_path_factory.mktemp("store") / "real.zarr")
+
+
+@pytest.fixture(scope="module")
+def og1(store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    (path,) = EXPORTERS["og1"].export(
+        LogStore(store), range(FLIGHT.dives), tmp_path_factory.mktemp("og1")
+    )
+    return path
+
+
+def test_what_people_said_beside_the_log_is_in_the_file(og1: Path) -> None:
+    with netCDF4.Dataset(og1) as file:
+        assert (file.title, file.project, file.license) == (
+            "Salmon of the Gulf", "Salmon 2023", "CC0"
+        )  # fmt: skip
+        assert file.id != "not this one"
+        assert og1.name == f"{file.id}.nc"
+        assert file.comment.startswith("Iceberg ahead. On one time grid")
+        assert str(file["WMO_IDENTIFIER"][...]) == "6801670"
+        assert str(file["PLATFORM_SERIAL_NUMBER"][...]) == "334"
+        ctd = file["SENSOR_CTD"]
+        assert (ctd.sensor_model, ctd.sensor_serial_number) == ("SBE 41CP", "9028")
+        assert ctd.sensor_calibration_date == "2023-05-23"
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("compliance_checker") is None,
+    reason="compliance-checker is not installed (extra `test`)",
+)
+@pytest.mark.filterwarnings("ignore:Passing the dataset:DeprecationWarning")
+def test_it_passes_the_cf_and_the_acdd_check(
+    og1: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """ACDD wants a standard name for each variable: it is missing only where CF has none."""
+    import json
+
+    from compliance_checker.cf import util
+    from compliance_checker.runner import CheckSuite, ComplianceChecker
+
+    for name in (  # the checker asks the same thousands of times
+        "get_auxiliary_coordinate_variables", "get_axis_variables", "get_geophysical_variables",
+        "get_time_variable", "get_time_variables", "get_z_variable", "get_z_variables",
+        "get_latitude_variables", "get_longitude_variables", "get_axis_map",
+        "get_climatology_variable", "coordinate_dimension_matrix", "guess_feature_type",
+    ):  # fmt: skip
+        monkeypatch.setattr(util, name, functools.cache(getattr(util, name)))
+    CheckSuite.load_all_available_checkers()
+    report = tmp_path / "report.json"
+    ComplianceChecker.run_checker(
+        str(og1), ["cf:1.10", "acdd:1.3"], verbose=0, criteria="strict",
+        output_filename=str(report), output_format="json",
+    )  # fmt: skip
+    found = json.loads(report.read_text())
+    assert [p["msgs"] for p in found["cf:1.10"]["all_priorities"] if p["msgs"]] == []
+    demands = ("high_priorities", "medium_priorities")
+    complaints = [m for part in demands for p in found["acdd:1.3"][part] for m in p["msgs"]]
+    assert set(complaints) <= {"standard_name"}, complaints
+
+
+def test_flight_terms_and_currents_are_those_of_the_flight_model(og1: Path, store: Path) -> None:
+    track = flown(LogStore(store), [1]).tracks[1]
+    assert track.dive is not None
+    with netCDF4.Dataset(og1) as file:
+        mine = np.asarray(file["DIVE_NUMBER"][:]) == int(LogStore(store).number("dive")[1])
+        w = np.ma.filled(file["VERT_CURR_MODEL"][:].astype(float), np.nan)[mine]
+        # at a sample that two dives share the later one is in the file
+        np.testing.assert_allclose(w[:-1], track.dive.water_up[: len(w) - 1], rtol=1e-6)
+        assert file["VERT_CURR_MODEL"].standard_name == "upward_sea_water_velocity"
+        assert file["VERT_CURR_MODEL"].coverage_content_type == "modelResult"
+        dac = np.ma.filled(file["DAC_NORTH_MODEL"][:].astype(float), np.nan)[mine][:-1]
+        np.testing.assert_allclose(dac, track.currents[0].north, rtol=1e-5)
+        speed = np.asarray(file["GLIDER_SPEED_MODEL"][:])[mine]
+        assert 0.1 < np.median(speed) < 0.6
+
+
+def test_conductivity_is_what_salinity_was_made_of(og1: Path) -> None:
+    import gsw
+
+    with netCDF4.Dataset(og1) as file:
+        values = [np.asarray(file[name][:], float) for name in ("CNDC", "TEMP", "PRES", "PSAL")]
+        good = np.isfinite(values).all(axis=0)
+        conductivity, temperature, pressure, salinity = (one[good] for one in values)
+        again = gsw.SP_from_C(10.0 * conductivity, temperature, pressure)
+        np.testing.assert_allclose(again, salinity, atol=1e-4)
+        assert file["CNDC"].units == "S m-1"
+
+
+def test_missing_values_are_flagged(store: Path, tmp_path: Path) -> None:
+    import xarray as xr
+
+    data = xr.open_zarr(store).load()
+    data["measured_temperature"][0, 20:40] = np.nan
+    data["measured_gap"][0, 60:70] = 1.0
+    logs = LogStore(write_store(data, tmp_path / "holed.zarr"))
+    (path,) = export_og1_logs(logs, [0], tmp_path)
+    with netCDF4.Dataset(path) as file:
+        for variable in file.variables:
+            if variable.endswith("_QC"):
+                flags = np.asarray(file[variable][:])
+                assert set(flags) <= set(file[variable].flag_values)
+                bare = np.ma.getmaskarray(file[variable.removesuffix("_QC")][:])
+                values = np.ma.filled(file[variable.removesuffix("_QC")][:].astype(float), np.nan)
+                np.testing.assert_array_equal(flags == 9, bare | np.isnan(values), variable)
+        assert (np.asarray(file["TEMP_QC"][:])[20:40] == 9).all()
+        assert (np.asarray(file["DEPTH_QC"][:])[60:70] == 8).all()
+
+
+def test_raw_times_and_commands_come_back(tmp_path: Path) -> None:
+    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT), period=4.0)
+    count = dataset.sizes["time"]
+    ramp = np.broadcast_to(np.linspace(-20.0, 20.0, count), dataset["measured_pitch"].shape)
+    dataset["commanded_pitch"] = (("mission", "time"), ramp.astype(np.float32))
+    logs = LogStore(write_store(dataset, tmp_path / "a.zarr"))
+    (path,) = export_og1_logs(logs, range(report.rows), tmp_path / "og1")
+    with netCDF4.Dataset(path) as file:
+        raw, grid = np.asarray(file["TIME_DEPTH"][:]), np.asarray(file["TIME"][:])
+        assert np.nanmax(np.abs(raw - grid)) < 4.0
+        assert file["TIME_DEPTH"].units == file["TIME"].units
+    again, _ = import_logs("og1", [path], period=4.0)
+    assert again.sizes["mission"] == report.rows
+    n = int(again["n_samples"][1])
+    np.testing.assert_allclose(again["commanded_pitch"][1, 1 : n - 1], ramp[1, 1 : n - 1], atol=0.1)
+    assert "measured_onboard_north" not in again  # a corrected track is not the vehicle's own
+
+
+def test_the_vehicle_s_own_track_comes_back(tmp_path: Path) -> None:
+    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT), period=4.0)
+    way = np.cumsum(np.full(dataset["measured_pitch"].shape, 1.3), axis=1).astype(np.float32)
+    way[np.isnan(dataset["measured_pitch"].values)] = np.nan
+    for name, factor in (("north", 1.0), ("east", -0.4)):
+        dataset[f"measured_onboard_{name}"] = (("mission", "time"), factor * (way - 1.3))
+    logs = LogStore(write_store(dataset, tmp_path / "a.zarr"))
+    (path,) = export_og1_logs(logs, range(report.rows), tmp_path / "og1")
+    again, _ = import_logs("og1", [path], period=4.0)
+    for row in range(report.rows):
+        n = int(again["n_samples"][row]) - 1
+        np.testing.assert_allclose(
+            again["measured_onboard_north"][row, 1:n],
+            dataset["measured_onboard_north"][row, 1:n],
+            atol=0.5,
+        )
+
+
+def test_without_a_flight_model_the_track_is_the_vehicle_s_own_or_straight(
+    store: Path, tmp_path: Path
+) -> None:
+    import xarray as xr
+
+    data = xr.open_zarr(store).load().drop_vars("measured_pump")
+    bare = LogStore(write_store(data, tmp_path / "bare.zarr"))
+    found = flown(bare, [0, 1])
+    assert found.model.startswith("none: ")
+    assert "measured_pump" in found.model
+    assert found.tracks[0].method == STRAIGHT
+    half = len(found.tracks[0].position) // 2
+    np.testing.assert_allclose(
+        found.tracks[0].position[half],
+        found.tracks[0].position[-1] * half / (len(found.tracks[0].position) - 1),
+        rtol=1e-6,
+    )
+    way = np.cumsum(np.ones(data["measured_pitch"].shape), axis=1)
+    data["measured_onboard_north"] = (("mission", "time"), way)
+    data["measured_onboard_east"] = (("mission", "time"), 0.0 * way)
+    own = flown(LogStore(write_store(data, tmp_path / "own.zarr")), [0]).tracks[0]
+    assert own.method == ON_BOARD
+    np.testing.assert_allclose(own.position[own.fixes.sample], own.fixes.position, atol=1e-6)
+    with pytest.raises(VehicleError, match="unknown vehicle"):
+        flown(bare, [0], vehicle="nautilus")
+
+
+def test_a_flight_of_twin_simulate_is_corrected_too(tmp_path: Path) -> None:
+    run = open_exportable(simulated_flight(tmp_path, "glider", current="uniform:0.1,0.05", yos=1))
+    (path,) = EXPORTERS["og1"].export(run, [0], tmp_path / "og1")
+    with netCDF4.Dataset(path) as file:
+        metres = [
+            111e3 * (np.asarray(file["LATITUDE"][:]) - np.asarray(file["TRUE_LATITUDE"][:])),
+            73e3 * (np.asarray(file["LONGITUDE"][:]) - np.asarray(file["TRUE_LONGITUDE"][:])),
+        ]
+        error = np.hypot(*metres)
+        assert error.max() < 40.0
+        fixed = np.asarray(file["DEAD_RECKONING"][:]) == 0
+        assert fixed.any()
+        gps = np.asarray(file["LATITUDE_GPS"][:])[fixed]
+        np.testing.assert_allclose(np.asarray(file["LATITUDE"][:])[fixed], gps, atol=1e-7)
+        assert "SIMULATED" in file.title
+        assert file.start_date == "20030801T000000"
+
+
+def test_a_metadata_file_that_is_none_is_told(
+    store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = tmp_path / "wrong.yml"
+    wrong.write_text("title: alone\n")
+    words = ["export", str(store), "--to", "og1", "--out", str(tmp_path / "og1")]
+    assert PROGRAM.main([*words, "--metadata", str(wrong)]) == 2
+    assert "has no section `metadata`" in capsys.readouterr().err
+    wrong.write_text("metadata: [unclosed\n")
+    with pytest.raises(InputError, match="is not YAML"):
+        read_metadata(wrong)
+    with pytest.raises(InputError, match="cannot read metadata"):
+        read_metadata(tmp_path / "absent.yml")
+    with pytest.raises(InputError, match="the parquet export takes no --metadata"):
+        EXPORTERS["parquet"].export(
+            LogStore(store), [0], tmp_path / "a.parquet", options=ExportOptions(metadata=wrong)
+        )

@@ -1,0 +1,104 @@
+"""`twin flight`: speed, vertical water velocity, currents and corrected tracks of logs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from twin.cli.console import Console, JsonOption
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flight(JsonOption):
+    """Fly a vehicle's flight model on its logs: speed through the water, angle of attack, vertical
+    velocity of the water, depth-averaged currents, and the track corrected at the fixes.
+    """
+
+    store: Annotated[Path, tyro.conf.Positional]
+    """store of logs, as `factory import` writes it; a simulated one with sensors will do too"""
+    vehicle: str | None = None
+    """the vehicle that made them: what `twin identify` wrote, or a shipped name; default: the
+    shipped one of the log's kind, or the one that a simulated store has"""
+    out: Path = Path("flight.nc")
+    """file to write: .nc (netCDF) or .zarr"""
+    overwrite: bool = False
+    """replace an existing --out"""
+    plots: Path | None = None
+    """folder for figures: section of the vertical water velocity, its histogram by phase, map"""
+    missions: str = "all"
+    """missions of the store, such as 0-11,14"""
+    estimator: str = "flight"
+    """of the velocity through the water: flight (with inertia), steady (forces in balance), or one
+    that a package or a file of your own adds, as NAME or NAME:ARGUMENT"""
+    no_thermal_lag: bool = False
+    """take the CTD's salinity and density as stored, without looking for its thermal lag"""
+
+    def run(self, console: Console) -> int:
+        """Fly, write, say."""
+        from twin.commands.identify import parse_rows
+        from twin.errors import InputError
+        from twin.flight import estimate_flight, write_flight
+        from twin.flight.dataset import check_target
+        from twin.records.reader import MissionStore
+
+        check_target(self.out, overwrite=self.overwrite)
+        if self.plots is not None and self.plots.is_file():
+            raise InputError(f"--plots {self.plots} is a file; name a folder")
+        rows = parse_rows(self.missions)
+        with MissionStore(self.store) as store:
+            total = len(store) if rows is None else len(rows)
+        with console.progress(total=total, label="flight", unit="mission") as progress:
+            found = estimate_flight(
+                self.store,
+                self.vehicle,
+                missions=rows,
+                estimator=self.estimator,
+                thermal_lag=not self.no_thermal_lag,
+                advance=progress.update,
+            )
+        write_flight(found, self.out, overwrite=self.overwrite)
+        summary = found.summary()
+        console.pairs(
+            {
+                "vehicle": found.calibration.vehicle.name,
+                "missions": f"{len(found.flown)} flown of {len(found.missions)}",
+                "CTD's thermal lag": "; ".join(
+                    f"{name}: alpha {lag.amplitude:.3f}, tau {lag.time:.0f} s"
+                    for name, lag in found.lags.items()
+                )
+                or "none found",
+                "vertical water velocity, mean": (
+                    f"{100 * summary.w_mean_dive:.2f} cm/s in dives, "
+                    f"{100 * summary.w_mean_climb:.2f} in climbs"
+                ),
+                "vertical water velocity, deviation": f"{100 * summary.w_deviation:.2f} cm/s",
+                "depth rate, RMSE": f"{100 * summary.depth_rate_rmse:.2f} cm/s",
+                "currents": f"of {len(found.currents)} dives between fixes",
+            }
+        )
+        console.say(str(self.out))
+        pictures: list[Path] = []
+        if self.plots is not None:
+            from twin.flight.figures import write_figures
+
+            pictures, missing = write_figures(found, self.plots)
+            for path in pictures:
+                console.say(str(path))
+            for reason in missing:
+                console.note(reason)
+        console.answer(
+            store=self.store,
+            out=self.out,
+            vehicle=found.calibration.vehicle.name,
+            estimator=found.estimator,
+            missions=len(found.missions),
+            flown=len(found.flown),
+            samples=summary.samples,
+            currents=len(found.currents),
+            plots=pictures,
+            **summary.describe(),
+        )
+        return 0

@@ -1,0 +1,272 @@
+"""Dataset: a flight as netCDF or zarr, on the store's own samples, with CF attributes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.flight.flight import Flight
+from twin.records.attributes import (
+    COMMENT,
+    DEPLOYMENT,
+    DIVE,
+    HISTORY,
+    N_SAMPLES,
+    PLATFORM,
+    SAMPLE_PERIOD,
+    SOURCE,
+    START_TIME,
+    TITLE,
+)
+from twin.records.logs import start_times
+from twin.records.schema import MISSION, TIME
+from twin.records.store import write_zarr
+from twin.version import __version__
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+W_WATER = "w_water"
+POSITIONS = ("latitude", "longitude")
+BODY = "forward-starboard-down body axes"
+FLOWN: dict[str, tuple[str, str, str | None]] = {
+    "speed_through_water": (
+        "m s-1", "speed through the water by the flight model", "platform_speed_wrt_sea_water"
+    ),
+    "angle_of_attack": ("degree", "angle of attack by the flight model, atan2(heave, surge)", None),
+    "surge": ("m s-1", f"velocity through the water, forward, {BODY}", None),
+    "sway": ("m s-1", f"velocity through the water, starboard, {BODY}", None),
+    "heave": ("m s-1", f"velocity through the water, down, {BODY}", None),
+    W_WATER: (
+        "m s-1", "vertical velocity of the water, positive up", "upward_sea_water_velocity"
+    ),
+    "north": ("m", "corrected track, north of the mission's origin", None),
+    "east": ("m", "corrected track, east of the mission's origin", None),
+    "latitude": ("degree_north", "latitude of the corrected track", "latitude"),
+    "longitude": ("degree_east", "longitude of the corrected track", "longitude"),
+    "position_sd": (
+        "m", "standard deviation of the corrected track, north and east each", None
+    ),
+    "conductivity": ("S m-1", "conductivity as measured", "sea_water_electrical_conductivity"),
+    "salinity": (
+        "1", "practical salinity, thermal lag of the cell corrected",
+        "sea_water_practical_salinity",
+    ),
+    "density": (
+        "kg m-3", "in-situ density, thermal lag of the cell corrected", "sea_water_density"
+    ),
+}  # fmt: skip
+"""Units, meaning and CF standard name of what the flight model makes, (mission, time)"""
+COPIED = {
+    "measured_depth": "depth",
+    "measured_pressure": "pressure",
+    "measured_temperature": "temperature",
+    "measured_pitch": "pitch",
+    "measured_roll": "roll",
+    "measured_heading": "heading",
+    "measured_phase": "phase",
+}
+"""Signals of the store that stand beside it, under these names"""
+COMMENTS = {
+    W_WATER: "depth rate of the flight model less the observed one, both filtered over 20 s; "
+    "missing above 3 m, in gaps of the log and while the model settles",
+    "position_sd": "of the fix at a fix; between two fixes of a random walk that the change of "
+    "the depth-averaged current from dive to dive sets",
+    "latitude": "dead-reckoned, the misclosure at each fix spread linearly in time",
+    "longitude": "dead-reckoned, the misclosure at each fix spread linearly in time",
+}
+PER_DIVE: dict[str, tuple[str, str, str | None]] = {
+    "dac_north": (
+        "m s-1", "depth-averaged current, northward", "northward_sea_water_velocity"
+    ),
+    "dac_east": ("m s-1", "depth-averaged current, eastward", "eastward_sea_water_velocity"),
+    "dac_sd": ("m s-1", "standard deviation of it, north and east each", None),
+    "dac_start": ("s", "time of the fix before the dive, since the mission's start", None),
+    "dac_end": ("s", "time of the fix after the dive, since the mission's start", None),
+}  # fmt: skip
+"""The same of each dive between two fixes, (dac,)"""
+DAC, DAC_MISSION = "dac", "dac_mission"
+
+
+def flight_dataset(flight: Flight) -> xr.Dataset:
+    """All of a flight on the store's samples, (mission, time); its currents (dac)."""
+    import xarray as xr
+
+    store = flight.store
+    chosen = [one.dive.mission for one in flight.missions]
+    lengths = np.array([len(one.dive.depth) for one in flight.missions], np.int32)
+    longest = int(lengths.max())
+    arrays = {name: np.full((len(chosen), longest), np.nan) for name in FLOWN}
+    arrays |= {n: np.full((len(chosen), longest), np.nan) for s, n in COPIED.items() if s in store}
+    for k, one in enumerate(flight.missions):
+        part = slice(0, lengths[k])
+        dive = one.dive
+        arrays["north"][k, part], arrays["east"][k, part] = one.position.T
+        arrays["latitude"][k, part], arrays["longitude"][k, part] = one.place.degrees(
+            *one.position.T
+        )
+        arrays["position_sd"][k, part] = one.deviation
+        arrays[W_WATER][k, part] = dive.water_up
+        if dive.motion is not None:
+            motion = dive.motion
+            for name in ("surge", "sway", "heave"):
+                arrays[name][k, part] = getattr(motion, name)
+            speed = motion.speed
+            arrays["speed_through_water"][k, part] = speed
+            arrays["angle_of_attack"][k, part] = np.where(
+                speed > LEAST_SPEED, np.degrees(motion.angle_of_attack), np.nan
+            )
+        if dive.ctd is not None:
+            for name in ("conductivity", "salinity", "density"):
+                arrays[name][k, part] = getattr(dive.ctd, name)
+        for stored, name in COPIED.items():
+            if stored in store:
+                arrays[name][k, part] = store.row(stored, dive.mission)[: lengths[k]]
+    if all(one.dive.ctd is None for one in flight.missions):
+        for name in ("conductivity", "salinity", "density"):
+            del arrays[name]
+    if not any(one.place.known for one in flight.missions):
+        for name in POSITIONS:
+            del arrays[name]
+    variables: dict[str, Any] = {}
+    for name, values in arrays.items():
+        kind = np.float64 if name in POSITIONS else np.float32
+        variables[name] = ((MISSION, TIME), values.astype(kind), _attributes(flight, name))
+    variables |= _per_dive(flight)
+    variables[N_SAMPLES] = (
+        MISSION, lengths, {"units": "1", "long_name": "samples; later ones are padding"}
+    )  # fmt: skip
+    for name in (DEPLOYMENT, DIVE):
+        if name in store:
+            values = np.asarray(store.array(name))[chosen]
+            values = values.astype(object) if name == DEPLOYMENT else values
+            variables[name] = (MISSION, values, {"long_name": _BESIDE[name]})
+    starts = start_times(store)[chosen]
+    if np.isfinite(starts).any():
+        attributes = {"units": EPOCH, "calendar": "standard", "standard_name": "time",
+                      "long_name": "UTC time of the mission's first sample"}  # fmt: skip
+        variables[START_TIME] = (MISSION, starts, attributes)
+    period = store.period
+    coordinates = {
+        MISSION: (MISSION, np.array(chosen), {"long_name": "row of the store"}),
+        TIME: (
+            TIME,
+            period * np.arange(longest),
+            {"units": "s", "long_name": "time since the start of the mission"},
+        ),
+    }
+    return xr.Dataset(variables, coordinates, _about(flight))
+
+
+LEAST_SPEED = 0.05
+"""[m/s] below which an angle of attack means nothing"""
+EPOCH = "seconds since 1970-01-01T00:00:00"
+_BESIDE = {
+    DEPLOYMENT: "deployment that the mission belongs to",
+    DIVE: "number of the dive: the vehicle's own, or counted from 0",
+}
+
+
+def write_flight(flight: Flight, path: Path, *, overwrite: bool = False) -> None:
+    """Write a flight as netCDF (.nc) or zarr (.zarr).
+
+    Raises:
+      InputError: another ending, a file that exists already, or the disk refuses.
+    """
+    check_target(path, overwrite=overwrite)
+    dataset = flight_dataset(flight)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.suffix == ".zarr":
+            write_zarr(dataset, path)
+            return
+        encoding: dict[str, Any] = {
+            str(name): {"zlib": True, "complevel": 4}
+            for name, array in dataset.data_vars.items()
+            if array.dtype.kind == "f" and array.ndim == 2
+        }
+        dataset.to_netcdf(path, encoding=encoding)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def check_target(path: Path, *, overwrite: bool) -> None:
+    """Raise InputError unless a flight can be written to `path`."""
+    if path.suffix not in (".nc", ".zarr"):
+        raise InputError(f"--out {str(path)!r} must end in .nc (netCDF) or .zarr")
+    if path.exists() and not overwrite:
+        raise InputError(f"{path} exists already; use --overwrite or another --out")
+
+
+def _attributes(flight: Flight, name: str) -> dict[str, Any]:
+    if name in COPIED.values():
+        stored = next(s for s, n in COPIED.items() if n == name)
+        kept = ("units", "long_name", "standard_name", "positive", "flag_values", "flag_meanings")
+        given = flight.store.dataset[stored].attrs
+        return {key: given[key] for key in kept if key in given}
+    units, long_name, standard = FLOWN[name]
+    attributes: dict[str, Any] = {"units": units, "long_name": long_name}
+    if standard:
+        attributes["standard_name"] = standard
+    if name in COMMENTS:
+        attributes["comment"] = COMMENTS[name]
+    if name not in ("latitude", "longitude") and any(one.place.known for one in flight.missions):
+        attributes["coordinates"] = "latitude longitude"
+    return attributes
+
+
+def _per_dive(flight: Flight) -> dict[str, Any]:
+    """The currents; none where no dive has two fixes."""
+    found = flight.currents
+    if not found:
+        return {}
+    period = flight.store.period
+    values = {
+        "dac_north": [one.north for one in found],
+        "dac_east": [one.east for one in found],
+        "dac_sd": [one.deviation for one in found],
+        "dac_start": [period * one.first for one in found],
+        "dac_end": [period * one.last for one in found],
+    }
+    arrays: dict[str, Any] = {}
+    for name, (units, long_name, standard) in PER_DIVE.items():
+        attributes = {"units": units, "long_name": long_name}
+        if standard:
+            attributes["standard_name"] = standard
+            attributes["comment"] = "mean over the dive, from fix to fix"
+        arrays[name] = (DAC, np.array(values[name]), attributes)
+    mission = np.array([one.mission for one in found], np.int32)
+    arrays[DAC_MISSION] = (DAC, mission, {"long_name": "row of the store that the dive is in"})
+    return arrays
+
+
+def _about(flight: Flight) -> dict[str, Any]:
+    """Global attributes."""
+    store = flight.store
+    lags = "; ".join(
+        f"{name}: alpha {lag.amplitude:.3g}, tau {lag.time:.3g} s"
+        for name, lag in flight.lags.items()
+    )
+    kind = "logs" if store.logged else "simulated missions"
+    about = {
+        "Conventions": "CF-1.11",
+        TITLE: f"Flight of underwater gliders by their flight model, from {kind}",
+        COMMENT: "On the samples of the store. NED frame with its origin at each mission's start; "
+        "body axes forward, starboard, down.",
+        SOURCE: f"flight model of vehicle {flight.calibration.vehicle.name}; velocities by the "
+        f"estimator {flight.estimator}; glider-twin {__version__}",
+        HISTORY: f"{store.attributes.get(HISTORY, '')}\ntwin flight {store.path.name}".strip(),
+        SAMPLE_PERIOD: store.period,
+        "vehicle": flight.calibration.vehicle.name,
+        "ctd_thermal_lag": lags or "none: no CTD, or dives and climbs agree without",
+        **flight.summary().describe(),
+    }
+    if PLATFORM in store.attributes:
+        about[PLATFORM] = str(store.attributes[PLATFORM])
+    return about

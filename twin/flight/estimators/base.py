@@ -1,0 +1,57 @@
+"""Base of the estimators: what gives the velocity through the water of a logged dive."""
+
+from __future__ import annotations
+
+import abc
+from typing import ClassVar, Self
+
+from twin.errors import InputError
+from twin.identify.calibration import Calibration
+from twin.identify.logged import Log
+from twin.identify.translation import Motion
+from twin.records.reader import MissionStore
+
+
+class FlightEstimator(abc.ABC):
+    """A way to estimate how a logged vehicle moved through the water.
+
+    Speed, track and currents are made of its velocities. The vertical velocity of the water always
+    is what the flight model of the vehicle leaves of the depth rate: an estimator that solves for
+    heave from the depth rate has nothing to say on it.
+    """
+
+    kind: ClassVar[str]
+    """What the user types: `twin flight --estimator KIND` or `KIND:ARGUMENT`."""
+    summary: ClassVar[str]
+    """What it does, for help texts and documents."""
+
+    @classmethod
+    def open(cls, argument: str) -> Self:
+        """Make one; `argument` is what stood behind the colon, empty without.
+
+        Raises:
+          InputError: an argument that it does not take.
+        """
+        if argument:
+            raise InputError(f"estimator {cls.kind!r} takes no argument, not {argument!r}")
+        return cls()
+
+    @abc.abstractmethod
+    def motion(
+        self,
+        store: MissionStore,
+        log: Log,
+        calibration: Calibration,
+        start: tuple[float, float, float],
+    ) -> Motion:
+        """Velocity through the water, body FRD, at each of the log's samples.
+
+        Args:
+          store: for signals that the log has not; `log.index` is its mission.
+          log: the dive, its density corrected.
+          calibration: the vehicle and the errors of its sensors.
+          start: surge, sway, heave [m/s] at the first sample, from depth rate and pitch.
+
+        Raises:
+          StoreError: the store lacks a signal that it needs.
+        """
