@@ -413,8 +413,8 @@ def lift_slopes(vehicle):
 def test_the_list_holds_one_fin_and_the_simulator_adds_four():
     """MBARI's lrauv.m adds the fins of robsFins.m to a list that holds the lift of one already.
 
-    Its figures are those of the sum. Counted once, the vehicle cannot fly straight or circle at
-    9 deg by itself; counted in the list alone, it is too fast and its elevator too strong.
+    Its figures are those of the sum. Counted once, the vehicle has no steady circle at 9 deg;
+    counted in the list alone, it is too fast and its elevator too strong.
     """
     listed = dict(MBARI.law.derivatives)
     munk = -(126.324739 - 4.876161)
@@ -439,6 +439,21 @@ def test_the_list_holds_one_fin_and_the_simulator_adds_four():
     in_list = MBARI.replace(rudder={"in_hull": True}, elevator={"in_hull": True})
     assert held_flight(in_list, {"propeller": RATE}).trim.speed_m_s > 0.99  # 0.95 is asked for
     assert math.degrees(dive(in_list).held["elevator"]) < 2.4
+
+
+def test_straight_flight_of_mbaris_set_needs_the_rudder():
+    """docs/vehicles.md: it grows into one of two mirror-image turns; a kick picks the side."""
+    with pytest.raises(NoSteadyState, match=r"grows by 0\.07"):
+        FossenModel(MBARI).trim(positions={"propeller": RATE})
+    command, kick = MBARI.rest, MBARI.rest
+    command[MBARI.part_names.index("propeller")] = kick[MBARI.part_names.index("propeller")] = RATE
+    turns = []
+    for side in (1.0, -1.0):
+        kick[MBARI.part_names.index("rudder")] = side * math.radians(3.0)  # + turns to port
+        plan = Schedule(times=[0.0, 60.0, 80.0], commands=[command, kick.copy(), command])
+        run = simulate(Scenario(vehicle=MBARI, plan=plan, duration=500.0, start=Start(depth=50.0)))
+        turns.append(run["true_yaw_rate"][-1])
+    assert turns == pytest.approx([-0.0166, 0.0166], abs=5e-5)
 
 
 def test_the_munk_moment_turns_the_hull_across_the_flow():
