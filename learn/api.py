@@ -66,7 +66,7 @@ def fit(
       workers: processes. 1 trains in this one; more need the script's main part behind
         `if __name__ == "__main__"`.
       watch: called as watch(job, report) at every validation of every network.
-      say: told what is being done after the training.
+      say: told warnings, and what is being done after the training.
       history: a line for the record, such as the command.
       settings: as of `fit_settings`, which names and explains them.
 
@@ -86,6 +86,7 @@ def fit(
         overwrite=overwrite,
         workers=workers,
         watch=watch,
+        warn=say,
         say=say,
         history=history,
     )
@@ -100,6 +101,7 @@ def train_and_finish(
     workers: int = 1,
     watch: Watch | None = None,
     studies: Callable[[Run], None] = lambda _: None,
+    warn: Say = lambda _: None,
     say: Say = lambda _: None,
     history: str = "",
 ) -> Run:
@@ -116,6 +118,7 @@ def train_and_finish(
         replace=overwrite,
         workers=workers,
         watch=watch,
+        warn=warn,
         history=history,
     )
     studies(run)

@@ -97,7 +97,7 @@ class Evaluate(JsonOption):
             console.table(dives, title="over ground between GPS fixes, % of the dive", digits=3)
         console.say()
         if counts := found.evaluation.counts:
-            for sentence in sentences(counts):
+            for sentence in sentences(counts, run.labels):
                 console.say(f"- {sentence}")
         for sentence in verdicts(figures):
             console.say(f"- {sentence}")

@@ -163,6 +163,7 @@ class Fit(JsonOption):
                 workers=workers,
                 watch=watcher.see,
                 studies=studies,
+                warn=watcher.warn,
                 say=console.note,
                 history=shlex.join(["learn", *sys.argv[1:]]),
             )
@@ -267,7 +268,7 @@ class _Watcher:
             total=100.0 * len(config.jobs()), label="fit", unit="%"
         )
         self._shares: dict[str, float] = {}
-        self._folder, self._events = folder, events
+        self._folder, self._events, self._prog = folder, events, console.prog
         self._writer: Any = None
         self._open = False
 
@@ -289,6 +290,10 @@ class _Watcher:
             self._progress.__exit__(*error)  # type: ignore[arg-type]
             if self._writer is not None:
                 self._writer.close()
+
+    def warn(self, text: str) -> None:
+        """A warning, a line of its own."""
+        self._progress.note(f"{self._prog}: warning: {text}")
 
     def see(self, job: Job, report: Report) -> None:
         """Show one validation."""

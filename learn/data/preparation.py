@@ -20,11 +20,19 @@ from learn.data.dataset import (
     sample_split,
 )
 from learn.data.features import channels_of, mirror_signs
-from learn.data.labels import LabelConfig, LabelCounts, count_labels
+from learn.data.labels import (
+    NO_CURRENT,
+    STORE_CURRENT,
+    LabelConfig,
+    LabelCounts,
+    count_labels,
+    measured,
+)
 from learn.data.logs import SPEED
 from learn.data.normalisation import Normalisation, fit_normalisation
 from learn.data.parts import parts_of
 from twin.errors import InputError, StoreError, unknown_name
+from twin.records.attributes import SPLIT
 from twin.records.reader import MissionStore
 
 Division = Literal["missions", "samples"]
@@ -123,23 +131,52 @@ def _labelled(
         for m in missions
         if (certain and m.row is None) or np.isfinite(labels.of(m, target)).any()
     ]
+    if not kept and labels.source == "dvl":
+        raise _no_doppler_labels(store, target, count_labels(missions, labels))
     if not kept:
-        raise _no_labels(store, target, labels)
+        raise _no_truth(store, target)
     return kept
 
 
-def _no_labels(store: str | Path, target: str, labels: LabelConfig = TRUTH) -> StoreError:
-    if labels.source == "dvl":
-        why = "its Doppler log never had lock"
-        if labels.known_current == "none":
-            why = (
-                "its Doppler log never had water lock, and no current is known to take off what it "
-                "measured over ground: give --known-current NORTH,EAST in m/s, 0,0 in still water"
-            )
-        return StoreError(
-            f"store {store} has no sample to learn {target} from: {why}; or learn from the truth "
-            "with --labels truth"
+def _no_doppler_labels(store: str | Path, target: str, counts: LabelCounts) -> StoreError:
+    """The log had no lock, or bottom lock without a known current."""
+    nothing = f"store {store} has no sample to learn {target} from: its Doppler log never had"
+    with MissionStore(store) as reader:
+        otherwise = "" if reader.logged else "; or learn from the truth with --labels truth"
+    if not counts.bottom:
+        return StoreError(f"{nothing} lock{otherwise}")
+    share = 100.0 * counts.bottom / counts.samples
+    return StoreError(
+        f"{nothing} water lock, and no current is known to take off what it measured over ground "
+        f"(bottom lock in {share:.3g} % of the samples). {_which_current(store)}{otherwise}"
+    )
+
+
+def _which_current(store: str | Path) -> str:
+    """What --known-current can be where there is bottom track alone."""
+    with MissionStore(store) as reader:
+        simulated = not reader.logged and all(name in reader for name in STORE_CURRENT)
+    if not simulated:
+        return (
+            "Give --known-current NORTH,EAST in m/s, 0,0 in still water; or take a log with water "
+            "lock"
         )
+    highest = max(
+        float(np.hypot(*(mission.signals[name] for name in STORE_CURRENT)).max())
+        for mission in load_missions(store, STORE_CURRENT)
+    )
+    if highest == 0.0:
+        return "The water of this store stands still: give --known-current 0,0"
+    return (
+        f"Its missions have currents of their own, of up to {highest:.2g} m/s: give "
+        "--known-current store, which takes what the simulation knows of each and no vehicle knows "
+        "at sea; or take a store whose water stands still (--preset paper of a vehicle with a "
+        "propeller, or --set current.speed=0) and give --known-current 0,0; or one with water "
+        "lock, which needs none"
+    )
+
+
+def _no_truth(store: str | Path, target: str) -> StoreError:
     return StoreError(
         f"store {store} has no truth to learn {target} from (neither {TARGETS[target]} nor "
         f"{SPEED}); a run that is trained on another store can be judged on it: "
@@ -157,7 +194,7 @@ def check_truth(store: str | Path) -> None:
         if reader.logged:
             for target, channel in TARGETS.items():
                 if channel not in reader and SPEED not in reader:
-                    raise _no_labels(store, target)
+                    raise _no_truth(store, target)
 
 
 def labels_in(
@@ -167,12 +204,55 @@ def labels_in(
     division: Division = "missions",
     period: float | None = None,
 ) -> LabelCounts:
-    """What the Doppler logs of the missions that are trained on and validated give; errors as
-    `load_missions`."""
+    """What the Doppler logs of the missions that are trained on and validated give.
+
+    Raises:
+      StoreError: those for training give nothing; or see `load_missions`.
+    """
     missions = load_missions(store, labels.channels(), split="all", period=period)
+    learned = missions
     if division == "missions":
         missions = [m for m in missions if m.split in ("train", "validation")]
+        learned = [m for m in missions if m.split == "train"]
+    if learned and not any(measured(m, labels).usable.any() for m in learned):
+        raise _no_doppler_labels(store, " or ".join(TARGETS), count_labels(learned, labels))
     return count_labels(missions, labels)
+
+
+FEW_LABELS = 0.1
+"""With labels in a smaller part of the samples, networks see little of how the vehicle moves."""
+
+
+def few_labels(store: str | Path, labels: LabelConfig, counts: LabelCounts) -> str | None:
+    """A warning where bottom track is left out and little else is there, else None."""
+    if labels.known_current != NO_CURRENT or counts.used >= FEW_LABELS * counts.samples:
+        return None
+    if counts.bottom <= counts.water:
+        return None
+    return (
+        f"store {store} has labels in {counts.used} of {counts.samples} samples alone: the Doppler "
+        "log mostly measured over ground, and no current is known to take off that (bottom lock in "
+        f"{100.0 * counts.bottom / counts.samples:.3g} % of the samples). {_which_current(store)}"
+    )
+
+
+def few_missions(store: str | Path, division: Division = "missions") -> str | None:
+    """A warning where all that is learned comes from a single mission, else None.
+
+    Raises:
+      StoreError: the store's split cannot be read.
+    """
+    with MissionStore(store) as reader:
+        rows = list(range(len(reader)))
+        if division == "missions" and SPLIT in reader:
+            rows = [row for row in rows if reader.splits[row] == "train"]
+        noun = "row" if reader.logged else "mission"
+    if len(rows) != 1:
+        return None
+    return (
+        f"store {store} has one {noun} for training ({noun} {rows[0]}): what the networks learn "
+        f"holds for its water and its manoeuvres; take a store of more {noun}s"
+    )
 
 
 def check_window(

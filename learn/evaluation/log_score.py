@@ -259,11 +259,22 @@ def score_logs(
     return LogScores({name: tuple(rows) for name, rows in scores.items()}, counts)
 
 
-def sentences(counts: Mapping[str, Any]) -> list[str]:
-    """What was judged and what was not."""
+def sentences(counts: Mapping[str, Any], labels: LabelConfig) -> list[str]:
+    """What was judged, by what, and what was not; `labels` says which velocities are known."""
+    known = (
+        f"{counts['samples_with_truth']} of {counts['samples']} samples, in "
+        f"{counts['rows_with_truth']} of {counts['rows']} dives; the others are not scored."
+    )
+    if labels.source == "dvl":
+        first = [
+            f"Labels and reference are the Doppler log's cleaned velocities, at {known}",
+            "Nothing in these logs is a truth: errors of the Doppler log, and of the current that "
+            "was taken off, are in every figure.",
+        ]
+    else:
+        first = [f"Truth at {known}"]
     return [
-        f"Truth at {counts['samples_with_truth']} of {counts['samples']} samples, in "
-        f"{counts['rows_with_truth']} of {counts['rows']} dives; the others are not scored.",
+        *first,
         f"{counts['rows_with_fixes']} dives lie between two fixes, {counts['rows_that_follow']} of "
         "them follow on another one, whose current they are given.",
     ]

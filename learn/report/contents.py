@@ -24,6 +24,17 @@ class RunEvaluation:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Study:
+    """A table of a page about further networks of the run."""
+
+    title: str
+    rows: Sequence[Mapping[str, object]]
+    caption: str
+    sentence: str
+    """The result in words."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Contents:
     """Everything that a page is made of; what is missing is left out."""
 

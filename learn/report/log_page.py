@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from learn.evaluation.log_score import sentences
 from learn.report import tables
-from learn.report.contents import RunEvaluation
+from learn.report.contents import RunEvaluation, Study
 from learn.report.figures.dives import dive_figure
 from learn.report.figures.learning import learning_figure
 from twin.plot.page import Page
@@ -18,19 +18,34 @@ if TYPE_CHECKING:
 
 
 def build_log_page(
-    folder: Path, run: Run, test: RunEvaluation, provenance: Mapping[str, object], command: str
+    folder: Path,
+    run: Run,
+    test: RunEvaluation,
+    provenance: Mapping[str, object],
+    command: str,
+    studies: Sequence[Study] = (),
 ) -> Path:
-    """Write `index.html` and its figures as PNG into `folder`; returns the page's path."""
+    """Write `index.html` and its figures as PNG into `folder`; returns the page's path.
+
+    Args:
+      studies: of the run, such as leave one out.
+    """
     found = test.figures
     page = Page(
         folder,
         f"Surge and sway networks on logs: {run.name}",
         f"{found['missions']} dives ({test.evaluation.split}) of {test.evaluation.store}",
     )
-    page.points([*sentences(test.evaluation.counts), *tables.verdicts(found)])
+    judged = sentences(test.evaluation.counts, run.labels)
+    page.points([*judged, *run.label_sentences(), *tables.verdicts(found)])
+    reference = "the Doppler log" if run.labels.source == "dvl" else "truth"
     if rows := tables.velocity_rows(found):
         page.section("Velocities")
-        page.table(rows, "Mean squared errors of the free run, samples with truth only.")
+        page.table(rows, f"Mean squared errors of the free run against {reference}, where it is.")
+    for study in studies:
+        page.section(study.title)
+        page.table(study.rows, f"Against {reference}. {study.caption}")
+        page.say(study.sentence)
     if rows := tables.track_rows(found, "ground"):
         page.section("Dead reckoning")
         page.table(rows, "Over ground from fix to fix, nothing known of the current.")

@@ -18,6 +18,7 @@ class Origin:
         self._settings: Mapping[str, Any] = description["settings"]
         self._store: Mapping[str, Any] = description["store"]
         self._logs = is_logged(self._store)
+        self._by_doppler = self._settings.get("labels", {}).get("source") == "dvl"
 
     @property
     def row(self) -> str:
@@ -55,8 +56,13 @@ class Origin:
     def units(self) -> str:
         """What the table's numbers are."""
         if self._logs:
+            known = (
+                "against the Doppler log's cleaned velocities, where it had lock"
+                if self._by_doppler
+                else "over the samples that have a truth"
+            )
             return (
-                "MSE in (m/s)² over the samples that have a truth; dead reckoning in % of the "
+                f"MSE in (m/s)² {known}; dead reckoning in % of the "
                 "horizontal path through the water that depth rate and pitch give, at the fix that "
                 "ends a dive."
             )
@@ -81,7 +87,12 @@ class Origin:
             "of its own."
         ]
         truth = self._description.get(TRUTH)
-        if truth is not None and SPEED in truth and "true_surge" not in truth:
+        if self._by_doppler:
+            found.append(
+                "They learned what the Doppler log measured and are judged by it: its errors, and "
+                "those of the current that was taken off, are in the networks and in the figures."
+            )
+        elif truth is not None and SPEED in truth and "true_surge" not in truth:
             found.append(
                 "The logs hold the speed through the water alone: surge was learned from it, and "
                 "sway as zero, so that sway is no estimate."

@@ -19,10 +19,11 @@ from learn.files import read_json, write_json
 from learn.navigation.baselines.base import Estimate
 from learn.report.build import build_page
 from learn.report.card import model_card
-from learn.report.contents import Contents, RunEvaluation
+from learn.report.contents import Contents, RunEvaluation, Study
 from learn.report.figures.training_data import LABELS, TRAINING_PANELS
 from learn.report.log_page import build_log_page
 from learn.runs.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
+from learn.studies.folds import Folds, read_folds
 from learn.studies.run_evaluation import evaluate_run, evaluation_split, is_log_store
 from twin.records.reader import MissionStore
 
@@ -62,7 +63,9 @@ def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, hi
     """The run's page from its evaluations."""
     settings = run.description["settings"]
     if is_log_store(run.store):
-        return build_log_page((run.folder / REPORT).parent, run, test, provenance(run), history)
+        folder = (run.folder / REPORT).parent
+        studies = [_left_out(found) for found in read_folds(run)]
+        return build_log_page(folder, run, test, provenance(run), history, studies)
     contents = Contents(
         title=f"Surge and sway networks: {run.name}",
         lead=f"{settings['network']['kind']} networks, {test.figures['missions']} "
@@ -78,6 +81,16 @@ def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, hi
         command=history or str(run.description.get("history", "")),
     )
     return build_page((run.folder / REPORT).parent, contents)
+
+
+def _left_out(found: Folds) -> Study:
+    return Study(
+        title=f"Leave one {found.unit} out",
+        rows=found.rows(),
+        caption=f"RMSE in m/s of each {found.unit}: of networks that never saw it, of the mean of "
+        "the others, and of the best constant, which nobody can know before.",
+        sentence=found.sentence(),
+    )
 
 
 def _ablation(run: Run) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from learn.data.dataset import TARGETS, Mission, load_missions
 from learn.data.features import channels_of
 from learn.data.labels import LabelConfig
 from learn.data.logs import SPEED
-from learn.files import write_json
+from learn.files import read_json, write_json
 from learn.runs.run import Run
 from learn.training.fitting import Watch, fit
 from learn.training.settings import FitConfig
@@ -26,7 +26,7 @@ from twin.errors import InputError
 from twin.records.reader import MissionStore
 
 Unit = Literal["dive", "deployment"]
-LEAST = {"dive": 3, "deployment": 2}
+LEAST: dict[Unit, int] = {"dive": 3, "deployment": 2}
 """One to judge, one to validate, one to train; two deployments have dives enough for that."""
 METHODS = ("network", "training_mean", "own_mean")
 
@@ -48,6 +48,12 @@ class Fold:
     rows: tuple[int, ...]
     errors: Mapping[str, Errors]
     """By velocity: surge, and sway where it is known"""
+
+    @classmethod
+    def of(cls, stored: Mapping[str, Any]) -> Fold:
+        """From what `Folds.to_json` makes of it."""
+        errors = {target: Errors(**found) for target, found in stored["errors"].items()}
+        return cls(name=stored["name"], rows=tuple(stored["rows"]), errors=errors)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -116,6 +122,23 @@ def _rmse(known: Sequence[Errors], method: str) -> float:
 def file_name(unit: Unit) -> str:
     """Where a run keeps its folds."""
     return f"leave-out-each-{unit}.json"
+
+
+def read_folds(run: Run) -> tuple[Folds, ...]:
+    """The studies that a run holds.
+
+    Raises:
+      StoreError: a file of them is damaged.
+    """
+    found = []
+    for unit in LEAST:
+        path = run.folder / file_name(unit)
+        if not path.is_file():
+            continue
+        remedy = f"`learn fit --name {run.name} --resume --leave-out-each-{unit}` writes it again"
+        parts = read_json(path, remedy)["folds"]
+        found.append(Folds(unit=unit, folds=tuple(map(Fold.of, parts))))
+    return tuple(found)
 
 
 def folds_with_labels(config: FitConfig, unit: Unit) -> dict[str, tuple[int, ...]]:

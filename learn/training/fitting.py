@@ -12,8 +12,9 @@ from typing import Any
 
 from learn.data.dataset import load_missions
 from learn.data.features import channels_of
+from learn.data.labels import LabelCounts
 from learn.data.logs import SPEED
-from learn.data.preparation import check_truth, labels_in
+from learn.data.preparation import check_truth, few_labels, few_missions, labels_in
 from learn.networks.registry import NETWORKS
 from learn.runs.rollback import Rollback, recover
 from learn.runs.run import (
@@ -74,6 +75,7 @@ def fit(
     replace: bool = False,
     workers: int = 2,
     watch: Watch | None = None,
+    warn: Callable[[str], None] = lambda _: None,
     history: str = "",
 ) -> Run:
     """Train what is missing in `folder` and describe it; the evaluation is a step of its own.
@@ -85,6 +87,7 @@ def fit(
       replace: put the new run in the place of an old one.
       workers: processes; 1 trains in this one.
       watch: sees every validation.
+      warn: told what is no error and makes poor networks.
       history: command line for the record.
 
     Raises:
@@ -100,12 +103,18 @@ def fit(
     if there is not None and not (resume or replace):
         raise InputError(f"run {folder} exists; use --resume, --overwrite or another --name")
     content = _check_sources(config, workers)
+    if text := few_missions(config.store, config.division):
+        warn(text)
     going_on = there is not None and resume
     if there is not None and resume:
         _check_same(config, there, content, folder)
         description = there
     else:
         description = _describe(config, content, history)
+    if LABELS in description and (
+        text := few_labels(config.store, config.labels, LabelCounts(**description[LABELS]))
+    ):
+        warn(text)
     rollback = Rollback(folder, new=not going_on)
     try:
         with rollback:

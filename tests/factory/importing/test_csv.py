@@ -326,7 +326,7 @@ def test_a_wrong_mapping_is_refused(data: dict[str, Any], message: str) -> None:
         (mine(time={"column": "stamp", "unit": "ms", "start_from_name": r"^(\d{8})_"}),
          "its name does not fit start_from_name"),
         (with_signals(measured_dvl_surge={"column": "vx", "unit": "m/s"}),
-         "is to be measured_dvl_surge and is 99 m/s in"),
+         "is to be measured_dvl_surge and is -99 m/s in"),
         (with_signals(true_surge={"column": "z", "unit": "m/s"}), "a distance, not a velocity"),
     ],
 )  # fmt: skip
@@ -385,6 +385,9 @@ def test_units(unit: str, wanted: str, value: float) -> None:
 # --- a propelled vehicle in the layout of the Sailfish's files -----------------------------------
 
 
+SURGE = "measured_dvl_surge"
+
+
 def sailfish(folder: Path, name: str = "20220712_0_1.csv", **changes: Array) -> Any:
     columns = sailfish_columns()
     write_csv(folder / name, {**columns, **changes})
@@ -410,6 +413,36 @@ def test_the_sailfish_layout(tmp_path: Path) -> None:
     assert report.count("suspect", "measured_dvl_sway") == 0
     start = str(np.datetime64(int(dataset["start_time"].values[0]), "s"))
     assert start.startswith("2022-07-12T00:00")
+
+
+def test_a_sentinel_is_shown_as_the_file_has_it_and_goes_by_name_or_by_what_is_possible(
+    folder: Path,
+) -> None:
+    columns = table_columns(FLIGHT)
+    knots = np.where(np.arange(len(FLIGHT.time)) % 5 == 0, 48.66, 2.0)
+    knots[1::5] = knots[2::5] = -48.66
+    write_csv(folder / "log.csv", {**columns, "vx": -knots})
+    entry = {"column": "vx", "unit": "knots", "sign": -1}
+
+    def surge(**more: Any) -> Any:
+        data = flat()
+        return bring(folder, data | {"signals": data["signals"] | {SURGE: entry | more}})
+
+    shown = r"'vx' .* is -48\.66 knots in 20 % and 48\.66 knots in 40 % of .*= \[-48\.66, 48\.66\]"
+    with pytest.raises(InputError, match=shown):
+        surge()
+    with pytest.raises(InputError, match=r"is 48\.66 knots in 50 % of .*= \[48\.66\]"):
+        surge(sentinels=[-48.66])
+    lost = int((np.abs(knots) > 3.0).sum())
+    for cure, removed in (
+        ({"sentinels": [-48.66, 48.66]}, "vx"), ({"possible": [-3, 3]}, SURGE),
+    ):  # fmt: skip
+        dataset, report = surge(**cure)
+        assert report.count("removed", removed) == lost
+        assert float(np.nanmax(np.abs(dataset[SURGE]))) == pytest.approx(2.0 * 1852.0 / 3600.0)
+    write_csv(folder / "log.csv", {**columns, "vx": np.cumsum(np.abs(knots))})
+    with pytest.raises(InputError, match="a distance, not a velocity"):
+        surge(possible=[-3, 3])
 
 
 def test_distances_in_the_place_of_velocities_are_refused(tmp_path: Path) -> None:

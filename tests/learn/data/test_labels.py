@@ -9,8 +9,17 @@ from navigation import PERIOD, steady_mission, write_store
 from learn.api import fit_settings
 from learn.data.dataset import Mission
 from learn.data.features import select_features
-from learn.data.labels import LabelConfig, count_labels, label_config, measured
-from learn.data.preparation import prepare
+from learn.data.labels import (
+    STORE_CURRENT,
+    LabelConfig,
+    count_labels,
+    label_config,
+    measured,
+)
+from learn.data.preparation import few_labels, few_missions, labels_in, prepare
+from learn.networks.config import NetworkConfig
+from learn.training.fitting import fit
+from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError
 from twin.frames import euler_to_matrix
@@ -119,14 +128,75 @@ def test_division_by_samples_leaves_gaps_out_of_every_part(tmp_path):
 def test_a_store_without_a_usable_sample_says_what_to_do(tmp_path):
     path = write_store(tmp_path / "s.zarr", [surveyed(mode=np.ones(400))] * 2, [0, 1])
     features = select_features(without=["imu"])
-    with pytest.raises(StoreError, match=r"never had water lock.*--known-current NORTH,EAST"):
-        prepare(path, target="surge", features=features, labels=LabelConfig(source="dvl"))
+    blind = LabelConfig(source="dvl")
+    advice = (
+        r"never had water lock.*\(bottom lock in 100 % of the samples\).* of up to 0\.23 m/s: give "
+        r"--known-current store.* 0,0; or one with water lock.*--labels truth"
+    )
+    with pytest.raises(StoreError, match=advice):
+        prepare(path, target="surge", features=features, labels=blind)
+    with pytest.raises(StoreError, match=r"learn surge or sway from.*--known-current store"):
+        labels_in(path, blind)
+    still = [surveyed(current=(0.0, 0.0), mode=np.ones(400))] * 2
+    path = write_store(tmp_path / "still.zarr", still, [0, 1])
+    with pytest.raises(StoreError, match="stands still: give --known-current 0,0; or learn from"):
+        prepare(path, target="surge", features=features, labels=blind)
+    path = write_store(tmp_path / "unknown.zarr", still, [0, 1], drop=STORE_CURRENT)
+    with pytest.raises(StoreError, match="Give --known-current NORTH,EAST in m/s, 0,0 in still"):
+        prepare(path, target="surge", features=features, labels=blind)
     path = write_store(tmp_path / "t.zarr", [surveyed(mode=np.zeros(400))] * 2, [0, 1])
     with pytest.raises(StoreError, match=r"never had lock; or learn from the truth"):
         prepare(path, target="surge", features=features, labels=DVL)
     path = write_store(tmp_path / "u.zarr", [surveyed()] * 2, [0, 1], drop=("measured_dvl_mode",))
     with pytest.raises(StoreError, match="no channel measured_dvl_mode"):
         prepare(path, target="surge", features=features, labels=DVL)
+
+
+def test_little_water_lock_is_worth_a_warning(tmp_path):
+    mode = np.repeat([1.0, 2.0], [950, 50])
+    path = write_store(tmp_path / "s.zarr", [surveyed(mode=mode)] * 2, [0, 1])
+    blind = LabelConfig(source="dvl")
+    warning = few_labels(path, blind, labels_in(path, blind))
+    assert warning is not None
+    assert "labels in 100 of 2000 samples alone" in warning
+    assert "bottom lock in 95 %" in warning
+    assert "--known-current store" in warning
+    assert few_labels(path, DVL, labels_in(path, DVL)) is None
+    path = write_store(tmp_path / "t.zarr", [surveyed()] * 2, [0, 1])
+    assert few_labels(path, blind, labels_in(path, blind)) is None
+
+
+def test_a_training_tells_its_warnings(tmp_path):
+    mode = np.repeat([1.0, 2.0], [950, 50])
+    path = write_store(tmp_path / "s.zarr", [surveyed(mode=mode)] * 2, [0, 1])
+    config = FitConfig(
+        store=str(path),
+        features=select_features(without=["imu"]),
+        network=NetworkConfig(kind="mlp", hidden=4, layers=1),
+        training=TrainingConfig(seconds=0.0, epochs=1, validations=1),
+        labels=LabelConfig(source="dvl"),
+    )
+    told = []
+    fit(config, tmp_path / "run", workers=1, warn=told.append)
+    assert len(told) == 2
+    assert "one mission for training" in told[0]
+    assert "labels in 100 of 2000" in told[1]
+
+
+def test_missions_for_training_need_labels_of_their_own(tmp_path):
+    path = write_store(tmp_path / "s.zarr", [surveyed(mode=np.ones(1000)), surveyed()], [0, 1])
+    with pytest.raises(StoreError, match="never had water lock"):
+        labels_in(path, LabelConfig(source="dvl"))
+
+
+def test_a_single_training_mission_is_worth_a_warning(tmp_path):
+    missions = [surveyed()] * 3
+    path = write_store(tmp_path / "s.zarr", missions, [1, 0, 2])
+    warning = few_missions(path)
+    assert warning is not None
+    assert "has one mission for training (mission 1)" in warning
+    assert few_missions(path, "samples") is None
+    assert few_missions(write_store(tmp_path / "t.zarr", missions, [0, 1, 0])) is None
 
 
 def test_a_current_that_the_store_has_not_is_asked_for():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import html
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,12 @@ from factory.importing import import_logs
 from learn.data.features import select_features
 from learn.data.labels import LabelConfig
 from learn.networks.config import NetworkConfig
-from learn.studies.folds import folds_with_labels, leave_out_each
+from learn.studies.finishing import finish
+from learn.studies.folds import folds_with_labels, leave_out_each, read_folds
 from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
-from twin.errors import InputError
+from twin.errors import InputError, StoreError
 from twin.records.store import write_store
 
 RUNS = ("20220701_0_0", "20220702_0_0")
@@ -67,6 +69,21 @@ def test_each_run_is_judged_by_networks_of_the_other(store: Path, tmp_path: Path
     assert 0.0 < found.rmse("sway", "own_mean") < 0.16
     assert (run.folder / "leave-out-each-deployment.json").is_file()
     assert set(found.to_json()) >= {"surge_rmse", "sway_rmse", "sway_rmse_training_mean"}
+    assert read_folds(run) == (found,)
+    page = html.unescape(finish(run).report.read_text(encoding="utf-8"))
+    assert "Leave one deployment out" in page
+    assert "Against the Doppler log. RMSE in m/s of each deployment" in page
+    assert all(f">{name}<" in page for name in RUNS)
+    assert found.sentence() in page
+    assert "Labels and reference are the Doppler log's cleaned velocities, at" in page
+    assert "Networks learned from the Doppler log, not from the truth" in page
+    assert "Truth at" not in page
+    card = (run.folder / "README.md").read_text(encoding="utf-8")
+    assert "against the Doppler log's cleaned velocities" in card
+    assert "hold a velocity through the water" not in card
+    (run.folder / "leave-out-each-deployment.json").write_text("{")
+    with pytest.raises(StoreError, match=r"damaged.*--resume --leave-out-each-deployment"):
+        read_folds(run)
 
 
 def test_a_log_without_depth_is_evaluated_by_its_velocities(store: Path, tmp_path: Path) -> None:

@@ -235,7 +235,8 @@ def _values(
         values = -values if signal.turns == "counterclockwise" else values
         return np.mod(values * signal.sign + (90.0 if signal.zero == "east" else 0.0), 360.0)
     values = values * signal.turn(name, mapping.frame)
-    check_values(name, values, signal.possible, f"{file} column {column!r}")
+    written = table.columns[column]
+    check_values(name, values, written, signal.unit, signal.possible, f"{file} column {column!r}")
     return values
 
 

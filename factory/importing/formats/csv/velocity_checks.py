@@ -24,7 +24,7 @@ VELOCITIES = frozenset((*FORWARD, *SIDEWAYS, "measured_dvl_heave", "true_heave")
 _MOST = 0.3
 """A column with more impossible values than this part is no velocity with a few wild ones."""
 _ONE_VALUE = 0.1
-"""A single value that makes up more than this part is a sentinel."""
+"""A single value, of either sign, that makes up more than this part is a sentinel."""
 _FEWEST = 100
 """Values without which a column that never changes proves nothing."""
 _WINDOW = 10.0
@@ -44,37 +44,58 @@ _AGREES = 0.5
 
 
 def check_values(
-    name: str, values: Array, possible: tuple[float, float] | None, subject: str
+    name: str,
+    values: Array,
+    written: Array,
+    unit: str,
+    possible: tuple[float, float] | None,
+    subject: str,
 ) -> None:
     """Refuse a column of velocities most of which no vehicle has.
 
     Args:
       values: [m/s] without the mapping's sentinels.
-      possible: [m/s] lowest and highest by the mapping; None: those of the schema.
+      written: the same samples as the file has them, in `unit`.
+      possible: [m/s] lowest and highest by the mapping, which removes a sentinel beyond them; None:
+        those of the schema.
 
     Raises:
       InputError: it is a distance, or has a sentinel that the mapping does not name.
     """
-    good = values[np.isfinite(values)]
+    there = np.isfinite(values)
+    good, written = values[there], written[there]
     if name not in VELOCITIES or not good.size:
         return
     low, high = possible or recorded_limits(name)
     wild = (good < low) | (good > high)
-    if wild.mean() <= _MOST:
+    repeats = wild & np.isin(np.abs(written), _often(np.abs(written[wild]), good.size))
+    if possible is not None:
+        wild, good = wild[~repeats], good[~repeats]
+    if not good.size or wild.mean() <= _MOST:
         return
-    written, counts = np.unique(np.abs(good[wild]), return_counts=True)
-    share = counts.max() / good.size
-    if share > _ONE_VALUE:
+    if possible is None and repeats.any():
+        found, counts = np.unique(written[repeats], return_counts=True)
+        words = [repr(value).removesuffix(".0") for value in found.tolist()]
+        shares = " and ".join(
+            f"{word} {unit} in {100.0 * count / good.size:.0f} %"
+            for word, count in zip(words, counts, strict=True)
+        )
         raise InputError(
-            f"{subject} is to be {name} and is {written[counts.argmax()]:.9g} m/s in "
-            f"{100.0 * share:.0f} % of its samples: a sentinel? Name it as the file has it, "
-            "sentinels = [...]"
+            f"{subject} is to be {name} and is {shares} of its samples: a sentinel? Name it as the "
+            f"file has it, sentinels = [{', '.join(words)}], or say what is possible, in m/s, "
+            "possible = [LOW, HIGH]"
         )
     raise InputError(
         f"{subject} is to be {name} and is beyond {low:g} to {high:g} m/s in "
         f"{100.0 * wild.mean():.0f} % of its samples (median size {np.median(np.abs(good)):.4g}), "
         "no two alike: a distance, not a velocity. Leave the file out, or the column: [ignored]"
     )
+
+
+def _often(sizes: Array, samples: int) -> Array:
+    """The sizes that each make up more than `_ONE_VALUE` of so many samples."""
+    found, counts = np.unique(sizes, return_counts=True)
+    return np.asarray(found[counts > _ONE_VALUE * samples], float)
 
 
 def check_track(log: DeploymentLog, tally: Tally) -> None:
