@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from learn.data.dataset import SPLITS, any_channel, load_missions
-from learn.evaluation.evaluation import Watch, evaluate
-from learn.evaluation.score import Reference
+from learn.evaluation.evaluation import Evaluation, Watch, evaluate
 from learn.evaluation.uncertainty import Coverage
 from learn.navigation.baselines.base import Estimate
 from learn.report.contents import RunEvaluation
@@ -31,19 +30,7 @@ def evaluate_run(
         return _evaluate_on_logs(run, store, split=split, baselines=baselines, watches=watches)
     showcase, coverage = Showcase(), Coverage(run.error_model())
 
-    def watch(reference: Reference, estimates: Mapping[str, Estimate]) -> None:
-        for see in (showcase.add, coverage.add, *watches):
-            see(reference, estimates)
-
-    evaluation = evaluate(
-        run.networks(),
-        store,
-        split=split,
-        baselines=baselines,
-        watch=watch,
-        period=run.period,
-        labels=run.labels if run.labels.source == "dvl" else None,
-    )
+    evaluation = _evaluate(run, store, split, baselines, (showcase.add, coverage.add, *watches))
     found = {
         "run": str(run.folder),
         **evaluation.to_json(),
@@ -67,12 +54,25 @@ def _evaluate_on_logs(
     watches: Sequence[Watch],
 ) -> RunEvaluation:
     """As `evaluate_run`: no missions to draw, since a log's true track is not known."""
+    evaluation = _evaluate(run, store, split, baselines, watches)
+    found = {"run": str(run.folder), **evaluation.to_json()}
+    return RunEvaluation(evaluation=evaluation, figures=to_json(found), shown=())
+
+
+def _evaluate(
+    run: Run,
+    store: str | Path,
+    split: str,
+    baselines: Sequence[str] | None,
+    watches: Sequence[Watch],
+) -> Evaluation:
+    """The run's networks on a store, every mission shown to all `watches`."""
 
     def watch(reference: Any, estimates: Mapping[str, Estimate]) -> None:
         for see in watches:
             see(reference, estimates)
 
-    evaluation = evaluate(
+    return evaluate(
         run.networks(),
         store,
         split=split,
@@ -81,8 +81,6 @@ def _evaluate_on_logs(
         period=run.period,
         labels=run.labels if run.labels.source == "dvl" else None,
     )
-    found = {"run": str(run.folder), **evaluation.to_json()}
-    return RunEvaluation(evaluation=evaluation, figures=to_json(found), shown=())
 
 
 def evaluation_split(run: Run) -> tuple[str, str]:

@@ -126,28 +126,50 @@ def _wanted_depth(row: Array, depth: float, altitude: float) -> float:
 
 
 @jit
+def _depth_pid(
+    gains: Array,
+    first: int,
+    state: Array,
+    slot: int,
+    error: float,
+    depth_rate: float,
+    feedforward: float,
+    low: float,
+    high: float,
+) -> float:
+    """One tick of a loop that wants to go deeper by `error` [m]; its gains begin at gains[first].
+
+    On the way to a depth the integral stands still.
+    """
+    integral = state[slot]
+    output = pid(
+        gains[first],
+        gains[first + 1],
+        gains[first + 2],
+        error,
+        depth_rate,
+        feedforward,
+        low,
+        high,
+        gains[g.PERIOD],
+        DEPTH_ZONE,
+        state,
+        slot,
+    )
+    if abs(error) > DEPTH_ZONE and abs(depth_rate) > UNDER_WAY:
+        state[slot] = integral
+    return output
+
+
+@jit
 def _level_pitch(
     row: Array, gains: Array, state: Array, depth: float, altitude: float, depth_rate: float
 ) -> float:
     """Pitch [rad] that takes the vehicle to the depth of a level way and keeps it there."""
-    error, integral = _wanted_depth(row, depth, altitude) - depth, state[g.DEPTH_INTEGRAL]
-    output = pid(
-        gains[g.DEPTH_KP],
-        gains[g.DEPTH_KI],
-        gains[g.DEPTH_KD],
-        error,
-        depth_rate,
-        -row[g.LEVEL_PITCH],
-        -row[g.CLIMB_PITCH],
-        -row[g.DIVE_PITCH],
-        gains[g.PERIOD],
-        DEPTH_ZONE,
-        state,
-        g.DEPTH_INTEGRAL,
-    )
-    if abs(error) > DEPTH_ZONE and abs(depth_rate) > UNDER_WAY:
-        state[g.DEPTH_INTEGRAL] = integral
-    return -output
+    error = _wanted_depth(row, depth, altitude) - depth
+    level, low, high = -row[g.LEVEL_PITCH], -row[g.CLIMB_PITCH], -row[g.DIVE_PITCH]
+    first, slot = g.DEPTH_KP, g.DEPTH_INTEGRAL
+    return -_depth_pid(gains, first, state, slot, error, depth_rate, level, low, high)
 
 
 @jit
@@ -158,23 +180,10 @@ def _buoyancy_loop(
     part = int(gains[g.BUOYANCY_PART])
     if not 0 <= part < command.size:
         return
-    integral = state[g.BUOYANCY_INTEGRAL]
-    command[part] = -pid(
-        gains[g.BUOYANCY_KP],
-        gains[g.BUOYANCY_KI],
-        gains[g.BUOYANCY_KD],
-        wanted - depth,
-        depth_rate,
-        -command[part],
-        -gains[g.BUOYANCY_HIGH],
-        -gains[g.BUOYANCY_LOW],
-        gains[g.PERIOD],
-        DEPTH_ZONE,
-        state,
-        g.BUOYANCY_INTEGRAL,
-    )
-    if abs(wanted - depth) > DEPTH_ZONE and abs(depth_rate) > UNDER_WAY:
-        state[g.BUOYANCY_INTEGRAL] = integral
+    error, neutral = wanted - depth, -command[part]
+    low, high = -gains[g.BUOYANCY_HIGH], -gains[g.BUOYANCY_LOW]
+    first, slot = g.BUOYANCY_KP, g.BUOYANCY_INTEGRAL
+    command[part] = -_depth_pid(gains, first, state, slot, error, depth_rate, neutral, low, high)
 
 
 @jit

@@ -80,11 +80,11 @@ def turn_factor(vehicle: Vehicle, steady: Way) -> float:
     """
     if vehicle.steered("heading") is None:
         return 1.0
-    usual = _usual_way(vehicle)
-    here, there = turn_per_position(vehicle, steady), turn_per_position(vehicle, usual)
+    here = turn_per_position(vehicle, steady)
+    there, usual_speed = _usual_turn(vehicle)
     turning = vehicle.steered("heading")
     if isinstance(turning, Fin) and min(here * turning.sense("heading"), here * there) < 0.0:
-        here, there = turning.sense("heading") * steady.speed, usual.speed
+        here, there = turning.sense("heading") * steady.speed, usual_speed
     if here == 0.0 or not math.isfinite(here):
         raise MissionError(
             f"vehicle {vehicle.name!r}: its {vehicle.steering['heading']} does not turn it"
@@ -149,6 +149,12 @@ def circling(vehicle: Vehicle, steady: Way, turn_rate: float) -> Array:
 
 
 @functools.lru_cache(maxsize=64)
+def _usual_turn(vehicle: Vehicle) -> tuple[float, float]:
+    """`turn_per_position` and the speed [m/s] of the way that the gains of the file are for."""
+    usual = _usual_way(vehicle)
+    return turn_per_position(vehicle, usual), usual.speed
+
+
 def _usual_way(vehicle: Vehicle) -> Way:
     """The way that the gains of the file are for: level at cruising speed, or the usual dive."""
     if vehicle.steered("speed") is not None:
