@@ -136,9 +136,9 @@ def _driven(
     """The steady way under the propeller; pitch [rad], None: level."""
     pitching, trimming = vehicle.steered("pitch"), vehicle.steered("trim")
     more = ""
-    if pitch is not None and trimming is not None and trim_share < 1.0:
-        more = f", or let the {trimming.name} take more of the pitch: trim_share"
     if pitch is not None and trimming is not None:
+        if trim_share < 1.0:
+            more = f", or let the {trimming.name} take more of the pitch: trim_share"
         place = vehicle.part_names.index(trimming.name)
         shift = trim_share * standing_shift(vehicle, trimming, pitch)
         command[place] = min(max(shift, trimming.low), trimming.high)
@@ -176,8 +176,8 @@ def standing_shift(vehicle: Vehicle, slide: Part, pitch: float) -> float:
         position[place] = shift
         return float(imbalance(vehicle, position, np.zeros(3), pitch=pitch)[4])
 
-    neutral, slope = moment(0.0), moment(1.0) - moment(0.0)  # linear in the shift
-    return -neutral / slope
+    neutral = moment(0.0)
+    return -neutral / (moment(1.0) - neutral)  # linear in the shift
 
 
 def reject_missing(vehicle: Vehicle, label: str, segment: Any) -> None:
