@@ -119,18 +119,18 @@ def identify(
     for name in loose:
         notes[name] = "the log does not determine it"
     kept = tuple(p for p in free if p.name not in loose)
-    final = Problem(logs, nominal, kept, model, fixes)
-    x = np.array([x[free.index(p)] for p in kept])
-    x, covariance, (scale, time) = _solve(final, x, PASSES, lambda part: report(0.65 + 0.2 * part))
+    offsets = dict(zip(free, x, strict=True))
     for candidate in judged:
-        notes[candidate.name] = _unsupported(final, x, candidate)
+        tight = Problem(logs, nominal, kept, model, fixes)
+        at = np.array([offsets[p] for p in kept])
+        tight.reweight(at)
+        notes[candidate.name] = _unsupported(tight, at, candidate)
         if not notes[candidate.name]:
-            start_at = {**dict(zip(kept, x, strict=True)), candidate: 0.0}
-            kept = tuple(p for p in PARAMETERS if p in start_at)
-            final = Problem(logs, nominal, kept, model, fixes)
-            x = np.array([start_at[p] for p in kept])
-            x, covariance, (scale, time) = _solve(final, x, PASSES, lambda part: None)
-    report(1.0)
+            offsets[candidate] = 0.0
+            kept = tuple(p for p in PARAMETERS if p in (*kept, candidate))
+    final = Problem(logs, nominal, kept, model, fixes)
+    x = np.array([offsets[p] for p in kept])
+    x, covariance, (scale, time) = _solve(final, x, PASSES, lambda part: report(0.65 + 0.35 * part))
     return _result(final, x, covariance, wanted, notes, before, scale, time)
 
 
@@ -176,7 +176,7 @@ def _lacking(parameter: Parameter, logs: Sequence[Log], problem: Problem, *, ask
 
 
 def _unsupported(problem: Problem, x: Array, candidate: Parameter) -> str:
-    """Why a parameter does not belong into the fit, judged by left-out dives; empty when it does."""
+    """Why left-out dives do not support a parameter; empty when they do."""
     if len(problem.logs) < LEAST_DIVES:
         return f"{len(problem.logs)} dives: from {LEAST_DIVES} on, left-out dives judge it"
     gain = gain_of(problem, x, candidate)
