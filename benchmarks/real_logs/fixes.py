@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.real_logs.equal import Method, median_rows, rmse_rows
 from benchmarks.real_logs.factory_model import factory_sink
-from benchmarks.real_logs.folds import Fitted, FoldJob, fold_of, jobs, own_trim
+from benchmarks.real_logs.folds import Fitted, FoldJob, fold_of, jobs, later_job, own_trim
 from benchmarks.real_logs.public import kinematic
 from benchmarks.real_logs.published import published_rows
 from benchmarks.real_logs.row import Kind, Row
@@ -30,6 +30,7 @@ from twin.records.store import open_store
 
 RATE, TRACK = "depth rate", "dead reckoning between fixes"
 RATE_GLIDING = "depth rate, gliding"
+RATE_LATER = "depth rate, second half of the dives by the first"
 RATE_FACTORY = "depth rate, where the factory's model has one"
 STEADY, KINEMATIC = "steady flight model, two parameters", "w/tan(pitch + 3 deg)"
 HOUR = 3600.0
@@ -41,7 +42,9 @@ Tracks = dict[int, Array]
 
 def fold_jobs(deployment: Deployment) -> list[FoldJob]:
     """The identifications that this deployment needs."""
-    return jobs(deployment, [log.index for log in deployment.logs()])
+    rows = [log.index for log in deployment.logs()]
+    held_out = [dataclasses.replace(job, blind=True) for job in jobs(deployment, rows)]
+    return [*held_out, *later_job(deployment, rows)]
 
 
 def rows_of(
@@ -54,7 +57,11 @@ def rows_of(
       networks: trained on simulation; None: no networks are judged.
     """
     logs = deployment.logs()
-    return [*_rates(deployment, logs, fitted), *_tracks(deployment, logs, fitted, networks)]
+    return [
+        *_rates(deployment, logs, fitted),
+        *_later_rates(deployment, fitted),
+        *_tracks(deployment, logs, fitted, networks),
+    ]
 
 
 # --- depth rate ---------------------------------------------------------------------------------
@@ -105,6 +112,27 @@ def _rates(deployment: Deployment, logs: list[Log], fitted: Sequence[Fitted]) ->
                 Method(name="twin", kind="twin", note=tuned, errors=twin),
             ],
         )
+    return rows
+
+
+def _later_rates(deployment: Deployment, fitted: Sequence[Fitted]) -> list[Row]:
+    """The second half of the dives by what was tuned on the first."""
+    rows: list[Row] = []
+    for fold in fitted:
+        if not fold.later:
+            continue
+        steady, twin = {}, {}
+        for log in deployment.logs(fold.block):
+            public = fold.steady.bridged(log, log.pitch, density_of(log, fold.calibration))
+            where = np.where(log.use, 0.0, np.nan)
+            steady[log.index] = log.filtered(public.sink) - log.depth_rate + where
+            twin[log.index] = -estimate(log, fold.calibration).water_rise + where
+        note = "tuned on the first half of the dives; deeper than 3 m"
+        methods = [
+            Method(name=STEADY, kind="public method", note=note, errors=steady),
+            Method(name="twin", kind="twin", note=note, errors=twin),
+        ]
+        rows += rmse_rows(RATE_LATER, deployment.name, methods)
     return rows
 
 

@@ -21,6 +21,8 @@ MOST_ROWS = 24
 RUN = 6
 """Consecutive dives taken together when a long deployment is thinned: currents are compared from
 one dive to the next."""
+LEAST_LATER = 3
+"""Dives of a half below which later dives are not foretold by earlier ones."""
 LEAST_ROWS = 4
 """Dives of a deployment below which none is held out."""
 
@@ -47,10 +49,12 @@ class Fitted:
     block: tuple[int, ...]
     calibration: Calibration
     blind: Calibration
-    """The same without the fixes: depth rate alone"""
+    """The same without the fixes, depth rate alone, where the job asks for it"""
     steady: SteadyModel
     seen: bool = False
     """Too few dives to hold one out: tuned on the block itself"""
+    later: bool = False
+    """Tuned on the first half of the dives; the block is the second"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -60,6 +64,20 @@ class FoldJob:
     store: Path
     block: tuple[int, ...]
     train: tuple[int, ...]
+    later: bool = False
+    """The train is the first half of the dives, the block the second"""
+    blind: bool = False
+    """Identify without the fixes too"""
+
+
+def later_job(deployment: Deployment, rows: Sequence[int]) -> list[FoldJob]:
+    """One job that is tuned on the first half of the dives and judged on the second; none for
+    too few."""
+    half = len(rows) // 2
+    if len(rows) < 2 * LEAST_LATER:
+        return []
+    train = tuple(thinned(rows[:half]))
+    return [FoldJob(store=deployment.store, block=tuple(rows[half:]), train=train, later=True)]
 
 
 def jobs(deployment: Deployment, rows: Sequence[int], count: int = BLOCKS) -> list[FoldJob]:
@@ -81,13 +99,16 @@ def fit_fold(job: FoldJob) -> Fitted:
     logs = load_logs(job.store, list(job.train))
     nominal = load_calibration(start_vehicle(job.store))
     found = identify(logs, nominal)
-    blind = found if found.current_change is None else identify(logs, nominal, fixes=False)
+    blind = found
+    if job.blind and found.current_change is not None:
+        blind = identify(logs, nominal, fixes=False)
     return Fitted(
         block=job.block,
         calibration=found.calibration,
         blind=blind.calibration,
         steady=fit_steady(logs, found.nominal),
         seen=job.block == job.train,
+        later=job.later,
     )
 
 
@@ -102,6 +123,6 @@ def own_trim(log: Log, calibration: Calibration) -> Calibration:
 def fold_of(fitted: Sequence[Fitted], row: int) -> Fitted:
     """The fold that holds a row out."""
     for fold in fitted:
-        if row in fold.block:
+        if row in fold.block and not fold.later:
             return fold
     raise InputError(f"row {row} is in no fold")

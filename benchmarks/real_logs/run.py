@@ -140,6 +140,7 @@ TASKS = (
     adcp.TASK,
     fixes.RATE,
     fixes.RATE_GLIDING,
+    fixes.RATE_LATER,
     fixes.RATE_FACTORY,
     fixes.TRACK,
     "skipped",
