@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numcodecs
 import numpy as np
@@ -20,16 +19,17 @@ from numpy.typing import NDArray
 from factory.generation.attempts import fly_mission
 from factory.generation.bookkeeping import rows
 from factory.generation.flown_mission import FlownMission
-from factory.generation.job import Job
-from factory.generation.manifest import Manifest, leave_manifest, read_manifest
+from factory.generation.job import ALONE, Job
+from factory.generation.manifest import Manifest, all_there, leave_manifest, read_manifest
 from factory.recipe.recipe import versions
 from twin.errors import StoreError
 from twin.physics.quiet import quiet_mujoco
-from twin.records.checksums import FileSum
+from twin.records.checksums import file_sum
 from twin.records.sharded import COMPRESSOR, LEVEL
 
 Signals = Mapping[str, NDArray[Any]]
 """By name: (samples,) of one mission."""
+BLOSC = numcodecs.Blosc(cname=COMPRESSOR, clevel=LEVEL, shuffle=numcodecs.Blosc.SHUFFLE)
 TABLE, SIGNAL, ROWS = "table", "signal.", "rows."
 """Entries of the file: JSON that says how to read the others; a signal; values of each mission."""
 
@@ -50,6 +50,11 @@ def fly_block(job: Job, number: int) -> BlockDone:
       InputError: a mission that no attempt could fly. OSError: the disk refuses.
       StoreError: another process has made the block with other bytes.
     """
+    with ALONE:
+        return _fly_block(job, number)
+
+
+def _fly_block(job: Job, number: int) -> BlockDone:
     recipe, site = job.ready(), job.site
     flown: list[FlownMission] = []
     signals: list[Signals] = []
@@ -78,13 +83,19 @@ def block_manifest(job: Job, number: int) -> Manifest | None:
     found = read_manifest(
         site.files, site.block_manifest(number), unit=f"block {number}", recipe=site.recipe
     )
-    if found is None or not _all_there(job, found.files):
-        return None
-    return found
+    return found if found is not None and all_there(site.files, found.files) else None
 
 
-def _all_there(job: Job, files: Mapping[str, FileSum]) -> bool:
-    return all(job.site.files.size(key) == one.bytes for key, one in files.items())
+def sound_block(job: Job, number: int) -> bool:
+    """Whether a block is finished and every byte of it is as it was written."""
+    found = block_manifest(job, number)
+    if found is None:
+        return False
+    try:
+        with Block(job, found):
+            return True
+    except StoreError:
+        return False
 
 
 def pack(
@@ -109,7 +120,8 @@ def pack(
             "dtype": parts[0].dtype.str,
             "missions": [row for row, one in enumerate(signals) if name in one],
         }
-        entries[SIGNAL + name] = np.frombuffer(_blosc(parts[0].dtype).encode(np.concatenate(parts)), np.uint8)
+        packed = BLOSC.encode(np.concatenate(parts))
+        entries[SIGNAL + name] = np.frombuffer(packed, np.uint8)
     entries |= {ROWS + name: array for name, array in values.items()}
     entries[TABLE] = np.frombuffer(json.dumps(table).encode(), np.uint8)
     archive = io.BytesIO()
@@ -117,30 +129,32 @@ def pack(
     return archive.getvalue()
 
 
-def _blosc(dtype: np.dtype[Any]) -> numcodecs.Blosc:
-    return numcodecs.Blosc(cname=COMPRESSOR, clevel=LEVEL, shuffle=numcodecs.Blosc.SHUFFLE)
-
-
 class Block:
-    """A finished block, read back.
+    """A finished block, read back signal by signal; a context manager.
 
     Raises:
-      StoreError: its file is damaged.
+      StoreError: its file is damaged or gone.
     """
 
     def __init__(self, job: Job, manifest: Manifest):
         self.missions = manifest.missions
-        (key, expected), = manifest.files.items()
-        self._what = f"{job.site.files.name}/{key}"
+        ((key, expected),) = manifest.files.items()
+        what = f"{job.site.files.name}/{key}"
         try:
-            data = job.site.files.read(key)
-            if FileSum.of(data) != expected:
-                raise StoreError(f"{self._what} is damaged: its SHA-256 is another one")
-            self._archive = np.load(io.BytesIO(data), allow_pickle=False)
+            path = job.site.files.fetch(key, job.site.staging)
+            if file_sum(path) != expected:
+                raise StoreError(f"{what} is damaged: remove it and continue with --resume")
+            self._archive = np.load(path, allow_pickle=False)
             self._table = json.loads(self._archive[TABLE].tobytes())
-        except (ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise StoreError(f"{self._what} is damaged ({type(error).__name__})") from error
+        except FileNotFoundError as error:
+            raise StoreError(f"{what} has disappeared; --resume flies it again") from error
         self.samples: list[int] = self._table["samples"]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._archive.close()
 
     @property
     def signals(self) -> dict[str, np.dtype[Any]]:
@@ -164,7 +178,7 @@ class Block:
         entry = self._table["signals"][name]
         dtype = np.dtype(entry["dtype"])
         packed = self._archive[SIGNAL + name]
-        values = np.frombuffer(_blosc(dtype).decode(packed), dtype)
+        values = np.frombuffer(BLOSC.decode(packed), dtype)
         start = 0
         for row in entry["missions"]:
             samples = self.samples[row]

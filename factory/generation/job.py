@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import threading
 
 from factory.generation.layout import Layout
 from factory.generation.site import Site
@@ -13,6 +14,11 @@ from twin.errors import StoreError
 _READY: dict[str, Recipe] = {}
 """Recipes of this process by their hashes: each is planned and compiled once."""
 _MOST_READY = 4
+
+
+ALONE = threading.RLock()
+"""Held by what flies or assembles: MuJoCo's warnings, numba's tables and staging folders are those
+of the whole process, whose executor may have threads"""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,12 +7,14 @@ disk. A unit that two processes do at once is the same bytes twice.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import hashlib
 import json
 from collections.abc import Mapping
 from typing import Any
 
+from factory.generation.site import Site
 from twin.errors import StoreError
 from twin.records.checksums import FileSum
 from twin.records.files import Files
@@ -72,6 +74,22 @@ def read_manifest(files: Files, key: str, *, unit: str, recipe: str) -> Manifest
     return found
 
 
+def missions_kept(site: Site) -> int:
+    """Missions in finished blocks and shards, by their manifests."""
+    kept: set[int] = set()
+    for key in site.files.keys():
+        if key.startswith(("blocks/", "shards/")) and key.endswith(".json"):
+            with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+                table = json.loads(site.files.read(key))
+                kept.update(range(table["first"], table["last"] + 1))
+    return len(kept)
+
+
+def all_there(files: Files, sums: Mapping[str, FileSum]) -> bool:
+    """Whether every file is there with its size."""
+    return all(files.size(key) == one.bytes for key, one in sums.items())
+
+
 def leave_manifest(files: Files, key: str, manifest: Manifest) -> None:
     """Write the manifest of a unit whose files are written.
 
@@ -81,7 +99,9 @@ def leave_manifest(files: Files, key: str, manifest: Manifest) -> None:
     before = read_manifest(files, key, unit=manifest.unit, recipe=manifest.recipe)
     if before is not None and before.files != manifest.files:
         raise StoreError(_differ(manifest, before))
+    files.settle()
     files.write(key, manifest.to_bytes())
+    files.settle()
 
 
 def _differ(mine: Manifest, theirs: Manifest) -> str:

@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import functools
 import json
 import os
+import socket
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,9 +21,8 @@ from factory.recipe.recipe import Recipe
 from twin.errors import StoreError
 from twin.records.disk import sweep, write_whole
 from twin.records.files import Files, LocalFiles
+from twin.records.store import GENERATING
 
-GENERATING = ".generating"
-"""What the name of the folder has beyond the store's."""
 RECIPE = "recipe.json"
 DIGITS = 16
 """Of a recipe's hash, in names of folders"""
@@ -39,12 +40,12 @@ class Site:
         """All that runs of this recipe keep."""
         return generating(self.store) / self.recipe[:DIGITS]
 
-    @property
+    @functools.cached_property
     def files(self) -> Files:
         """Blocks and manifests."""
         return LocalFiles(self.folder)
 
-    @property
+    @functools.cached_property
     def tree(self) -> Files:
         """What will be the store."""
         return self.files.below("tree")
@@ -52,7 +53,7 @@ class Site:
     @property
     def staging(self) -> Path:
         """A folder of this process, where shards are made before they are whole."""
-        return self.folder / f"staging-{os.getpid()}"
+        return self.folder / f"staging-{socket.gethostname()}-{os.getpid()}"
 
     @staticmethod
     def block(number: int) -> str:

@@ -14,12 +14,14 @@ import fcntl
 import os
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 WRITING = ".writing-"
 """In the name of what is not whole yet: `.NAME.writing-TOKEN`, beside NAME."""
 
+FEW = 8
+"""Files that are synced one by one rather than with all of their file system"""
 RENAME_EXCHANGE = 2
 """Flag of renameat2(2): both names change hands at once."""
 AT_FDCWD = -100
@@ -47,6 +49,27 @@ def sync_folder(path: Path) -> None:
     except OSError as error:
         if error.errno not in NO_SYNC:
             raise
+    finally:
+        os.close(descriptor)
+
+
+def sync_all(paths: Sequence[Path]) -> None:
+    """Return when these files have their content and their names on the disk; raises OSError.
+
+    Many files are synced with their whole file system, at once, where the system can do that.
+    """
+    syncfs = getattr(ctypes.CDLL(None, use_errno=True), "syncfs", None)
+    if len(paths) <= FEW or syncfs is None:
+        for path in paths:
+            sync_file(path)
+        for folder in {path.parent for path in paths}:
+            sync_folder(folder)
+        return
+    descriptor = os.open(paths[0].parent, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        if syncfs(descriptor) != 0:
+            code = ctypes.get_errno()
+            raise OSError(code, os.strerror(code), str(paths[0].parent))
     finally:
         os.close(descriptor)
 

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from twin.records.checksums import FileSum, file_sum
-from twin.records.disk import files_below, sync_file, sync_folder, write_whole
+from twin.records.disk import files_below, remove, sync_all, temporary_name
 
 
 class Files(abc.ABC):
@@ -37,12 +37,21 @@ class Files(abc.ABC):
         """
 
     @abc.abstractmethod
+    def fetch(self, key: str, folder: Path) -> Path:
+        """A file of this machine with the same content, to read: the file itself where it is
+        here, else a copy in `folder`; errors as of `read`."""
+
+    @abc.abstractmethod
     def write(self, key: str, data: bytes) -> None:
         """Make or replace a file; raises OSError."""
 
     @abc.abstractmethod
     def take(self, key: str, path: Path) -> None:
         """Make or replace a file from one of this machine, which is moved away; raises OSError."""
+
+    def settle(self) -> None:
+        """Return when all that was written through this object is safe from a loss of power;
+        raises OSError."""
 
     @abc.abstractmethod
     def size(self, key: str) -> int | None:
@@ -81,6 +90,8 @@ class LocalFiles(Files):
 
     def __init__(self, folder: Path):
         self.folder = folder
+        self._fresh: set[Path] = set()
+        """written and perhaps not on the disk yet"""
 
     @property
     def name(self) -> str:
@@ -95,16 +106,32 @@ class LocalFiles(Files):
         """All of a file."""
         return (self.folder / key).read_bytes()
 
+    def fetch(self, key: str, folder: Path) -> Path:
+        """The file."""
+        return self.folder / key
+
     def write(self, key: str, data: bytes) -> None:
-        """Write, sync, and give it its name."""
-        write_whole(self._parent(key), data)
+        """Write it under another name, then give it its own."""
+        target = self._parent(key)
+        temporary = temporary_name(target)
+        try:
+            temporary.write_bytes(data)
+            temporary.replace(target)
+        except BaseException:
+            remove(temporary)
+            raise
+        self._fresh.add(target)
 
     def take(self, key: str, path: Path) -> None:
-        """Sync a file of the same file system and give it its name."""
+        """Give a file of the same file system its name."""
         target = self._parent(key)
-        sync_file(path)
         path.replace(target)
-        sync_folder(target.parent)
+        self._fresh.add(target)
+
+    def settle(self) -> None:
+        """Sync what was written."""
+        sync_all(sorted(self._fresh))
+        self._fresh.clear()
 
     def size(self, key: str) -> int | None:
         """Size of a file."""
@@ -122,6 +149,7 @@ class LocalFiles(Files):
     def remove(self, key: str) -> None:
         """Unlink a file."""
         (self.folder / key).unlink(missing_ok=True)
+        self._fresh.discard(self.folder / key)
 
     def remove_all(self) -> None:
         """Remove the folder."""

@@ -37,6 +37,8 @@ LEVEL = 1
 """Higher levels cost twice the time and gain a tenth of the size."""
 DTYPE = np.dtype("<f4")
 METADATA = "zarr.json"
+TEXT = "T"
+"""Kind of numpy's type of strings."""
 PYTHON_PIPELINE = "zarr.core.codec_pipeline.BatchedCodecPipeline"
 RUST_PIPELINE = "zarrs.ZarrsCodecPipeline"
 _MEMBERS = (
@@ -225,8 +227,8 @@ class ShardedStore:
             shape=shape,
             chunks=(min(rows, shape[0]), *shape[1:]),
             dtype=dtype,
-            fill_value=fill_value(dtype),
-            serializer=BytesCodec(),
+            fill_value="" if dtype.kind == TEXT else fill_value(dtype),
+            serializer="auto" if dtype.kind == TEXT else BytesCodec(),
             compressors=[Crc32cCodec()],
             dimension_names=tuple(dimensions),
             config={"write_empty_chunks": True},

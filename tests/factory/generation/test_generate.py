@@ -20,7 +20,7 @@ import pytest
 
 import factory.generation.workers
 import twin.records.sharded
-from factory.generation.bulk import generate
+from factory.generation.generate import generate
 from factory.generation.checkpoint import Checkpoint
 from factory.inspect.info import unfinished
 from factory.inspect.replay import replay_failure

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from factory.generation.bulk import generate
+from factory.generation.generate import generate
 from factory.generation.checkpoint import Checkpoint
 from factory.recipe.recipe import Recipe
 from twin.records.store import UNFINISHED
