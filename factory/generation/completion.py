@@ -121,7 +121,7 @@ def _plan_arrays(recipe: Recipe, job: Job, found: Found) -> Iterator[Part]:
 def _rows(job: Job, table: list[Column], found: Found) -> Iterator[Part]:
     """The columns that say something, chunk by chunk."""
     layout = job.layout
-    shards_per_chunk = layout.row_missions // layout.shard_missions
+    shards_per_chunk = -(-layout.row_missions // layout.shard_missions)
     for number, first in enumerate(range(0, len(layout.shards), shards_per_chunk)):
         some = [ShardRows(job, n) for n in layout.shards[first : first + shards_per_chunk]]
         for column in table:

@@ -17,6 +17,8 @@ import warnings
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 
+from factory.generation.site import let_go
+
 _FORK = "fork"
 
 
@@ -54,6 +56,7 @@ def _end(
 
 def _begin() -> None:
     """A worker's first act."""
+    let_go()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN if number == signal.SIGINT else signal.SIG_DFL)
     threading.Thread(target=_watch_parent, daemon=True, name="parent watch").start()

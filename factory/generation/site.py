@@ -21,11 +21,13 @@ from factory.recipe.recipe import Recipe
 from twin.errors import StoreError
 from twin.records.disk import sweep, write_whole
 from twin.records.files import Files, LocalFiles
-from twin.records.store import GENERATING
+from twin.records.store import GENERATING, RECIPE
 
-RECIPE = "recipe.json"
 DIGITS = 16
 """Of a recipe's hash, in names of folders"""
+
+_HELD: set[int] = set()
+"""Open files that hold locks"""
 
 
 class Site:
@@ -115,6 +117,7 @@ def locked(store: Path, *, shared: bool = False) -> Iterator[None]:
     folder = generating(store)
     folder.mkdir(parents=True, exist_ok=True)
     descriptor = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    _HELD.add(descriptor)
     try:
         try:
             fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
@@ -124,4 +127,11 @@ def locked(store: Path, *, shared: bool = False) -> Iterator[None]:
             ) from None
         yield
     finally:
+        _HELD.discard(descriptor)
         os.close(descriptor)
+
+
+def let_go() -> None:
+    """Close the locks that a forked process has of its parent: only the parent may hold them."""
+    while _HELD:
+        os.close(_HELD.pop())

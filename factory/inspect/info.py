@@ -35,8 +35,8 @@ def unfinished(path: Path) -> Unfinished | None:
     for site, settings in unfinished_settings(path):
         return Unfinished(store=path, settings=settings, missions_kept=missions_kept(site))
     raise StoreError(
-        f"store {path} was begun and holds nothing yet, or was begun by an older glider-twin; "
-        "start it again with `factory generate --overwrite`"
+        f"store {path} was begun by an older glider-twin and is incomplete: `factory generate "
+        "--overwrite` starts again"
     )
 
 

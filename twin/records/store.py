@@ -33,6 +33,8 @@ up; SI, rad, cm3)."""
 
 GENERATING = ".generating"
 """Ending of the folder beside a store that `factory generate` works in until it is complete."""
+RECIPE = "recipe.json"
+"""In a folder of it: what the store is made by"""
 UNFINISHED = ".generating"
 """Folder inside a store that an older factory has begun and not completed."""
 
@@ -165,9 +167,8 @@ def is_complete(path: str | Path) -> bool:
 def is_unfinished(path: str | Path) -> bool:
     """Whether `factory generate` has begun a store at `path` and not completed it."""
     path = Path(path)
-    return not is_complete(path) and (
-        (path / UNFINISHED).is_dir() or path.with_name(path.name + GENERATING).is_dir()
-    )
+    begun = path.with_name(path.name + GENERATING).glob(f"*/{RECIPE}")
+    return not is_complete(path) and ((path / UNFINISHED).is_dir() or any(begun))
 
 
 def read_attributes(path: str | Path) -> dict[str, Any]:
