@@ -87,7 +87,7 @@ def _assemble(job: Job, number: int, manifests: list[Manifest], target: ShardedS
         rows = _joined([block.rows() for block in blocks])
     archive = io.BytesIO()
     table = np.frombuffer(json.dumps(failures).encode(), np.uint8)
-    np.savez(archive, **{FAILURES: table, **rows})
+    np.savez(archive, allow_pickle=False, **{FAILURES: table, **rows})
     site.files.write(site.shard_rows(number), archive.getvalue())
     site.tree.settle()
     leave_manifest(

@@ -125,7 +125,7 @@ def pack(
     entries |= {ROWS + name: array for name, array in values.items()}
     entries[TABLE] = np.frombuffer(json.dumps(table).encode(), np.uint8)
     archive = io.BytesIO()
-    np.savez(archive, **entries)
+    np.savez(archive, allow_pickle=False, **entries)
     return archive.getvalue()
 
 

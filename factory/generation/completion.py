@@ -60,9 +60,7 @@ def complete(job: Job) -> tuple[dict[str, FileSum], int]:
     files, arrays = dict(found.files), dict[str, ArrayMeta]()
     for part in (_plan_arrays(recipe, job, found), _rows(job, used, found), _failures(job, found)):
         for name, number, values, meta in part:
-            key, written = target.write_rows(
-                name, number, values, meta.shape[0], meta.dimensions
-            )
+            key, written = target.write_rows(name, number, values, meta.shape[0], meta.dimensions)
             files[key], arrays[name] = written, meta
     signals = {
         name: (DTYPE, variable.stored_attributes())

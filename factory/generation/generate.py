@@ -24,7 +24,7 @@ from factory.generation.completion import complete
 from factory.generation.job import Job
 from factory.generation.pool import local_pool
 from factory.generation.site import Site, locked
-from factory.generation.target import check_target, give_name
+from factory.generation.target import check_target, failures_in, give_name
 from factory.recipe.plan import HOUR
 from factory.recipe.recipe import Recipe
 from twin.errors import StoreError, TwinError
@@ -111,7 +111,11 @@ def generate(
 def check_workers(workers: int | None, executor: Executor | None) -> int:
     """Processes to start; raises StoreError for an impossible number."""
     if workers is None:
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return (
+            len(os.sched_getaffinity(0))
+            if hasattr(os, "sched_getaffinity")
+            else os.cpu_count() or 1
+        )
     if executor is not None:
         raise StoreError("give either workers or an executor, which has its own")
     if workers < 1:
@@ -131,7 +135,7 @@ def told(store: Path) -> Iterator[None]:
         ) from error
 
 
-def waiting_blocks(job: Job, blocks: range | list[int] | None = None) -> tuple[list[int], list[int]]:
+def waiting_blocks(job: Job, blocks: list[int] | None = None) -> tuple[list[int], list[int]]:
     """Blocks, of these or of all, that have to be flown, and shards that have to be assembled."""
     wanted = set(job.layout.blocks if blocks is None else blocks)
     shards = [shard for shard in job.layout.shards if shard_manifest(job, shard) is None]
@@ -139,9 +143,7 @@ def waiting_blocks(job: Job, blocks: range | list[int] | None = None) -> tuple[l
     return [block for block in needed if not sound_block(job, block)], shards
 
 
-def _fly(
-    job: Job, workers: int, executor: Executor | None, watch: Watcher | None
-) -> list[int]:
+def _fly(job: Job, workers: int, executor: Executor | None, watch: Watcher | None) -> list[int]:
     """Fly what is missing and assemble the shards; the missions flown now."""
     recipe, layout = job.ready(), job.layout
     blocks, shards = waiting_blocks(job)
@@ -170,21 +172,21 @@ def _fly(
             assemble(job, shard)
         return flown
     with contextlib.ExitStack() as stack:
-        pool = executor or stack.enter_context(local_pool(min(workers, max(1, len(blocks)))))
-        assembling = [pool.submit(assemble, job, s) for s in shards if not left[s]]
-        for block in _run(pool, job, blocks, None if executor else workers):
+        tasks: Executor = executor or stack.enter_context(
+            local_pool(min(workers, max(1, len(blocks))))
+        )
+        assembling = [tasks.submit(assemble, job, s) for s in shards if not left[s]]
+        for block in _run(tasks, job, blocks, None if executor else workers):
             done(block)
             shard = layout.shard_of(layout.missions_of_block(block.number)[0])
             if not left[shard]:
-                assembling.append(pool.submit(assemble, job, shard))
+                assembling.append(tasks.submit(assemble, job, shard))
         for future in concurrent.futures.as_completed(assembling):
             _result(future)
     return flown
 
 
-def _run(
-    pool: Executor, job: Job, blocks: list[int], workers: int | None
-) -> Iterator[BlockDone]:
+def _run(pool: Executor, job: Job, blocks: list[int], workers: int | None) -> Iterator[BlockDone]:
     """Have blocks flown; yields each as it is kept, in any order."""
     todo = iter(blocks)
     most = UNKNOWN_WORKERS if workers is None else WAITING * workers
@@ -220,14 +222,6 @@ def _result(future: Future[Any]) -> Any:
             "a worker process ended abruptly; too little memory is the usual reason. Finished "
             "blocks are kept: --resume goes on from them, with fewer --workers if need be"
         ) from error
-
-
-def failures_in(store: Path) -> int:
-    """Attempts that failed, in a complete store."""
-    from factory.stores.generated import GeneratedStore
-
-    with GeneratedStore(store) as made:
-        return made.failure_count
 
 
 def summary_of(

@@ -77,7 +77,7 @@ def read_manifest(files: Files, key: str, *, unit: str, recipe: str) -> Manifest
 def missions_kept(site: Site) -> int:
     """Missions in finished blocks and shards, by their manifests."""
     kept: set[int] = set()
-    for key in site.files.keys():
+    for key in site.files.all_keys():
         if key.startswith(("blocks/", "shards/")) and key.endswith(".json"):
             with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
                 table = json.loads(site.files.read(key))

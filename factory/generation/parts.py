@@ -1,8 +1,8 @@
 """Parts: one store made by many commands that know nothing of each other, as job arrays are.
 
-Part i of n flies every n-th block and assembles each shard whose blocks are all there. Parts may run
-at once, one after the other, twice, on machines that share a file system. `finish` completes the
-store, or says which parts have to run again.
+Part i of n flies every n-th block and assembles each shard whose blocks are all there. Parts may
+run at once, one after the other, twice, on machines that share a file system. `finish` completes
+the store, or says which parts have to run again.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +21,6 @@ from factory.generation.completion import complete
 from factory.generation.generate import (
     Summary,
     Watcher,
-    failures_in,
     summary_of,
     told,
     waiting_blocks,
@@ -29,10 +28,9 @@ from factory.generation.generate import (
 from factory.generation.job import Job
 from factory.generation.layout import Layout
 from factory.generation.site import Site, begun, locked
-from factory.generation.target import check_target, give_name, recipe_begun
+from factory.generation.target import check_target, failures_in, give_name, recipe_begun, recipe_of
 from factory.recipe.plan import HOUR
 from factory.recipe.recipe import Recipe
-from factory.stores.generated import GeneratedStore
 from twin.errors import InputError, StoreError
 from twin.records.disk import write_whole
 from twin.records.store import is_complete
@@ -150,7 +148,7 @@ def finish(out: str | Path) -> tuple[Summary, Recipe]:
     store = Path(out)
     places = begun(store)
     if not places and is_complete(store):
-        recipe = GeneratedStore(store).recipe
+        recipe = recipe_of(store)
         return summary_of(recipe, store, started, flown=[], failed=failures_in(store)), recipe
     if not places:
         raise StoreError(
@@ -206,7 +204,7 @@ def _ready(job: Job, shard: int) -> bool:
     return all(block_manifest(job, block) for block in job.layout.blocks_of_shard(shard))
 
 
-def _tell(job: Job, block: int, failures: tuple[int, ...] | list[int], watch: Watcher | None) -> None:
+def _tell(job: Job, block: int, failures: Sequence[int], watch: Watcher | None) -> None:
     if watch is not None:
         durations = job.ready().plan.durations_s
         for row, mission in enumerate(job.layout.missions_of_block(block)):

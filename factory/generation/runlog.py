@@ -39,7 +39,7 @@ def note(store: Path, recipe: Recipe, command: str) -> None:
 
 def _processor() -> str:
     """Name of the processor, which may decide how numbers round."""
-    with contextlib.suppress(OSError), open("/proc/cpuinfo", encoding="utf-8") as file:
+    with contextlib.suppress(OSError), Path("/proc/cpuinfo").open(encoding="utf-8") as file:
         for line in file:
             if line.startswith("model name"):
                 return line.partition(":")[2].strip()

@@ -2,8 +2,8 @@
 
 Beside the store `NAME` lies the folder `NAME.generating`. It holds, for the recipe's hash, the
 recipe itself, a file and a manifest of every finished block, a manifest of every shard, and `tree`,
-which becomes the store in one step. So a store is under its name when it is complete and not before,
-and what a run of another recipe leaves can never get into it.
+which becomes the store in one step. So a store is under its name when it is complete and not
+before, and what a run of another recipe leaves can never get into it.
 """
 
 from __future__ import annotations

@@ -7,14 +7,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from factory.generation.completion import FAILED_MISSION
 from factory.generation.job import Job
 from factory.generation.site import Site, begun
 from factory.recipe.recipe import Recipe, differences, read_recipe
 from twin.errors import StoreError
-from twin.records.attributes import SETTINGS, is_logged
+from twin.records.attributes import CHANGES, FAILED_MISSIONS, SETTINGS, VEHICLE_MJCF, is_logged
 from twin.records.checksums import FileSum, write_checksums
 from twin.records.disk import sync_file
 from twin.records.files import LocalFiles
+from twin.records.sharded import METADATA
 from twin.records.store import UNFINISHED, is_complete, read_attributes
 from twin.records.whole import take_place
 
@@ -92,6 +94,26 @@ def unfinished_settings(store: Path) -> list[tuple[Site, dict[str, Any]]]:
 def recipe_begun(path: Path) -> Recipe:
     """The recipe of a run that was begun, from its file; raises StoreError."""
     return read_recipe(_document(path))
+
+
+def recipe_of(store: Path) -> Recipe:
+    """The recipe of a complete store; raises StoreError."""
+    attributes = read_attributes(store)
+    return read_recipe(
+        {
+            SETTINGS: _settings(store),
+            CHANGES: json.loads(attributes.get(CHANGES, "{}")),
+            VEHICLE_MJCF: attributes.get(VEHICLE_MJCF),
+        }
+    )
+
+
+def failures_in(store: Path) -> int:
+    """Attempts that failed and were replaced, in a complete store."""
+    table = json.loads((store / METADATA).read_bytes())["consolidated_metadata"]["metadata"]
+    if FAILED_MISSION in table:
+        return int(table[FAILED_MISSION]["shape"][0])
+    return len(json.loads(read_attributes(store).get(FAILED_MISSIONS, "[]")))
 
 
 def _present(store: Path) -> bool:

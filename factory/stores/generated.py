@@ -42,11 +42,8 @@ from twin.records.schema import MISSION
 from twin.records.store import read_array
 from twin.sensors import SensorSuite
 
-
 ROWS = 65_536
 """Missions of an array that is no signal that are read at a time"""
-MOST_ARRAYS = 512
-"""Pieces of such arrays that are kept in memory"""
 
 
 class GeneratedStore(MissionStore):
@@ -58,6 +55,8 @@ class GeneratedStore(MissionStore):
 
     def __init__(self, path: str | Path):
         super().__init__(path)
+        self._read: dict[str, tuple[int, NDArray[Any]]] = {}
+        """the piece of each array that was read last, and its number"""
         if self.logged:
             raise StoreError(
                 f"store {self.path} holds logs of real vehicles, which cannot be flown again; "
@@ -138,9 +137,14 @@ class GeneratedStore(MissionStore):
         number, row = divmod(mission, ROWS)
         return self._rows(name, number)[row]
 
-    @functools.lru_cache(maxsize=MOST_ARRAYS)  # noqa: B019: the cache lives as long as the store
     def _rows(self, name: str, number: int) -> NDArray[Any]:
         """Some missions of an array: reading it whole for each mission would take squared time."""
+        kept = self._read.get(name)
+        if kept is None or kept[0] != number:
+            kept = self._read[name] = (number, self._read_rows(name, number))
+        return kept[1]
+
+    def _read_rows(self, name: str, number: int) -> NDArray[Any]:
         if name not in self.dataset.variables:
             raise StoreError(f"store {self.path} lacks the array {name!r}")
         some = self.dataset[[name]].isel({MISSION: slice(number * ROWS, (number + 1) * ROWS)})

@@ -49,6 +49,7 @@ class Files(abc.ABC):
     def take(self, key: str, path: Path) -> None:
         """Make or replace a file from one of this machine, which is moved away; raises OSError."""
 
+    @abc.abstractmethod
     def settle(self) -> None:
         """Return when all that was written through this object is safe from a loss of power;
         raises OSError."""
@@ -58,7 +59,7 @@ class Files(abc.ABC):
         """Size [bytes] of a file; None when there is none."""
 
     @abc.abstractmethod
-    def keys(self) -> Iterator[str]:
+    def all_keys(self) -> Iterator[str]:
         """Keys of all files, in no order."""
 
     @abc.abstractmethod
@@ -140,7 +141,7 @@ class LocalFiles(Files):
         except (FileNotFoundError, NotADirectoryError):
             return None
 
-    def keys(self) -> Iterator[str]:
+    def all_keys(self) -> Iterator[str]:
         """All files below the folder."""
         if self.folder.is_dir():
             for path in files_below(self.folder):

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import functools
 import importlib.util
 import json
 import math
-import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import resource
 import shutil
@@ -369,7 +368,7 @@ def test_a_dead_worker_is_told(
     monkeypatch.setattr(
         factory.generation.block, "fly_mission", lambda *_: os.kill(os.getpid(), signal.SIGKILL)
     )
-    with pytest.raises(TwinError, match="a worker process ended abruptly.*--resume"):
+    with pytest.raises(TwinError, match=r"a worker process ended abruptly.*--resume"):
         generate(recipe(), tmp_path / "missions.zarr", workers=2)
 
 
