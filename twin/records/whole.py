@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from twin.errors import WriteError
-from twin.records.checksums import has_checksums, write_checksums
+from twin.records.checksums import is_listed, write_checksums
 from twin.records.disk import (
     dead,
     exchange,
@@ -41,7 +41,7 @@ Ours = Callable[[Path], bool]
 
 @contextlib.contextmanager
 def whole_folder(
-    path: str | Path, *, overwrite: bool = False, ours: Ours = has_checksums
+    path: str | Path, *, overwrite: bool = False, ours: Ours = is_listed
 ) -> Iterator[Path]:
     """Write a folder; the context yields an empty one, which becomes `path` when it ends well.
 
@@ -88,7 +88,7 @@ def whole_file(path: str | Path, *, overwrite: bool = True) -> Iterator[Path]:
 
 
 def check_folder_target(
-    path: str | Path, *, overwrite: bool = False, ours: Ours = has_checksums
+    path: str | Path, *, overwrite: bool = False, ours: Ours = is_listed
 ) -> None:
     """Refuse what `whole_folder` would refuse, before long work.
 
