@@ -79,8 +79,13 @@ def files_below(folder: Path) -> Iterator[Path]:
 def write_whole(path: Path, data: bytes) -> None:
     """Write a small file so that it is there with all of `data`, or as it was; raises OSError.
 
-    What a kill leaves beside it is `.NAME.writing-TOKEN`, which nobody reads and `sweep` removes.
+    What a kill leaves beside it is `.NAME.writing-TOKEN`: nobody reads it, and the next writer of
+    the same name removes it, or `sweep`.
     """
+    for left in temporaries(path):
+        with dead(left) as gone:
+            if gone:
+                remove(left)
     temporary = temporary_name(path)
     try:
         with temporary.open("wb") as file:
@@ -101,11 +106,15 @@ def temporary_name(path: Path) -> Path:
     return path.with_name(f".{path.name}{WRITING}{os.urandom(4).hex()}")
 
 
+def is_temporary(one: Path, path: Path) -> bool:
+    """Whether `one` has a name that a writer of `path` gives to what it has beside it."""
+    return one.parent == path.parent and one.name.startswith(f".{path.name}{WRITING}")
+
+
 def temporaries(path: Path) -> list[Path]:
     """What writers of `path` have, or left, beside it."""
-    start = f".{path.name}{WRITING}"
     with contextlib.suppress(FileNotFoundError), os.scandir(path.parent) as entries:
-        return [Path(entry.path) for entry in entries if entry.name.startswith(start)]
+        return [Path(e.path) for e in entries if is_temporary(Path(e.path), path)]
     return []
 
 

@@ -40,6 +40,7 @@ def write_og1(
       OSError: the disk refuses, of which the netCDF library gives no reason.
     """
     path = folder / f"{identity['id']}.nc"
+    folder.mkdir(parents=True, exist_ok=True)
     try:
         with netCDF4.Dataset(path, "w", format="NETCDF4") as file:
             _fill(file, identity, variables, samples)
