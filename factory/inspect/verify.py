@@ -5,8 +5,10 @@ The limits are wide: what they catch is damage, wrong units and wrong signs, not
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +30,7 @@ from twin.records.attributes import (
     VEHICLE_MJCF,
     VEHICLE_SHA256,
 )
+from twin.records.checksums import damaged_files, has_checksums, read_checksums
 from twin.records.limits import simulated_limits
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION, TIME, VARIABLES
@@ -75,6 +78,19 @@ class Report:
     def ok(self) -> bool:
         """No problem at all."""
         return not any(check.problems for check in self.checks)
+
+
+def check_files(store: Path) -> Check:
+    """Compare every file of a store with its list of checksums.
+
+    Stores of versions before 0.2 have no list: nothing is checked of them.
+    """
+    check = Check("files")
+    if has_checksums(store):
+        check.problems += [str(damage) for damage in damaged_files(store)]
+        with contextlib.suppress(StoreError):  # a damaged list is a problem already
+            check.done = len(read_checksums(store))
+    return check
 
 
 def verify_store(run: GeneratedStore, watch: Callable[[int], None] | None = None) -> Report:
