@@ -83,17 +83,27 @@ class Report:
         return not any(check.problems for check in self.checks)
 
 
+def check_files(store: Path) -> Check:
+    """Compare every file of a store with its list of checksums.
+
+    Stores of versions before 0.2 have no list: nothing is checked of them.
+    """
+    check = Check("files")
+    if has_checksums(store):
+        check.problems += [str(damage) for damage in damaged_files(store)]
+        with contextlib.suppress(StoreError):  # a damaged list is a problem already
+            check.done = len(read_checksums(store))
+    return check
+
+
 def verify_store(run: GeneratedStore, watch: Callable[[int], None] | None = None) -> Report:
-    """Read and check everything; `watch` is called with the number of missions just read."""
+    """Read and check all that the store says; `check_files` compares its files. `watch` is called
+    with the number of missions just read."""
     names = run.signals()
     checks = {
         name: Check(name)
-        for name in (
-            *("files", "metadata", "parameters", "chunks", "padding", "finite", "range"),
-            "kinematics",
-        )
+        for name in ("metadata", "parameters", "chunks", "padding", "finite", "range", "kinematics")
     }
-    check_files(run.path, checks["files"])
     _check_metadata(run, names, checks["metadata"])
     if checks["metadata"].problems:
         return Report(len(run), 0, tuple(checks.values()))
@@ -102,15 +112,6 @@ def verify_store(run: GeneratedStore, watch: Callable[[int], None] | None = None
         run, names, checks, lambda mission, rows: _check_mission(run, mission, rows, checks), watch
     )
     return Report(len(run), bytes_read, tuple(checks.values()))
-
-
-def check_files(store: Path, check: Check) -> None:
-    """Every file is what the store's list of checksums says; nothing for stores without one."""
-    if not has_checksums(store):
-        return
-    with contextlib.suppress(StoreError):  # a damaged list is damage that `damaged_files` names
-        check.done += len(read_checksums(store))
-    check.problems += [str(damage) for damage in damaged_files(store)]
 
 
 def check_missions(

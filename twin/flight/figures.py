@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.flight.flight import Flight
 from twin.plot import style
+from twin.records.whole import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -172,7 +173,7 @@ def write_figures(flight: Flight, folder: Path) -> tuple[list[Path], list[str]]:
     """Draw all figures into a folder; returns their files, and why others are missing.
 
     Raises:
-      InputError: the disk refuses.
+      WriteError: the disk refuses.
     """
     written, missing = [], []
     for name, draw in FIGURES.items():
@@ -182,11 +183,8 @@ def write_figures(flight: Flight, folder: Path) -> tuple[list[Path], list[str]]:
             missing.append(f"no {name} figure: {error}")
             continue
         path = folder / f"{name}.png"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            figure.savefig(path, dpi=PRINT_DPI)
-        except OSError as error:
-            raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+        with whole_file(path) as place:
+            figure.savefig(place, dpi=PRINT_DPI)
         written.append(path)
     return written, missing
 

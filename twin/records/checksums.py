@@ -67,6 +67,15 @@ def has_checksums(folder: str | Path) -> bool:
     return _list_of(Path(folder)) is not None
 
 
+def is_listed(folder: str | Path) -> bool:
+    """Whether a folder has a list that names every file in it: nothing there is a user's own."""
+    try:
+        sums = read_checksums(folder)
+    except StoreError:
+        return False
+    return all(name in sums for name in _names(Path(folder)))
+
+
 def write_checksums(folder: str | Path, known: Mapping[str, FileSum] | None = None) -> Path:
     """Write the list of all files that a folder holds now; returns its path.
 

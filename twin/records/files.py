@@ -131,7 +131,7 @@ class LocalFiles(Files):
 
     def settle(self) -> None:
         """Sync what was written."""
-        sync_all(sorted(self._fresh))
+        sync_all(sorted(self._fresh), {path.parent for path in self._fresh})
         self._fresh.clear()
 
     def size(self, key: str) -> int | None:

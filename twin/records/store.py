@@ -7,8 +7,9 @@ state, and attributes that say what the data are. The factory writes the same la
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import json
-import shutil
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,11 +18,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import StoreError
-from twin.records.attributes import N_SAMPLES, SIMULATED_ATTRIBUTES, VERSION
+from twin.records.attributes import N_SAMPLES, SIMULATED_ATTRIBUTES, VERSION, is_missions
+from twin.records.checksums import is_listed
 from twin.records.place import PLACE, place_arrays, read_place
 from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES, declare_stored
 from twin.records.sharded import METADATA
 from twin.records.trajectory import Trajectory
+from twin.records.whole import check_folder_target, recover, whole_folder
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -114,49 +117,67 @@ def stored_columns(one: xr.Dataset) -> tuple[str, ...]:
 
 
 def write_store(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
-    """Write a dataset as a zarr store.
+    """Write a dataset as a zarr store, whole or not at all, with a list of its files' checksums.
+
+    Args:
+      overwrite: take the place of a store, which stays until the new one is complete.
 
     Raises:
-      StoreError: something else than a store is in the way, it exists and `overwrite` is False,
+      WriteError: something else than a store is in the way, it exists and `overwrite` is False,
         or the disk refuses.
     """
     path = Path(path)
-    prepare_target(path, overwrite=overwrite)
-    try:
-        write_zarr(dataset, path)
-    except OSError as error:
-        raise StoreError(f"cannot write store {path}: {error.strerror or error}") from error
+    with whole_folder(path, overwrite=overwrite, ours=is_store) as folder:
+        write_zarr(dataset, folder)
     return path
 
 
-def write_zarr(dataset: xr.Dataset, path: Path) -> None:
-    """Write any dataset as a zarr v3 group that `xarray.open_zarr(path)` opens without options."""
+def write_zarr(dataset: xr.Dataset, folder: Path) -> None:
+    """Write any dataset as a zarr v3 group that `xarray.open_zarr(path)` opens without options.
+
+    `folder` is one of `whole_folder`: a kill leaves part of the group.
+    """
     with warnings.catch_warnings():
         # zarr 3 warns that its specification does not name consolidated metadata yet
         warnings.filterwarnings("ignore", "Consolidated metadata")
-        dataset.to_zarr(path, mode="w", zarr_format=3, consolidated=True)
+        dataset.to_zarr(folder, mode="w", zarr_format=3, consolidated=True)
 
 
-def prepare_target(path: Path, *, overwrite: bool) -> None:
-    """Make sure that a new store can be written at `path`; removes an old store on `overwrite`."""
-    if path.exists():
-        if not is_store(path):
-            raise StoreError(
-                f"{path} exists and is not a whole store; remove it by hand or choose another --out"
-            )
-        if not overwrite:
-            raise StoreError(f"store {path} already exists; use --overwrite or another --out")
-        shutil.rmtree(path)
+def write_netcdf(
+    dataset: xr.Dataset, path: Path, encoding: Mapping[str, Any] | None = None
+) -> None:
+    """Write any dataset as netCDF4; `path` is one of `whole_file`: a kill leaves half a file.
+
+    Raises:
+      OSError: the disk refuses, of which the netCDF library gives no reason.
+    """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StoreError(f"cannot create {path.parent}: {error.strerror or error}") from error
+        dataset.to_netcdf(path, engine="netcdf4", encoding=encoding)
+    except RuntimeError as error:
+        raise OSError(errno.EIO, " ".join(str(error).split()), str(path)) from error
+
+
+def check_target(path: str | Path, *, overwrite: bool) -> None:
+    """Refuse what `write_store` would refuse, before long work.
+
+    Raises:
+      WriteError: something else than a store is in the way, or it exists and `overwrite` is False.
+    """
+    check_folder_target(path, overwrite=overwrite, ours=is_store)
 
 
 def is_store(path: str | Path) -> bool:
-    """True when `path` is a folder that holds a zarr v3 group, an empty folder included."""
-    path = Path(path)
-    return path.is_dir() and (is_complete(path) or not any(path.iterdir()))
+    """Whether `path` is a folder that holds a zarr v3 group of missions, whatever else it lacks."""
+    try:
+        return is_missions(read_attributes(path))
+    except StoreError:
+        return False
+
+
+def is_derived(path: str | Path) -> bool:
+    """Whether `path` is a zarr group that this program wrote and that holds no missions, such as
+    tracks: what may take its place must not take that of a store."""
+    return is_complete(path) and is_listed(path) and not is_store(path)
 
 
 def is_complete(path: str | Path) -> bool:
@@ -195,6 +216,9 @@ def open_store(path: str | Path) -> xr.Dataset:
     import xarray as xr
 
     path = Path(path)
+    if not path.exists():
+        with contextlib.suppress(OSError):  # a kill between two renames may have left it beside
+            recover(path)
     if is_unfinished(path):
         raise StoreError(
             f"store {path} is incomplete: the `factory generate` command that began it, with "

@@ -18,9 +18,11 @@ from twin.records.store import (
     read_trajectory,
     signal_names,
     stored_columns,
+    write_netcdf,
     write_store,
 )
 from twin.records.trajectory import Trajectory
+from twin.records.whole import whole_file
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -63,7 +65,7 @@ def save_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: bool
       path: ends in .zarr or .nc.
 
     Raises:
-      InputError: another ending. StoreError: something is in the way, or the disk refuses.
+      InputError: another ending. WriteError: something is in the way, or the disk refuses.
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -72,13 +74,8 @@ def save_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: bool
     dataset = mission_dataset([trajectory], attributes=_plain(trajectory))
     if ending == ".zarr":
         return write_store(dataset, path, overwrite=overwrite)
-    if path.exists() and not (overwrite and path.is_file()):
-        raise StoreError(f"{path} already exists: use overwrite=True or another name")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        dataset.to_netcdf(path, engine="netcdf4")
-    except OSError as error:
-        raise StoreError(f"cannot write {path}: {error.strerror or error}") from error
+    with whole_file(path, overwrite=overwrite) as place:
+        write_netcdf(dataset, place)
     return path
 
 

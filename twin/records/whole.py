@@ -20,10 +20,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from twin.errors import WriteError
-from twin.records.checksums import has_checksums, write_checksums
+from twin.records.checksums import is_listed, write_checksums
 from twin.records.disk import (
     dead,
     exchange,
+    is_temporary,
     lock,
     remove,
     sync_file,
@@ -41,7 +42,7 @@ Ours = Callable[[Path], bool]
 
 @contextlib.contextmanager
 def whole_folder(
-    path: str | Path, *, overwrite: bool = False, ours: Ours = has_checksums
+    path: str | Path, *, overwrite: bool = False, ours: Ours = is_listed
 ) -> Iterator[Path]:
     """Write a folder; the context yields an empty one, which becomes `path` when it ends well.
 
@@ -88,7 +89,7 @@ def whole_file(path: str | Path, *, overwrite: bool = True) -> Iterator[Path]:
 
 
 def check_folder_target(
-    path: str | Path, *, overwrite: bool = False, ours: Ours = has_checksums
+    path: str | Path, *, overwrite: bool = False, ours: Ours = is_listed
 ) -> None:
     """Refuse what `whole_folder` would refuse, before long work.
 
@@ -98,6 +99,7 @@ def check_folder_target(
     target = _target(path)
     recover(target)
     if not target.exists():
+        check_place(target)
         return
     if not target.is_dir():
         raise WriteError(f"{path} exists and is not a folder; choose another name")
@@ -119,12 +121,26 @@ def check_file_target(path: str | Path, *, overwrite: bool = True) -> None:
       WriteError: something is in the way.
     """
     target = _target(path)
+    check_place(target)
     if target.is_dir():
         raise WriteError(f"{path} is a folder; give the name of a file")
     if target.exists() and not target.is_file():
         raise WriteError(f"{path} is not a plain file; give the name of a file")
     if target.exists() and not overwrite:
         raise WriteError(f"{path} already exists; use --overwrite or choose another name")
+
+
+def check_place(target: Path) -> None:
+    """Refuse a name in what is no folder.
+
+    Raises:
+      WriteError: a file stands where a folder of the path must be.
+    """
+    for place in target.parents:
+        if place.is_dir():
+            return
+        if place.exists():
+            raise WriteError(f"cannot write {target}: {place} is a file, not a folder")
 
 
 def recover(path: str | Path) -> None:
@@ -134,6 +150,8 @@ def recover(path: str | Path) -> None:
     """
     target = _target(path)
     if target.exists():
+        return
+    if not target.parent.is_dir():
         return
     for hidden in temporaries(target):
         with dead(hidden) as gone:
@@ -159,7 +177,7 @@ def _beside(path: str | Path) -> Iterator[tuple[Path, Path]]:
         hidden, descriptor = _hidden(target)
         yield target, hidden
     except OSError as error:
-        if not _is_of_writing(error, target, hidden):
+        if not _is_of_writing(error, target):
             raise
         why = error.strerror or str(error)
         if error.filename is not None and Path(os.fsdecode(error.filename)) in target.parents:
@@ -181,12 +199,14 @@ def _beside(path: str | Path) -> Iterator[tuple[Path, Path]]:
             os.close(descriptor)
 
 
-def _is_of_writing(error: OSError, target: Path, hidden: Path | None) -> bool:
+def _is_of_writing(error: OSError, target: Path) -> bool:
     """Whether an error comes from writing, not from something that the body of a context read."""
     if error.filename is None:
         return True
     place = Path(os.path.realpath(os.fsdecode(error.filename)))
-    return place in (target, *target.parents) or hidden in (place, *place.parents)
+    return place in (target, *target.parents) or any(
+        is_temporary(one, target) for one in (place, *place.parents)
+    )
 
 
 def clean(target: Path) -> None:

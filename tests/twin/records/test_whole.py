@@ -219,7 +219,10 @@ def test_a_file_does_not_replace_what_is_no_file(tmp_path):
     with pytest.raises(WriteError, match="is not a plain file"), whole_file(tmp_path / "pipe"):
         pass
     (tmp_path / "there").touch()
-    for path, why in (("there", "use --overwrite"), ("there/below", "there: File exists")):
+    for path, why in (
+        ("there", "use --overwrite"),
+        ("there/below", "there is a file"),
+    ):
         target = tmp_path / path
         with pytest.raises(WriteError, match=why), whole_file(target, overwrite=False):
             pass
