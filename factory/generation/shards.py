@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.flight.mission_place import mission_coordinates, mission_place
 from factory.generation.checkpoint import Checkpoint
 from factory.generation.flown_mission import FailedAttempt, FlownMission
 from factory.recipe.distribution import Choice, Fixed, Value
@@ -20,6 +21,7 @@ from twin.errors import StoreError
 from twin.physics.scenario import SAMPLE_PERIOD
 from twin.records import attributes as names
 from twin.records.attributes import SPLITS
+from twin.records.place import COORDINATES, padded, place_arrays
 from twin.records.schema import MISSION, TIME
 from twin.records.sharded import (
     DTYPE,
@@ -67,7 +69,8 @@ def write_shard(
     """
     missions = shard_range(recipe, number)
     kept: list[FlownMission] = []
-    blocks: dict[str, NDArray[np.float32]] = {}
+    blocks: dict[str, NDArray[Any]] = {}
+    positions = []
     for row, mission in enumerate(missions):
         found = checkpoint.read_mission(mission)
         if found is None:
@@ -77,10 +80,14 @@ def write_shard(
             )
         flown, signals = found
         kept.append(flown)
+        place = mission_place(flown.parameters, recipe.given_current)
+        positions.append(mission_coordinates(signals, place))
         for name, values in signals.items():
             if name not in blocks:
                 blocks[name] = np.full((len(missions), recipe.plan.samples), np.nan, DTYPE)
             blocks[name][row, : len(values)] = values
+    for name in COORDINATES:
+        blocks[name] = padded(name, [one[name] for one in positions], recipe.plan.samples)
     target.write_shard(number, blocks)
     checkpoint.finish_shard(number, kept)
     return kept
@@ -120,6 +127,9 @@ def small_arrays(recipe: Recipe, missions: Sequence[FlownMission]) -> dict[str, 
             {"units": "1", "long_name": "attempts that failed before this one"},
         ),
     }
+    places = [mission_place(flown.parameters, recipe.given_current) for flown in missions]
+    for name, (_, values, said) in place_arrays(places).items():
+        small[name] = SmallArray(values, by_mission, said)
     for name, parameter in recipe.table.items():
         array = _parameter_array(recipe, name, parameter, missions, longest)
         if array is not None:

@@ -14,7 +14,7 @@ from factory.generation.shards import SENSOR_PREFIX, UNUSED_CODE
 from factory.recipe.distribution import Distribution, Fixed, Value, parse_distribution
 from factory.recipe.given_current import GivenCurrent, stored_current
 from factory.recipe.parameter import Parameter
-from factory.recipe.parameters import Table, parameter_table
+from factory.recipe.parameters import ADDED, Table, parameter_table
 from factory.recipe.sampling import Parameters
 from twin.errors import StoreError
 from twin.records.attributes import ATTEMPT, DURATION, FAILED_MISSIONS, SCENARIO, SENSORS, SETTINGS
@@ -42,7 +42,7 @@ class GeneratedStore(MissionStore):
             self._failed = json.loads(self.attributes[FAILED_MISSIONS])
             self.distributions: dict[str, Distribution] = {
                 name: parse_distribution(text, name)
-                for name, text in self.settings["distributions"].items()
+                for name, text in {**ADDED, **self.settings["distributions"]}.items()
             }
         except (KeyError, ValueError) as error:
             if SCENARIO in self.attributes:

@@ -25,6 +25,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.records.attributes import SIMULATED_ATTRIBUTES
+from twin.records.place import (
+    ATTRIBUTES,
+    COORDINATE_DTYPES,
+    COORDINATES,
+    DATETIME,
+    FLOWN,
+    NO_TIME,
+    PLACE,
+)
 from twin.records.schema import MISSION, TIME, VARIABLES
 
 if TYPE_CHECKING:
@@ -36,6 +45,9 @@ COMPRESSOR: Literal["zstd"] = "zstd"
 LEVEL = 1
 """Higher levels cost twice the time and gain a tenth of the size."""
 DTYPE = np.dtype("<f4")
+"""Of signals"""
+BESIDE = "coordinates"
+"""CF attribute that names what xarray makes coordinates"""
 METADATA = "zarr.json"
 PYTHON_PIPELINE = "zarr.core.codec_pipeline.BatchedCodecPipeline"
 RUST_PIPELINE = "zarrs.ZarrsCodecPipeline"
@@ -84,35 +96,37 @@ class ShardedStore:
         self._staging = staging
 
     @functools.cached_property
-    def _staged(self) -> dict[str, zarr.Array[Any]]:
-        """An array of the signals' kind in the staging folder, by codec pipeline."""
+    def _staged(self) -> dict[tuple[str, np.dtype[Any]], zarr.Array[Any]]:
+        """An array of each kind in the staging folder, by codec pipeline and type."""
         staged = {}
         for pipeline in {fast_pipeline(), PYTHON_PIPELINE}:
             with _pipeline(pipeline):
-                shutil.rmtree(self._staging, ignore_errors=True)  # of an earlier run
-                staged[pipeline] = self._signal(str(self._staging))
+                for kind in {DTYPE, *COORDINATE_DTYPES.values()}:
+                    shutil.rmtree(self._staging, ignore_errors=True)  # of an earlier run
+                    staged[pipeline, kind] = self._samples(str(self._staging), kind)
         return staged
 
     def prepare(self) -> None:
         """Get zarr ready, which takes a tenth of a second; `write_shard` else does it itself."""
         self._staged  # noqa: B018
 
-    def write_shard(self, number: int, signals: Mapping[str, NDArray[np.float32]]) -> None:
-        """Write shard `number` of every signal.
+    def write_shard(self, number: int, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Write shard `number` of every signal and coordinate.
 
         Args:
-          signals: by schema name, (missions of the shard, samples), padded with NaN.
+          arrays: signals by schema name and coordinates of `twin.records.place`, each
+            (missions of the shard, samples), padded with NaN or NO_TIME.
 
         Raises:
           OSError: the disk refuses.
         """
         first = number * shard_missions(self.missions)
-        for name, block in signals.items():
+        for name, block in arrays.items():
             # zarrs leaves out a chunk of nothing but the fill value, zarr-python keeps it as asked
-            unknown = bool(np.isnan(block).all(axis=1).any())
-            pipeline = PYTHON_PIPELINE if unknown else fast_pipeline()
+            filled = np.isnan(block) if block.dtype.kind == "f" else block == NO_TIME
+            pipeline = PYTHON_PIPELINE if filled.all(axis=1).any() else fast_pipeline()
             with _pipeline(pipeline), _told(self.path / name):
-                self._staged[pipeline][first : first + len(block)] = block
+                self._staged[pipeline, block.dtype][first : first + len(block)] = block
             target = self.path / name / "c" / str(number) / "0"
             target.parent.mkdir(parents=True, exist_ok=True)
             (self._staging / "c" / str(number) / "0").replace(target)
@@ -130,16 +144,24 @@ class ShardedStore:
                         (self.path / name / key).parent.mkdir(parents=True, exist_ok=True)
                         write_whole(self.path / name / key, buffer.to_bytes())
                 metadata[name] = _document(array, small.attributes)
-            signal = self._signal({})
+            there = [name for name in COORDINATES if self._has(name)]
+            for name in there:
+                own = FLOWN if name != DATETIME else {}
+                array = self._samples({}, COORDINATE_DTYPES[name])
+                metadata[name] = _document(array, {**ATTRIBUTES[name], **own})
+            signal = self._samples({}, DTYPE)
+        beside = {BESIDE: " ".join(there)} if there else {}
         for name, variable in VARIABLES.items():
-            if (self.path / name / "c").is_dir():
-                metadata[name] = _document(signal, variable.stored_attributes())
+            if self._has(name):
+                metadata[name] = _document(signal, {**variable.stored_attributes(), **beside})
+        starts = [name for name in PLACE if name in arrays]
+        beside = {BESIDE: " ".join(starts)} if starts else {}  # of no signal: of the store
         for name, document in metadata.items():
             write_whole(self.path / name / METADATA, _compact(document))
         group = {
             "zarr_format": 3,
             "node_type": "group",
-            "attributes": {**SIMULATED_ATTRIBUTES, **attributes},
+            "attributes": {**SIMULATED_ATTRIBUTES, **attributes, **beside},
             "consolidated_metadata": {
                 "kind": "inline",
                 "must_understand": False,
@@ -148,21 +170,25 @@ class ShardedStore:
         }
         write_whole(self.path / METADATA, _compact(group))
 
-    def _signal(self, store: Any) -> zarr.Array[Any]:
+    def _has(self, name: str) -> bool:
+        """Whether a shard of that array was written."""
+        return (self.path / name / "c").is_dir()
+
+    def _samples(self, store: Any, kind: np.dtype[Any]) -> zarr.Array[Any]:
         """A new array (mission, time) in a folder or in memory; its attributes come later."""
         import zarr
         from zarr.codecs import BloscCodec, BytesCodec, Crc32cCodec
 
         blosc = BloscCodec(
-            typesize=DTYPE.itemsize, cname=COMPRESSOR, clevel=LEVEL, shuffle="shuffle", blocksize=0
+            typesize=kind.itemsize, cname=COMPRESSOR, clevel=LEVEL, shuffle="shuffle", blocksize=0
         )
         return zarr.create_array(
             store,
             shape=(self.missions, self.samples),
             shards=(shard_missions(self.missions), self.samples),
             chunks=(1, self.samples),
-            dtype=DTYPE,
-            fill_value=np.nan,
+            dtype=kind,
+            fill_value=np.nan if kind.kind == "f" else int(NO_TIME),
             serializer=BytesCodec(),
             compressors=[blosc, Crc32cCodec()],
             dimension_names=(MISSION, TIME),

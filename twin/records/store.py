@@ -1,8 +1,9 @@
 """Store: missions in zarr, read and written with the schema; `xarray.open_zarr` just works.
 
 Layout: arrays (mission, time) in float32 with NaN padding, `n_samples(mission)`, `time` in
-seconds since each mission's start, `state(mission, time, state)` in float64 with MuJoCo's exact
-state, and attributes that say what the data are. The factory writes the same layout in bulk.
+seconds since each mission's start, `datetime`, `latitude` and `longitude` of each sample,
+`state(mission, time, state)` in float64 with MuJoCo's exact state, and attributes that say what the
+data are. The factory writes the same layout in bulk.
 """
 
 from __future__ import annotations
@@ -15,10 +16,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twin.errors import StoreError
 from twin.records.attributes import N_SAMPLES, SIMULATED_ATTRIBUTES, VERSION
-from twin.records.place import PLACE, place_arrays, read_place
+from twin.records.place import (
+    COORDINATES,
+    FLOWN,
+    NOMINAL,
+    PLACE,
+    flown_coordinates,
+    nominal_array,
+    padded,
+    place_arrays,
+    read_place,
+    sample_variables,
+)
 from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES, declare_stored
 from twin.records.sharded import METADATA
 from twin.records.trajectory import Trajectory
@@ -45,7 +58,8 @@ def mission_dataset(
     import xarray as xr
 
     longest = max(len(t.time) for t in trajectories)
-    coordinates = {
+    provenances = [t.provenance for t in trajectories]
+    coordinates: dict[str, Any] = {
         MISSION: (MISSION, np.arange(len(trajectories)), {"long_name": "mission index"}),
         TIME: (
             TIME,
@@ -57,10 +71,20 @@ def mission_dataset(
         N_SAMPLES: (
             MISSION,
             np.array([len(t.time) for t in trajectories], np.int32),
-            {"units": "1", "long_name": "samples of the mission; later ones are padding"},
+            {
+                "units": "1",
+                "long_name": "number of samples of the mission",
+                "comment": "later ones are padding",
+            },
         )
     }
-    variables.update(place_arrays([t.provenance for t in trajectories]))
+    variables |= nominal_array(provenances)
+    if places := place_arrays(provenances):
+        positions = [flown_coordinates(t.time, *_true_track(t), t.provenance) for t in trajectories]
+        samples = {
+            name: padded(name, [p[name] for p in positions], longest) for name in COORDINATES
+        }
+        coordinates |= sample_variables(samples, FLOWN, (MISSION, TIME)) | places
     for name, entry in VARIABLES.items():
         if not any(name in t.signals for t in trajectories):
             continue
@@ -82,12 +106,19 @@ def mission_dataset(
             COLUMNS: " ".join(trajectories[0].state_columns),
         },
     )
-    said = {n: value for n, value in (attributes or {}).items() if n not in PLACE}
+    said = {n: value for n, value in (attributes or {}).items() if n not in (*PLACE, NOMINAL)}
     dataset = xr.Dataset(variables, coordinates, {**SIMULATED_ATTRIBUTES, **said})
     for name in sorted({key for row in parameters or () for key in row}):
         values = np.array([row.get(name, np.nan) for row in parameters or ()])
         dataset[name] = (MISSION, values)
     return dataset
+
+
+def _true_track(trajectory: Trajectory) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """North and east [m], (time,); NaN where the trajectory was logged and nobody knows them."""
+    unknown = np.full(len(trajectory.time), np.nan)
+    north, east = (trajectory.signals.get(f"true_{name}", unknown) for name in ("north", "east"))
+    return north, east
 
 
 def _state_width(trajectories: Sequence[Trajectory]) -> int:
