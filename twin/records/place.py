@@ -40,6 +40,21 @@ MILLISECOND = 1e-3
 _DEGREE_STEPS = 2.0**24
 """Per degree: stored degrees are multiples of 6e-8, 7 mm; binary steps compress"""
 
+METHOD = "position_method"
+"""Array (mission) of stores of logs: how the positions of a row were found"""
+METHODS: Mapping[str, str] = {
+    "unknown": "no GPS fix",
+    "straight_line": "straight line between the GPS fixes",
+    "onboard_track": "the vehicle's own dead reckoning, corrected at the GPS fixes",
+    "depth_rate_and_pitch": "dead-reckoned by depth rate, pitch and heading, corrected at the "
+    "GPS fixes",
+}
+"""What the flags of it mean, in their order"""
+LOGGED = {
+    "comment": f"found as {METHOD} says; the misclosure at the GPS fixes is spread linearly in time"
+}
+"""Added to latitude and longitude of logs"""
+
 ATTRIBUTES: Mapping[str, Mapping[str, Any]] = {
     DATETIME: {
         "standard_name": "time",
@@ -108,8 +123,9 @@ def unix_milliseconds(start: float, time: Array) -> NDArray[np.int64]:
 
 def unix_seconds(moment: str | np.datetime64 | None) -> float:
     """Unix time [s] of a moment in UTC, ISO 8601; NaN for None."""
-    found = np.datetime64("NaT" if moment is None else moment, "us")
-    return float((found - _EPOCH) / np.timedelta64(1, "s"))
+    found: Any = moment
+    since = np.datetime64("NaT" if moment is None else found, "us") - _EPOCH
+    return float(since / np.timedelta64(1, "s"))
 
 
 def flown_coordinates(
@@ -198,6 +214,17 @@ def nominal_array(provenances: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "flag_meanings": " ".join(word.replace(" ", "_") for word in NOMINAL_WORDS),
     }
     return {NOMINAL: (MISSION, np.array(flags, np.int8), attributes)}
+
+
+def method_array(methods: Sequence[str]) -> Any:
+    """The array (mission) of the words of METHODS."""
+    attributes = {
+        "long_name": "method of the positions",
+        "comment": "; ".join(f"{word}: {meaning}" for word, meaning in METHODS.items()),
+        "flag_values": np.arange(len(METHODS), dtype=np.int8),
+        "flag_meanings": " ".join(METHODS),
+    }
+    return MISSION, np.array([[*METHODS].index(word) for word in methods], np.int8), attributes
 
 
 def read_place(one: xr.Dataset) -> dict[str, float | str]:

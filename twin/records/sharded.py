@@ -99,9 +99,10 @@ class ShardedStore:
     def _staged(self) -> dict[tuple[str, np.dtype[Any]], zarr.Array[Any]]:
         """An array of each kind in the staging folder, by codec pipeline and type."""
         staged = {}
+        kinds: set[np.dtype[Any]] = {DTYPE, *COORDINATE_DTYPES.values()}
         for pipeline in {fast_pipeline(), PYTHON_PIPELINE}:
             with _pipeline(pipeline):
-                for kind in {DTYPE, *COORDINATE_DTYPES.values()}:
+                for kind in kinds:
                     shutil.rmtree(self._staging, ignore_errors=True)  # of an earlier run
                     staged[pipeline, kind] = self._samples(str(self._staging), kind)
         return staged

@@ -13,7 +13,7 @@ import shutil
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -211,8 +211,12 @@ def read_attributes(path: str | Path) -> dict[str, Any]:
     return attributes
 
 
-def open_store(path: str | Path) -> xr.Dataset:
+def open_store(path: str | Path, *, chunks: Literal["auto"] | None = "auto") -> xr.Dataset:
     """Open a store lazily.
+
+    Args:
+      chunks: "auto" makes dask's arrays of the store's own chunks where dask is installed; None
+        never does, and reads each array when it is asked for.
 
     Raises:
       StoreError: missing, not a store of this schema, or written by a newer version.
@@ -243,7 +247,7 @@ def open_store(path: str | Path) -> xr.Dataset:
             f"{SCHEMA_VERSION}; upgrade glider-twin"
         )
     try:
-        dataset = xr.open_zarr(path, consolidated=None)
+        dataset = xr.open_zarr(path, consolidated=None, chunks=chunks)
     except Exception as error:
         raise StoreError(f"store {path} cannot be read: {' '.join(str(error).split())}") from error
     declare_signals(dataset)
@@ -283,7 +287,7 @@ def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
       StoreError: as `open_store`, there is no such mission (the range is named), or the store is
         damaged: an array is gone, cannot be decoded or has gaps where samples must be.
     """
-    dataset = open_store(path)
+    dataset = open_store(path, chunks=None)
     count = dataset.sizes.get(MISSION, 0)
     if not 0 <= mission < count:
         raise StoreError(f"store {path} has missions 0 to {count - 1}, not {mission}")
