@@ -12,8 +12,9 @@ import json
 import shutil
 import warnings
 from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -211,12 +212,12 @@ def read_attributes(path: str | Path) -> dict[str, Any]:
     return attributes
 
 
-def open_store(path: str | Path, *, chunks: Literal["auto"] | None = "auto") -> xr.Dataset:
+def open_store(path: str | Path, *, dask: bool = True) -> xr.Dataset:
     """Open a store lazily.
 
     Args:
-      chunks: "auto" makes dask's arrays of the store's own chunks where dask is installed; None
-        never does, and reads each array when it is asked for.
+      dask: whether its arrays are dask's, in chunks of the store's own, where that is installed;
+        else an array is read when it is asked for.
 
     Raises:
       StoreError: missing, not a store of this schema, or written by a newer version.
@@ -246,6 +247,7 @@ def open_store(path: str | Path, *, chunks: Literal["auto"] | None = "auto") -> 
             f"store {path} has schema version {version}, this program reads up to "
             f"{SCHEMA_VERSION}; upgrade glider-twin"
         )
+    chunks: dict[str, int] | None = {} if dask and find_spec("dask") is not None else None
     try:
         dataset = xr.open_zarr(path, consolidated=None, chunks=chunks)
     except Exception as error:
@@ -287,7 +289,7 @@ def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
       StoreError: as `open_store`, there is no such mission (the range is named), or the store is
         damaged: an array is gone, cannot be decoded or has gaps where samples must be.
     """
-    dataset = open_store(path, chunks=None)
+    dataset = open_store(path, dask=False)
     count = dataset.sizes.get(MISSION, 0)
     if not 0 <= mission < count:
         raise StoreError(f"store {path} has missions 0 to {count - 1}, not {mission}")
