@@ -16,12 +16,13 @@ import numcodecs
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.flight.mission_place import mission_coordinates, mission_place
 from factory.generation.attempts import fly_mission
 from factory.generation.bookkeeping import rows
 from factory.generation.flown_mission import FlownMission
 from factory.generation.job import ALONE, Job
 from factory.generation.manifest import Manifest, all_there, leave_manifest, read_manifest
-from factory.recipe.recipe import versions
+from factory.recipe.recipe import Recipe, versions
 from twin.errors import StoreError
 from twin.physics.quiet import quiet_mujoco
 from twin.records.checksums import file_sum
@@ -59,8 +60,7 @@ def _fly_block(job: Job, number: int) -> BlockDone:
     flown: list[FlownMission] = []
     signals: list[Signals] = []
     for mission in job.layout.missions_of_block(number):
-        with quiet_mujoco():  # an unstable mission is recorded with its parameters instead
-            one, measured = fly_mission(recipe, mission)
+        one, measured = fly_whole(recipe, mission)
         flown.append(one)
         signals.append(measured)
     data = pack(flown, signals, rows(recipe, flown))
@@ -75,6 +75,14 @@ def _fly_block(job: Job, number: int) -> BlockDone:
     )
     leave_manifest(site.files, site.block_manifest(number), manifest)
     return BlockDone(number, tuple(len(one.failures) for one in flown))
+
+
+def fly_whole(recipe: Recipe, mission: int) -> tuple[FlownMission, Signals]:
+    """Fly a mission; all that a store has of it with (mission, time)."""
+    with quiet_mujoco():  # an unstable mission is recorded and replaced instead
+        one, measured = fly_mission(recipe, mission)
+    place = mission_place(one.parameters, recipe.given_current)
+    return one, {**measured, **mission_coordinates(measured, place)}
 
 
 def block_manifest(job: Job, number: int) -> Manifest | None:

@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.flight.mission_place import mission_place
 from factory.generation.flown_mission import FlownMission
 from factory.recipe.distribution import Choice, Fixed, Value
 from factory.recipe.kinds import kinds_for
 from factory.recipe.recipe import Recipe
 from twin.records import attributes as names
+from twin.records.place import ATTRIBUTES, PLACE, place_arrays
 from twin.records.schema import MISSION
 from twin.records.sharded import flag_attributes
 
@@ -76,6 +78,8 @@ def columns(recipe: Recipe) -> list[Column]:
             empty=0,
         ),
     ]
+    for name in PLACE:
+        found.append(Column(name=name, attributes=ATTRIBUTES[name], empty=np.nan))
     for name in _parameters(recipe):
         found.append(_parameter_column(recipe, name))
     for name, unit in recipe.suite.drawn_units().items():
@@ -97,6 +101,8 @@ def rows(recipe: Recipe, missions: Sequence[FlownMission]) -> dict[str, NDArray[
         names.N_SAMPLES: np.array([flown.samples for flown in missions], np.int32),
         names.ATTEMPT: np.array([flown.attempt for flown in missions], np.int16),
     }
+    places = [mission_place(flown.parameters, recipe.given_current) for flown in missions]
+    made |= {name: values for name, (_, values, _) in place_arrays(places).items()}
     longest = max(len(flown.parameters.segments) for flown in missions)
     for name in _parameters(recipe):
         parameter, words = recipe.table[name], option_names(recipe, name)

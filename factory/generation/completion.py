@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,8 +19,16 @@ from twin.physics.scenario import SAMPLE_PERIOD
 from twin.records import attributes as names
 from twin.records.attributes import SPLITS
 from twin.records.checksums import FileSum
+from twin.records.place import (
+    ATTRIBUTES,
+    COORDINATE_DTYPES,
+    COORDINATES,
+    DATETIME,
+    FLOWN,
+    PLACE,
+)
 from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.sharded import DTYPE, ArrayMeta, flag_attributes
+from twin.records.sharded import BESIDE, DTYPE, ArrayMeta, flag_attributes
 from twin.version import __version__
 
 RECIPE_COPY = "recipe/zarr.json"
@@ -64,11 +72,15 @@ def complete(job: Job) -> tuple[dict[str, FileSum], int]:
         for name, number, values, meta in part:
             key, written = target.write_rows(name, number, values, meta.shape[0], meta.dimensions)
             files[key], arrays[name] = written, meta
-    signals = {
-        name: (DTYPE, variable.stored_attributes())
+    beside = {BESIDE: " ".join(COORDINATES)}
+    signals: dict[str, tuple[np.dtype[Any], Mapping[str, Any]]] = {
+        name: (DTYPE, {**variable.stored_attributes(), **beside})
         for name, variable in VARIABLES.items()
         if name in found.signals
     }
+    for name in COORDINATES:
+        said = {} if name == DATETIME else FLOWN
+        signals[name] = (COORDINATE_DTYPES[name], {**ATTRIBUTES[name], **said})
     document = {"zarr_format": 3, "node_type": "group", "attributes": recipe.document()}
     files[RECIPE_COPY] = job.site.tree.put(RECIPE_COPY, json.dumps(document).encode())
     files |= target.finish(signals, arrays, store_attributes(recipe))
@@ -175,5 +187,6 @@ def store_attributes(recipe: Recipe) -> dict[str, Any]:
         names.VEHICLE_MJCF: recipe.vehicle.xml,
         names.VEHICLE_SHA256: sha256(recipe.vehicle.xml),
         names.RECIPE: recipe.digest,
+        BESIDE: " ".join(PLACE),  # of no signal: of the store
         names.HISTORY: f"factory generate of glider-twin {__version__}, recipe {recipe.digest}",
     }

@@ -20,7 +20,7 @@ import zarr
 from numpy.typing import NDArray
 
 from factory.generation.assembly import leave_shard, open_tree
-from factory.generation.attempts import fly_mission
+from factory.generation.block import Signals, fly_whole
 from factory.generation.bookkeeping import rows
 from factory.generation.completion import (
     FAILED_ATTEMPT,
@@ -39,11 +39,11 @@ from factory.recipe.plan import samples_in
 from factory.recipe.recipe import Recipe, read_recipe
 from factory.recipe.sampling import sensor_seed
 from twin.errors import StoreError
-from twin.physics.quiet import quiet_mujoco
 from twin.records import attributes as names
 from twin.records.checksums import FileSum, damaged_files, has_checksums, read_checksums
+from twin.records.place import COORDINATE_DTYPES, COORDINATES
 from twin.records.schema import VARIABLES
-from twin.records.sharded import DTYPE, METADATA
+from twin.records.sharded import DTYPE, METADATA, fill_value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +86,7 @@ class _Wreck:
 
     def __init__(self, job: Job, path: Path, damaged: set[str]):
         self.job, self.path, self.damaged = job, path, damaged
-        self.flown: dict[int, tuple[FlownMission, dict[str, NDArray[np.float32]]]] = {}
+        self.flown: dict[int, tuple[FlownMission, Signals]] = {}
         try:
             self.sums: dict[str, FileSum] | None = read_checksums(path)
         except StoreError:
@@ -104,11 +104,12 @@ class _Wreck:
                     _link(self.path / key, site.folder / "tree" / key)
                     files[key] = self.sums[key]
                     continue
-                values = np.full((len(missions), target.samples), np.nan, DTYPE)
+                kind = COORDINATE_DTYPES.get(name, DTYPE)
+                values = np.full((len(missions), target.samples), fill_value(kind), kind)
                 for row, mission in enumerate(missions):
                     found = self._row(name, mission)
                     if found is None:
-                        signal = self._fly(mission)[1].get(name, np.zeros(0, DTYPE))
+                        signal = self._fly(mission)[1].get(name, np.zeros(0, kind))
                         values[row, : len(signal)] = signal
                     else:
                         values[row] = found
@@ -135,12 +136,11 @@ class _Wreck:
         )
         end = f"/c/{shard}/0"
         found = [key.removesuffix(end) for key in keys if key.endswith(end)]
-        return [name for name in found if name in VARIABLES]
+        return [name for name in found if name in VARIABLES or name in COORDINATES]
 
-    def _fly(self, mission: int) -> tuple[FlownMission, dict[str, NDArray[np.float32]]]:
+    def _fly(self, mission: int) -> tuple[FlownMission, Signals]:
         if mission not in self.flown:
-            with quiet_mujoco():
-                self.flown[mission] = fly_mission(self.job.ready(), mission)
+            self.flown[mission] = fly_whole(self.job.ready(), mission)
         return self.flown[mission]
 
     def _mission(self, mission: int) -> FlownMission:
@@ -181,7 +181,7 @@ class _Wreck:
             return None
         return np.asarray(zarr.open_array(self.path / name, mode="r")[...])
 
-    def _row(self, name: str, mission: int) -> NDArray[np.float32] | None:
+    def _row(self, name: str, mission: int) -> NDArray[Any] | None:
         """A signal of a mission, padding included; None where it cannot be decoded."""
         if f"{name}/{METADATA}" in self.damaged:
             return None

@@ -90,8 +90,7 @@ def _draw_map(axes: Axes, logs: LogStore, missions: list[int]) -> None:
             mew=1.2, ls="none", label=label, zorder=4,
         )  # fmt: skip
     axes.plot([], [], color=DIVE, lw=0.8, ls=(0, (3, 2)), label="dive, fix to fix")
-    if any(logs.positions(k)[2] == "on-board track" for k in missions):
-        axes.plot([], [], color=style.GUIDE, lw=0.8, label="on-board track")
+    axes.plot([], [], color=style.GUIDE, lw=0.8, label="dive, corrected at the fixes")
     middle = float(np.mean(places[known, 0]))
     axes.set_aspect(1.0 / np.cos(np.radians(middle)), adjustable="datalim")
     axes.margins(0.08)

@@ -22,7 +22,7 @@ from factory.generation.flown_mission import FailedAttempt
 from factory.recipe.distribution import Distribution, Fixed, Value, parse_distribution
 from factory.recipe.given_current import GivenCurrent, stored_current
 from factory.recipe.parameter import Parameter
-from factory.recipe.parameters import Table, parameter_table
+from factory.recipe.parameters import ADDED, Table, parameter_table
 from factory.recipe.recipe import Recipe, read_recipe
 from factory.recipe.sampling import Parameters
 from twin.errors import StoreError
@@ -67,7 +67,7 @@ class GeneratedStore(MissionStore):
             self._failed = json.loads(self.attributes.get(FAILED_MISSIONS, "[]"))
             self.distributions: dict[str, Distribution] = {
                 name: parse_distribution(text, name)
-                for name, text in self.settings["distributions"].items()
+                for name, text in {**ADDED, **self.settings["distributions"]}.items()
             }
         except (KeyError, ValueError) as error:
             if SCENARIO in self.attributes:
@@ -122,8 +122,9 @@ class GeneratedStore(MissionStore):
         Raises:
           StoreError: it is damaged, or this program would make another store of it.
         """
+        known = {**ADDED, **self.settings["distributions"]}
         document = {
-            SETTINGS: self.settings,
+            SETTINGS: {**self.settings, "distributions": known},
             CHANGES: self.json(CHANGES),
             VEHICLE_MJCF: self.attributes[VEHICLE_MJCF],
         }

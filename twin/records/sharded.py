@@ -34,6 +34,9 @@ COMPRESSOR: Literal["zstd"] = "zstd"
 LEVEL = 1
 """Higher levels cost twice the time and gain a tenth of the size."""
 DTYPE = np.dtype("<f4")
+"""Of signals"""
+BESIDE = "coordinates"
+"""CF attribute that names what xarray makes coordinates"""
 METADATA = "zarr.json"
 TEXT = "T"
 """Kind of numpy's type of strings."""
