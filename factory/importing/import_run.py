@@ -92,7 +92,7 @@ def import_logs(
         held=importer.held,
         lacks=importer.lacks,
     )
-    said = _beside(paths)
+    said = _beside(paths) or (logs[0].said if len(logs) == 1 else None)
     if said is not None:
         dataset.attrs[DEPLOYMENT_METADATA] = said
     return dataset, report
