@@ -62,6 +62,11 @@ def on_grid(
     """
     signals: dict[str, Array] = {}
     for name, channel in log.channels.items():
+        if log.gridded and (name in WATER or (name in VARIABLES and VARIABLES[name].gaps)):
+            values = _close(channel, times, _step(log, period))
+            if np.isfinite(values).any():
+                signals[name] = values
+            continue
         if name in HELD | KNOWN_FROM:
             if channel.time[0] <= times[-1]:
                 signals[name] = _hold(channel, times)
@@ -82,9 +87,7 @@ def on_grid(
             values = np.mod(np.interp(times, near.time, turned), 360.0)
         else:
             values = near.at(times)
-            if log.gridded and (name in WATER or VARIABLES[name].gaps):
-                values = np.where(_distance(near, times) <= _step(log, period), values, np.nan)
-            elif name in WATER:
+            if name in WATER:
                 values = np.where(_distance(near, times) <= WATER_GAP, values, np.nan)
             elif name in VARIABLES and VARIABLES[name].gaps:
                 values = np.where(_bridged(near, times), values, np.nan)
