@@ -12,7 +12,7 @@ from typing import Any
 
 from factory.exporting.og1.metadata import INSTRUMENTS
 from factory.exporting.og1.terms import NOT_LOGGED, ON_A_GRID
-from factory.importing.reading.netcdf import text_of
+from factory.importing.reading.netcdf import attributes_of, text_of
 
 PEOPLE = frozenset(
     {
@@ -56,13 +56,14 @@ def deployment_words(file: Any, deployment: str) -> str | None:
             said[name] = value
     devices = {}
     for sensor, words in INSTRUMENTS.items():
-        variable = next((v for n, v in file.variables.items() if n.startswith(sensor)), None)
-        if variable is None:
+        named = next((n for n in file.variables if n.startswith(sensor)), None)
+        if named is None:
             continue
+        described = attributes_of(file.variables[named])
         found = {
-            ours: str(variable.getncattr(theirs))
+            ours: str(described[theirs])
             for theirs, ours in _DEVICE.items()
-            if theirs in variable.ncattrs() and str(variable.getncattr(theirs)) not in _NOTHING
+            if theirs in described and str(described[theirs]) not in _NOTHING
         }
         if set(found) - {"long_name"}:
             devices[words[0]] = found
