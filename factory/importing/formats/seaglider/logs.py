@@ -120,8 +120,12 @@ def read_seaglider(
         glider.payload.append(found.payload)
         glider.units |= found.units
         glider.files.append(path.name)
-    for glider in gliders.values():
-        if not glider.samples:
+    sampled = {name for glider in gliders.values() if glider.samples for name in glider.files}
+    for glider in list(gliders.values()):
+        if not glider.samples and set(glider.files) <= sampled:
+            tally.add("left out", glider.name, 1, f"in {glider.files[0]}: no samples of that name")
+            del gliders[glider.name]
+        elif not glider.samples:
             raise InputError(
                 f"{', '.join(glider.files)}: dives of {glider.name} without its table of samples; "
                 f"samples are there of {_others(gliders) or 'no glider'}"
