@@ -59,7 +59,7 @@ def read_table(path: Path) -> Table:
     """
     if path.stat().st_size == 0:
         raise InputError(f"{path} is empty")
-    if path.suffix == ".parquet":
+    if path.suffix.lower() == ".parquet":
         return _parquet(path)
     return _csv(path)
 
@@ -95,7 +95,7 @@ def _parquet(path: Path) -> Table:
 
 def column_names(path: Path) -> list[str]:
     """Names of the columns of a csv, csv.gz or parquet file. Errors as `read_table`."""
-    if path.suffix == ".parquet":
+    if path.suffix.lower() == ".parquet":
         with _opened_parquet(path) as parquet:
             return [str(name) for name in parquet.schema_arrow.names]
     try:
@@ -110,8 +110,11 @@ _UNREADABLE = (OSError, EOFError, zlib.error)
 
 
 def _opened(path: Path) -> TextIO:
-    opener: Any = gzip.open if path.suffix == ".gz" else open
-    file: TextIO = opener(path, "rt", newline="", encoding="utf-8-sig", errors="replace")
+    opener: Any = gzip.open if path.suffix.lower() == ".gz" else open
+    with opener(path, "rb") as binary:
+        wide = binary.read(2) in (b"\xff\xfe", b"\xfe\xff")  # as spreadsheets write "Unicode text"
+    encoding = "utf-16" if wide else "utf-8-sig"
+    file: TextIO = opener(path, "rt", newline="", encoding=encoding, errors="replace")
     return file
 
 
@@ -151,6 +154,9 @@ def _csv(path: Path) -> Table:
         raise InputError(
             f"{path}: row {beyond[0] + 1} of the values has more cells than the header has names"
         )
+    # files that were put together behind each other have their line of names again
+    again = (frame[list(range(len(names)))] == names).all(axis=1)
+    frame = frame[~again]
     columns: dict[str, Array] = {}
     texts: dict[str, NDArray[Any]] = {}
     for k, name in enumerate(names):
@@ -158,11 +164,17 @@ def _csv(path: Path) -> Table:
             continue
         words = frame[k].str.strip()
         numbers = _numbers(words)
+        if numbers is None and delimiter != ",":
+            numbers = _numbers(words.str.replace(_DECIMAL_COMMA, r"\1.\2", regex=True))
         if numbers is None:
             texts[name] = words.to_numpy(object)
         else:
             columns[name] = numbers
     return Table(path, columns, texts)
+
+
+_DECIMAL_COMMA = r"^([-+]?\d*),(\d+(?:[eE][-+]?\d+)?)$"
+"""As many countries write numbers."""
 
 
 def _numbers(words: pd.Series[str]) -> Array | None:
@@ -195,6 +207,7 @@ def parse_stamps(words: NDArray[Any]) -> Array:
 
 
 def _stamp(word: str) -> float:
+    word = word.removesuffix("UTC").removesuffix("GMT").rstrip()
     try:
         moment = datetime.fromisoformat(word)
     except ValueError:
