@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,6 +15,7 @@ from factory.recipe.given_current import GivenCurrent, stored_current
 from factory.recipe.parameter import Parameter
 from factory.recipe.parameters import Table, parameter_table
 from factory.recipe.sampling import Parameters
+from twin.bounded import parse_json
 from twin.errors import StoreError
 from twin.records.attributes import ATTEMPT, DURATION, FAILED_MISSIONS, SCENARIO, SENSORS, SETTINGS
 from twin.records.logs import LogStore
@@ -38,13 +38,13 @@ class GeneratedStore(MissionStore):
                 "`factory verify` checks them"
             )
         try:
-            self.settings: dict[str, Any] = json.loads(self.attributes[SETTINGS])
-            self._failed = json.loads(self.attributes[FAILED_MISSIONS])
+            self.settings: dict[str, Any] = parse_json(self.attributes[SETTINGS], SETTINGS)
+            self._failed = parse_json(self.attributes[FAILED_MISSIONS], FAILED_MISSIONS)
             self.distributions: dict[str, Distribution] = {
                 name: parse_distribution(text, name)
                 for name, text in self.settings["distributions"].items()
             }
-        except (KeyError, ValueError) as error:
+        except (KeyError, TypeError, AttributeError, ValueError) as error:
             if SCENARIO in self.attributes:
                 raise StoreError(
                     f"store {self.path} is a mission of `twin simulate`; `twin plot` and `twin "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NoReturn
 
 from twin.errors import MissionError, unknown_name
 
@@ -13,7 +13,7 @@ MAX_PITCH_DEG = 60.0
 """[deg] pitch below this: heading and roll lose their meaning as the hull stands up."""
 
 
-def fail(label: str, field: str, value: object, rule: str) -> None:
+def fail(label: str, field: str, value: object, rule: str) -> NoReturn:
     """Raise the MissionError that every field check raises."""
     raise MissionError(f"{label}: {field} = {value!r} is not possible: give {rule}")
 
@@ -22,7 +22,12 @@ def number(label: str, field: str, value: object) -> float:
     """`value` as a finite float; True and "3" are not numbers here."""
     if isinstance(value, bool) or not hasattr(value, "__float__"):
         fail(label, field, value, "a number")
-    result = float(value)  # type: ignore[arg-type]
+    try:
+        result = float(value)
+    except (TypeError, ValueError):  # an array, say
+        fail(label, field, value, "a number")
+    except OverflowError:  # a whole number with hundreds of digits
+        result = math.inf
     if not math.isfinite(result):
         fail(label, field, value, "a finite number")
     return result

@@ -7,7 +7,6 @@ state, and attributes that say what the data are. The factory writes the same la
 
 from __future__ import annotations
 
-import json
 import shutil
 import warnings
 from collections.abc import Mapping, Sequence
@@ -16,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.errors import StoreError
+from twin.bounded import check_dataset, parse_json
+from twin.errors import InputError, StoreError
 from twin.records.attributes import N_SAMPLES, SIMULATED_ATTRIBUTES, VERSION
 from twin.records.place import PLACE, place_arrays, read_place
 from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES, declare_stored
@@ -172,8 +172,9 @@ def read_attributes(path: str | Path) -> dict[str, Any]:
       StoreError: its metadata cannot be read.
     """
     try:
-        attributes: dict[str, Any] = json.loads((Path(path) / METADATA).read_bytes())["attributes"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        metadata = parse_json((Path(path) / METADATA).read_bytes(), METADATA)
+        attributes: dict[str, Any] = metadata["attributes"]
+    except (OSError, InputError, KeyError, TypeError) as error:
         raise StoreError(
             f"store {path} is damaged: its {METADATA} cannot be read ({error}); make it again"
         ) from error
@@ -215,6 +216,7 @@ def open_store(path: str | Path) -> xr.Dataset:
         dataset = xr.open_zarr(path, consolidated=None)
     except Exception as error:
         raise StoreError(f"store {path} cannot be read: {' '.join(str(error).split())}") from error
+    check_dataset(dataset, path, f"store {path}", StoreError)
     declare_signals(dataset)
     return dataset
 

@@ -16,10 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.bounded import read_text
 from twin.errors import VehicleError, unknown_name
 from twin.frames import flip_vector
 from twin.vehicle.assembly import read_masses, read_parts, read_steering
 from twin.vehicle.assets import assets_folder
+from twin.vehicle.file_limits import MOST_XML
 from twin.vehicle.laws import LAWS, FlowFrame, HullLaw
 from twin.vehicle.mjcf import USER, MjcfReader
 from twin.vehicle.moving_mass import MovingMass
@@ -418,10 +420,7 @@ def load_vehicle(vehicle: str | Path = "glider") -> Vehicle:
 
 
 def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise VehicleError(f"cannot read vehicle file {path}: {error}") from error
+    return read_text(path, "vehicle file", VehicleError, most=MOST_XML)
 
 
 def _unknown_vehicle(name: str) -> str:

@@ -6,6 +6,7 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from twin.bounded import read_text
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,10 +29,7 @@ def read_table_file(path: Path, what: str, error: type[InputError] = InputError)
     """
     import pandas as pd
 
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as cause:
-        raise error(f"cannot read the {what} {path}: {cause}") from cause
+    text = read_text(path, f"the {what}", error)
     lines = {
         number: line
         for number, line in enumerate(text.splitlines(), start=1)
