@@ -206,7 +206,8 @@ def test_what_is_declared_may_be_large_where_the_file_is():
     "pattern",
     [
         "(a+)+$", "(a|a)*$", "(?:a*)*", "(a{1,9}){1,9}", "([a-z]+)*", r"(\w+\s?)+", "a*a*a*a*b",
-        "a?" * 30 + "a" * 30, "(?P<d>x+){2,}", "(a*)?" * 4, "a{1,200}" * 3, "(?=(a+))+", "[]a]*[^]]*[x]*b",
+        "a?" * 30 + "a" * 30, "(?P<d>x+){2,}", "(a*)?" * 4, "a{1,200}" * 3, "(?=(a+))+",
+        "[]a]*[^]]*[x]*b",
     ],
 )  # fmt: skip
 def test_a_pattern_that_could_take_without_end_is_refused(pattern):

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any, NoReturn
 
 from twin.errors import MissionError, unknown_name
+from twin.numbers import number as as_number
 
 MAX_PITCH_DEG = 60.0
 """[deg] pitch below this: heading and roll lose their meaning as the hull stands up."""
@@ -20,14 +21,10 @@ def fail(label: str, field: str, value: object, rule: str) -> NoReturn:
 
 def number(label: str, field: str, value: object) -> float:
     """`value` as a finite float; True and "3" are not numbers here."""
-    if isinstance(value, bool) or not hasattr(value, "__float__"):
-        fail(label, field, value, "a number")
     try:
-        result = float(value)
-    except (TypeError, ValueError):  # an array, say
+        result = as_number(value, field, MissionError)
+    except MissionError:
         fail(label, field, value, "a number")
-    except OverflowError:  # a whole number with hundreds of digits
-        result = math.inf
     if not math.isfinite(result):
         fail(label, field, value, "a finite number")
     return result

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,9 @@ CONTROLS = ("pitch", "heading", "buoyancy", "speed", "trim")
 
 USUAL_GLIDE = (math.radians(30.0), 0.3)
 """[rad], [kg] of vehicles whose files do not say: the Sea-Wing's"""
+
+LEVEL = 1e-6
+"""[m] that rounding may put the centre of gravity above the centre of buoyancy"""
 
 IDENTIFIED = ("hull_and_water", "sensor_errors", "identification", "pump_position")
 """Names of what `twin identify` writes into a vehicle file for itself"""
@@ -212,6 +216,12 @@ class Vehicle:
                 f"{', '.join(self.part_names) or 'none'}"
             )
         return part
+
+    @property
+    def metacentric_height(self) -> float:
+        """[m] of the CB above the CG with the moving masses hanging down; negative: it turns over"""
+        moments = self.static_mass * float(self.static_cg[2])
+        return (moments + sum(m.mass * m.eccentricity for m in self.masses)) / self.mass
 
     # --- parts ------------------------------------------------------------------------------------
 
@@ -507,6 +517,15 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         },
     )
     _refuse_unknown(reader)
+    if vehicle.metacentric_height < -LEVEL:
+        warnings.warn(
+            f"vehicle {vehicle.name!r} ({path}): its centre of gravity is "
+            f"{-1e3 * vehicle.metacentric_height:.2g} mm above its centre of buoyancy, so that it "
+            "turns over at rest; vehicles have it some millimetres below (<inertial pos> of body "
+            "'hull', the place of the moving mass)",
+            RuntimeWarning,
+            stacklevel=2,
+        )
     return vehicle
 
 
