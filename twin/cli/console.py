@@ -123,8 +123,11 @@ class Console:
 
 
 def discard(stream: IO[str]) -> None:
-    # `twin ... | head` closes the pipe early. The work itself must still come to its end, and the
-    # interpreter's own flush at exit must not fail, so what is still said goes nowhere.
+    """Let what is still said go nowhere.
+
+    `twin ... | head` closes the pipe early. The work itself must still come to its end, and the
+    interpreter's own flush at exit must not fail.
+    """
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
     os.close(nowhere)

@@ -219,7 +219,7 @@ class Vehicle:
 
     @property
     def metacentric_height(self) -> float:
-        """[m] of the CB above the CG with the moving masses hanging down; negative: it turns over"""
+        """[m], CB above CG with the moving masses hanging down; negative: it turns over."""
         moments = self.static_mass * float(self.static_cg[2])
         return (moments + sum(m.mass * m.eccentricity for m in self.masses)) / self.mass
 

@@ -51,9 +51,13 @@ def read_table_file(path: Path, what: str, error: type[InputError] = InputError)
             raise error(
                 f"{what} {path} row {number}: {line.count(',') + 1} values, the header has {width}"
             )
-    frame = pd.read_csv(
-        io.StringIO("\n".join(lines.values())), header=None, dtype=str, na_filter=False
-    )
+    try:
+        frame = pd.read_csv(
+            io.StringIO("\n".join(lines.values())), header=None, dtype=str, na_filter=False
+        )
+    except ValueError as cause:  # a quote that does not end
+        why = " ".join(str(cause).split())
+        raise error(f"{what} {path} is not a table of cells: {why}") from cause
     frame = frame.apply(lambda column: column.str.strip())
     frame.columns = pd.Index(frame.iloc[0])
     frame = frame.iloc[1:]

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from twin.errors import FloorError, unknown_name
-from twin.water.current.axes import AXIS_NAMES, LATITUDE_UNITS, LONGITUDE_UNITS
 from twin.numbers import number
+from twin.water.current.axes import AXIS_NAMES, LATITUDE_UNITS, LONGITUDE_UNITS
 from twin.water.current.origin import Origin
 from twin.water.floor.base import LARGEST, SPEED, Array, Floor
 from twin.water.floor.grid import check_depths
