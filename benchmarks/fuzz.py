@@ -290,7 +290,8 @@ TAGS = ("<include file='x.xml'/>", "<replicate count='9999999'>", "<body>", "</b
         "name=", "mass='-1'", "mass='nan'", "data='1 2'", "0 0 0", "<geom/>",
         "<joint/>", "general")  # fmt: skip
 START_BYTES = (
-    b"", b"dbd_label: a\nnum_sensors: 9\n", b"CDF\x01", b"\x89HDF\r\n\x1a\n", b"PK\x03\x04", b"PAR1",
+    b"", b"dbd_label: a\nnum_sensors: 9\n", b"CDF\x01",
+    b"\x89HDF\r\n\x1a\n", b"PK\x03\x04", b"PAR1",
     b"\x1f\x8b\x08", b"a,b\n1,2\n", b"time;lat\n", b"\xef\xbb\xbfa,b\n",
 )  # fmt: skip
 
@@ -403,7 +404,7 @@ def explore(name: str, *, cases: int, seconds: float, start: int) -> dict[str, i
 
     @seed(start)
     @settings(
-        max_examples=cases, deadline=None, database=None, report_multiple_bugs=False, 
+        max_examples=cases, deadline=None, database=None, report_multiple_bugs=False,
         phases=[Phase.generate, Phase.shrink],
         suppress_health_check=list(HealthCheck),
     )  # fmt: skip
