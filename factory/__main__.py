@@ -14,6 +14,11 @@ PROGRAM = Program(
             loader="factory.commands.generate:Generate",
         ),
         Command(
+            name="finish",
+            summary="complete a store that was made in parts, or say which are missing",
+            loader="factory.commands.finish:Finish",
+        ),
+        Command(
             name="info",
             summary="what a store holds: preset, missions, splits, drawn values, failures",
             loader="factory.commands.info:Info",

@@ -9,7 +9,7 @@ import numpy as np
 from factory.flight.fly import fly
 from factory.generation.attempts import REPLACED, reason
 from factory.recipe.recipe import differences, versions
-from factory.recipe.sampling import Parameters, sensor_seed
+from factory.recipe.sampling import sensor_seed
 from factory.stores.generated import GeneratedStore
 from twin.errors import StoreError
 from twin.physics.quiet import quiet_mujoco
@@ -105,12 +105,8 @@ def replay_failure(run: GeneratedStore, mission: int, attempt: int) -> tuple[str
             f"mission (attempt): {listing}"
         )
     failure = known[mission, attempt]
-    parameters = Parameters(
-        duration_s=float(run.array("duration")[mission]),
-        values=failure.values,
-        segments=failure.segments,
-    )
     try:
+        parameters = run.recipe.parameters(mission, attempt)
         seed = sensor_seed(run.seed, mission, attempt)
         with quiet_mujoco():
             fly(parameters, run.vehicle, run.suite, seed, current=run.given_current)

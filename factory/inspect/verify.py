@@ -31,7 +31,6 @@ from twin.records.attributes import (
 from twin.records.limits import simulated_limits
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.sharded import SHARD_MISSIONS
 
 Array = NDArray[np.float64]
 Block = Mapping[str, NDArray[np.float32]]
@@ -44,6 +43,8 @@ VELOCITY_TOLERANCE = 1e-4
 """[m/s] over ground = through the water + current; rounding makes 2e-6"""
 TURN_TOLERANCE = 0.2
 """[rad] attitude changes against the rates, summed over a mission; inflections make 0.03"""
+MISSIONS_AT_ONCE = 64
+"""Missions that are read and checked together"""
 MAX_NAMED = 20
 """Problems of one check that are named; the others are counted."""
 
@@ -106,8 +107,8 @@ def check_missions(
     `watch` is called with the number of missions just read; returned are the bytes read.
     """
     bytes_read = 0
-    for first in range(0, len(stored), SHARD_MISSIONS):
-        missions = range(first, min(first + SHARD_MISSIONS, len(stored)))
+    for first in range(0, len(stored), MISSIONS_AT_ONCE):
+        missions = range(first, min(first + MISSIONS_AT_ONCE, len(stored)))
         block = read_block(stored, names, missions, checks["chunks"])
         bytes_read += sum(values.nbytes for values in block.values())
         for row, mission in enumerate(missions):

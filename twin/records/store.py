@@ -31,8 +31,12 @@ COLUMNS = "columns"
 """Attribute of `simulation_state` that names its columns: qpos, qvel, act, ctrl (x north, y west, z
 up; SI, rad, cm3)."""
 
+GENERATING = ".generating"
+"""Ending of the folder beside a store that `factory generate` works in until it is complete."""
+RECIPE = "recipe.json"
+"""In a folder of it: what the store is made by"""
 UNFINISHED = ".generating"
-"""Folder inside a store that the factory has begun and not completed."""
+"""Folder inside a store that an older factory has begun and not completed."""
 
 
 def mission_dataset(
@@ -161,8 +165,10 @@ def is_complete(path: str | Path) -> bool:
 
 
 def is_unfinished(path: str | Path) -> bool:
-    """Whether `path` holds a store that `factory generate` has begun and not completed."""
-    return (Path(path) / UNFINISHED).is_dir() and not is_complete(path)
+    """Whether `factory generate` has begun a store at `path` and not completed it."""
+    path = Path(path)
+    begun = path.with_name(path.name + GENERATING).glob(f"*/{RECIPE}")
+    return not is_complete(path) and ((path / UNFINISHED).is_dir() or any(begun))
 
 
 def read_attributes(path: str | Path) -> dict[str, Any]:
@@ -190,13 +196,13 @@ def open_store(path: str | Path) -> xr.Dataset:
     import xarray as xr
 
     path = Path(path)
-    if not path.exists():
-        raise StoreError(f"no store at {path}; make one with `factory generate --out {path}`")
     if is_unfinished(path):
         raise StoreError(
             f"store {path} is incomplete: the `factory generate` command that began it, with "
             "--resume, completes it"
         )
+    if not path.exists():
+        raise StoreError(f"no store at {path}; make one with `factory generate --out {path}`")
     if not is_complete(path):
         raise StoreError(f"{path} is not a zarr v3 store; give the folder that ends in .zarr")
     attributes = read_attributes(path)
