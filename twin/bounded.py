@@ -137,10 +137,19 @@ def compile_pattern(
 
 
 def check_declared(
-    declared: float, stored: int, what: str, error: type[InputError] = InputError
+    declared: float,
+    stored: int,
+    what: str,
+    error: type[InputError] = InputError,
+    *,
+    free: float = FREE_BYTES,
 ) -> None:
-    """Raise when a file of `stored` bytes declares values of `declared` bytes, far too many."""
-    if declared > FREE_BYTES and declared > MOST_RATIO * stored:
+    """Raise when a file of `stored` bytes declares values of `declared` bytes, far too many.
+
+    Args:
+      free: [byte] that it may declare anyway.
+    """
+    if declared > free and declared > MOST_RATIO * stored:
         raise error(
             f"{what} declares {_size(declared)} of values in {_size(stored)}: it is damaged, or "
             "made to fill the memory"

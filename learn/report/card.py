@@ -51,7 +51,8 @@ def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:
         "",
         "## What they are",
         "",
-        f"- {settings['members']} network(s) per velocity: {shown(network['kind'])}, {_sizes(network)}",
+        f"- {settings['members']} network(s) per velocity: {shown(network['kind'])}, "
+        f"{_sizes(network)}",
         f"- inputs: {shown(', '.join(settings['features']))}",
         "- output: velocity through the water [m/s], body axes forward and starboard",
         "- free-running: no velocity is fed back; a state starts at zero at the first sample of a "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import time
 import zipfile
 
@@ -10,6 +11,7 @@ import pytest
 import xarray as xr
 
 from factory.exporting.og1.metadata import parse_metadata
+from factory.importing.reading.columns import column_names, read_table
 from factory.importing.reading.netcdf import open_netcdf
 from factory.recipe.distribution import Choice, parse_distribution
 from factory.recipe.overrides import read_changes
@@ -67,9 +69,9 @@ def test_no_path_is_a_traceback(path):
 
 
 def test_a_null_in_a_name_of_the_mini_languages():
-    with pytest.raises(CurrentError, match="cannot read current profile"):
+    with pytest.raises(CurrentError, match="cannot read the current profile"):
         parse_current("profile:a\0.csv")
-    with pytest.raises(InputError, match="cannot read density file"):
+    with pytest.raises(InputError, match="cannot read the density file"):
         parse_density("a\0.csv")
 
 
@@ -241,3 +243,25 @@ def test_what_is_no_pattern_is_one_line(pattern):
     with pytest.raises(InputError, match="p is no regular expression") as raised:
         bounded.compile_pattern(pattern, "p")
     one_line(raised)
+
+
+def test_a_compressed_table_that_unpacks_without_end(tmp_path):
+    path = tmp_path / "log.csv.gz"
+    with gzip.open(path, "wb") as file:
+        file.write(b"time,depth\n")
+        for _ in range(40):
+            file.write(b"1,0\n" * 2**18)
+    start = time.monotonic()
+    with pytest.raises(InputError, match=r"log\.csv\.gz declares .* of values in") as raised:
+        read_table(path)
+    assert time.monotonic() - start < 10.0
+    one_line(raised)
+
+
+def test_a_table_whose_first_line_does_not_end(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_bytes(b"a," * 10**6)
+    for read in (read_table, column_names):
+        with pytest.raises(InputError, match="first line of more than") as raised:
+            read(path)
+        one_line(raised)
