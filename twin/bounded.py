@@ -8,6 +8,7 @@ and ask for more memory than there is.
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import tomllib
@@ -160,9 +161,17 @@ def check_dataset(
     dataset: xr.Dataset, path: str | Path, what: str, error: type[InputError] = InputError
 ) -> None:
     """`check_declared` of a dataset that was opened lazily, from a file or a local folder."""
-    declared = sum(variable.nbytes for variable in dataset.variables.values())
+    declared = sum(
+        max(variable.nbytes, _chunk_size(variable)) for variable in dataset.variables.values()
+    )
     if declared > FREE_BYTES and Path(path).exists():
         check_declared(declared, stored_size(Path(path)), what, error)
+
+
+def _chunk_size(variable: xr.Variable) -> float:
+    """[byte] of a chunk, which is read whole however little of it is wanted; 0 without chunks."""
+    sizes = [variable.encoding.get(name) for name in ("chunks", "chunksizes", "shards")]
+    return variable.dtype.itemsize * max((math.prod(s) for s in sizes if s), default=0)
 
 
 def check_archive(path: Path, what: str, error: type[InputError] = InputError) -> None:

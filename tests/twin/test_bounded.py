@@ -158,7 +158,8 @@ def test_a_tracks_csv_with_a_giant_field(tmp_path):
     one_line(raised)
 
 
-def test_a_store_that_declares_more_than_it_holds(tmp_path):
+@pytest.mark.parametrize("giant", ["shape", "chunk_shape"])
+def test_a_store_that_declares_more_than_it_holds(tmp_path, giant):
     path = tmp_path / "bomb.zarr"
     dataset = xr.Dataset({"depth": (("mission", "time"), np.zeros((1, 1)))})
     dataset.attrs["schema_version"] = 1
@@ -166,8 +167,9 @@ def test_a_store_that_declares_more_than_it_holds(tmp_path):
     for name in ("zarr.json", "depth/zarr.json"):
         file = path / name
         text = file.read_text()
-        assert '"shape":[1,1]' in "".join(text.split())
-        file.write_text("".join(text.split()).replace('"shape":[1,1]', '"shape":[100000,100000]'))
+        text = "".join(text.split())
+        assert f'"{giant}":[1,1]' in text
+        file.write_text(text.replace(f'"{giant}":[1,1]', f'"{giant}":[100000,100000]'))
     with pytest.raises(StoreError, match="declares 80 GB of values"):
         open_store(path)
 

@@ -23,9 +23,9 @@ from twin.vehicle.vehicle import load_vehicle
 )
 def test_what_nothing_can_fly_is_refused_by_name(name, text, monkeypatch):
     monkeypatch.setattr(attempts, "MAX_ATTEMPTS", 2)
+    vehicle = load_vehicle("glider")
     with pytest.raises(InputError, match=name.replace(".", r"\.")) as raised:
-        recipe = Recipe(changes={name: text}, vehicle=load_vehicle("glider"), hours=0.1)
-        attempts.fly_mission(recipe, 0)
+        attempts.fly_mission(Recipe(changes={name: text}, vehicle=vehicle, hours=0.1), 0)
     assert "\n" not in str(raised.value)
 
 
