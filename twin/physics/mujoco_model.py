@@ -81,8 +81,8 @@ def compile_model(
       centred: water at the time-centred velocity; RK4 evaluates between steps and is so by itself.
 
     Raises:
-      VehicleError: the file does not compile, its inertia cannot be solved for, it has another joint
-        or actuator structure, or it has obstacles and switches contacts off.
+      VehicleError: the file does not compile, its inertia cannot be solved for, it has another
+        joint or actuator structure, or it has obstacles and switches contacts off.
       InputError: unknown hydrodynamics or integrator, impossible timestep.
     """
     if isinstance(vehicle, str):

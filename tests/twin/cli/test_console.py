@@ -414,3 +414,8 @@ def test_progress_on_a_terminal_is_a_bar() -> None:
 
 def test_durations() -> None:
     assert [format_duration(s) for s in (7, 65, 3725)] == ["0:07", "1:05", "1:02:05"]
+
+
+def test_the_name_of_a_value_that_has_none_is_no_option(capsys: pytest.CaptureFixture[str]) -> None:
+    assert TWIN.main(["simulate", "--mission", "mine.toml"]) == 2
+    assert "--mission is no option: give its value alone" in capsys.readouterr().err
