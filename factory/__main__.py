@@ -29,6 +29,11 @@ PROGRAM = Program(
             loader="factory.commands.verify:Verify",
         ),
         Command(
+            name="repair",
+            summary="make a damaged store whole again, bit for bit",
+            loader="factory.commands.repair:Repair",
+        ),
+        Command(
             name="replay",
             summary="fly stored missions again and compare every byte",
             loader="factory.commands.replay:Replay",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -71,7 +72,7 @@ def _assemble_once(job: Job, number: int) -> int:
 
 
 def _assemble(job: Job, number: int, manifests: list[Manifest], target: ShardedStore) -> None:
-    site, missions = job.site, job.layout.missions_of_shard(number)
+    missions = job.layout.missions_of_shard(number)
     files: dict[str, FileSum] = {}
     with contextlib.ExitStack() as stack:
         blocks = [stack.enter_context(Block(job, manifest)) for manifest in manifests]
@@ -85,6 +86,25 @@ def _assemble(job: Job, number: int, manifests: list[Manifest], target: ShardedS
             files[key] = found
         failures = [failure for block in blocks for failure in block.failures]
         rows = _joined([block.rows() for block in blocks])
+    leave_shard(job, number, files, rows, failures)
+
+
+def leave_shard(
+    job: Job,
+    number: int,
+    files: Mapping[str, FileSum],
+    rows: Mapping[str, NDArray[Any]],
+    failures: Sequence[tuple[int, int, str, float | None]],
+) -> None:
+    """Keep what there is one of for each mission of a shard whose signals are in the tree, and say
+    that it is in place.
+
+    Args:
+      files: of its signals, by key.
+      rows: as `bookkeeping.rows` gives them.
+      failures: mission, attempt, reason and time [s] of every attempt that failed.
+    """
+    site, missions = job.site, job.layout.missions_of_shard(number)
     archive = io.BytesIO()
     table = np.frombuffer(json.dumps(failures).encode(), np.uint8)
     np.savez(archive, allow_pickle=False, **{FAILURES: table, **rows})

@@ -23,6 +23,8 @@ from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.sharded import DTYPE, ArrayMeta, flag_attributes
 from twin.version import __version__
 
+RECIPE_COPY = "recipe/zarr.json"
+"""The recipe once more, as attributes of a group: either copy is enough to repair a store"""
 FAILURE = "failure"
 """Dimension of the attempts that failed and were replaced."""
 FAILED_MISSION, FAILED_ATTEMPT = "failure_mission", "failure_attempt"
@@ -67,6 +69,8 @@ def complete(job: Job) -> tuple[dict[str, FileSum], int]:
         for name, variable in VARIABLES.items()
         if name in found.signals
     }
+    document = {"zarr_format": 3, "node_type": "group", "attributes": recipe.document()}
+    files[RECIPE_COPY] = job.site.tree.put(RECIPE_COPY, json.dumps(document).encode())
     files |= target.finish(signals, arrays, store_attributes(recipe))
     return files, found.failures
 

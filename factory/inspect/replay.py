@@ -8,6 +8,7 @@ import numpy as np
 
 from factory.flight.fly import fly
 from factory.generation.attempts import REPLACED, reason
+from factory.inspect.verify import drawn_otherwise
 from factory.recipe.recipe import differences, versions
 from factory.recipe.sampling import sensor_seed
 from factory.stores.generated import GeneratedStore
@@ -46,8 +47,15 @@ def replay_mission(run: GeneratedStore, mission: int) -> Comparison:
     """
     _check_physics(run)
     run.check_mission(mission)
+    recipe = run.recipe
+    other = drawn_otherwise(run, recipe, mission, run.parameters(mission))
+    if other:
+        raise StoreError(
+            f"store {run.path}: mission {mission} is not of this recipe: {other}; `factory verify` "
+            "finds all such missions"
+        )
     flight = fly(
-        run.parameters(mission),
+        recipe.parameters(mission, run.attempt(mission)),
         run.vehicle,
         run.suite,
         sensor_seed(run.seed, mission, run.attempt(mission)),

@@ -5,8 +5,11 @@ The limits are wide: what they catch is damage, wrong units and wrong signs, not
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +17,10 @@ from numpy.typing import NDArray
 from factory.recipe.kinds.surface import SURFACE
 from factory.recipe.plan import HOUR
 from factory.recipe.presets import PRESETS
-from factory.recipe.recipe import sha256
+from factory.recipe.recipe import Recipe, sha256
+from factory.recipe.sampling import Parameters, sensor_seed
 from factory.stores.generated import GeneratedStore
-from twin.errors import StoreError
+from twin.errors import StoreError, TwinError
 from twin.frames import euler_to_matrix
 from twin.physics.part_signals import simulated_signals
 from twin.records.attributes import (
@@ -28,6 +32,7 @@ from twin.records.attributes import (
     VEHICLE_MJCF,
     VEHICLE_SHA256,
 )
+from twin.records.checksums import damaged_files, has_checksums, read_checksums
 from twin.records.limits import simulated_limits
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION, TIME, VARIABLES
@@ -43,8 +48,8 @@ VELOCITY_TOLERANCE = 1e-4
 """[m/s] over ground = through the water + current; rounding makes 2e-6"""
 TURN_TOLERANCE = 0.2
 """[rad] attitude changes against the rates, summed over a mission; inflections make 0.03"""
-MISSIONS_AT_ONCE = 64
-"""Missions that are read and checked together"""
+MISSIONS_AT_ONCE = 16
+"""Missions that are read and checked together: some 100 MB of hours of all signals"""
 MAX_NAMED = 20
 """Problems of one check that are named; the others are counted."""
 
@@ -83,8 +88,12 @@ def verify_store(run: GeneratedStore, watch: Callable[[int], None] | None = None
     names = run.signals()
     checks = {
         name: Check(name)
-        for name in ("metadata", "parameters", "chunks", "padding", "finite", "range", "kinematics")
+        for name in (
+            *("files", "metadata", "parameters", "chunks", "padding", "finite", "range"),
+            "kinematics",
+        )
     }
+    check_files(run.path, checks["files"])
     _check_metadata(run, names, checks["metadata"])
     if checks["metadata"].problems:
         return Report(len(run), 0, tuple(checks.values()))
@@ -93,6 +102,15 @@ def verify_store(run: GeneratedStore, watch: Callable[[int], None] | None = None
         run, names, checks, lambda mission, rows: _check_mission(run, mission, rows, checks), watch
     )
     return Report(len(run), bytes_read, tuple(checks.values()))
+
+
+def check_files(store: Path, check: Check) -> None:
+    """Every file is what the store's list of checksums says; nothing for stores without one."""
+    if not has_checksums(store):
+        return
+    with contextlib.suppress(StoreError):  # a damaged list is damage that `damaged_files` names
+        check.done += len(read_checksums(store))
+    check.problems += [str(damage) for damage in damaged_files(store)]
 
 
 def check_missions(
@@ -187,8 +205,15 @@ def _check_parameters(run: GeneratedStore, check: Check) -> None:
             abs(run.hours - hours) < 1.0 / HOUR,
             lambda: f"the missions last {run.hours:g} h, not {hours:g} h",
         )
+    try:
+        recipe = run.recipe
+    except TwinError as error:
+        check.problems.append(str(error))
+        return
     for mission in range(len(run)):
         parameters = run.parameters(mission)
+        other = drawn_otherwise(run, recipe, mission, parameters)
+        check.expect(not other, lambda m=mission, o=other: f"mission {m}: {o}")  # type: ignore[misc]
         drawn = [(name, value, False) for name, value in parameters.values.items()]
         drawn += [
             (name, value, segment["mission.kind"] == SURFACE.name)
@@ -204,6 +229,29 @@ def _check_parameters(run: GeneratedStore, check: Check) -> None:
                     f"mission {m}: {n} = {v} cannot be drawn from {run.distributions[n].text()}"
                 ),
             )
+
+
+def drawn_otherwise(run: GeneratedStore, recipe: Recipe, mission: int, stored: Parameters) -> str:
+    """What of a mission is not what its seed, number and attempt give; empty when all is."""
+    attempt = run.attempt(mission)
+    try:
+        drawn = recipe.parameters(mission, attempt)
+    except TwinError as error:
+        return f"attempt {attempt} cannot be drawn: {error}"
+    pairs: dict[str, tuple[Any, Any]] = {
+        n: (stored.values.get(n), value) for n, value in drawn.values.items()
+    }
+    if len(stored.segments) != len(drawn.segments):
+        pairs["segments"] = len(stored.segments), len(drawn.segments)
+    for i, (one, other) in enumerate(zip(stored.segments, drawn.segments, strict=False)):
+        pairs |= {f"segment {i} {n}": (one.get(n), value) for n, value in other.items()}
+    constants = recipe.suite.draw(sensor_seed(recipe.seed, mission, attempt))
+    kept = run.sensor_constants(mission)
+    pairs |= {f"sensor {n}": (kept.get(n), value) for n, value in constants.items()}
+    for name, (had, has) in pairs.items():
+        if had != has and not (had != had and has != has):
+            return f"{name} is {had}, and seed {recipe.seed} and attempt {attempt} give {has}"
+    return ""
 
 
 def _check_mission(

@@ -35,6 +35,8 @@ from twin.sensors import SUITE_PRESETS, SensorSuite
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 from twin.version import PHYSICS_VERSION, __version__
 
+VERSIONS = "versions"
+"""Entry of a recipe's description: versions of what can change a bit of a result"""
 DEFAULT_HOURS = 10.0
 """[h], as much as the paper's training set"""
 
@@ -171,7 +173,7 @@ class Recipe:
             "distributions": {name: d.text() for name, d in self.distributions.items()},
             "sensors": self.suite.settings(),
             "current": None if self.given_current is None else self.given_current.describe(),
-            "versions": versions(),
+            VERSIONS: versions(),
         }
         # as a store gives it back: tuples become lists
         plain: dict[str, Any] = json.loads(json.dumps(description))
@@ -191,11 +193,14 @@ class Recipe:
         }
 
 
-def read_recipe(document: Mapping[str, Any]) -> Recipe:
+def read_recipe(document: Mapping[str, Any], *, any_versions: bool = False) -> Recipe:
     """The recipe of a `document`.
 
+    Args:
+      any_versions: do not mind that libraries have other versions here, which may change last bits.
+
     Raises:
-      StoreError: the document is damaged, or was made with other versions of what can change a bit.
+      StoreError: the document is damaged, or would make another store here.
       InputError: it needs a sensor, a vehicle part or a file that is not here.
     """
     try:
@@ -216,9 +221,14 @@ def read_recipe(document: Mapping[str, Any]) -> Recipe:
         raise StoreError(
             f"the recipe cannot be read ({type(error).__name__}: {error}): it is damaged"
         ) from error
-    changed = differences(settings, recipe.describe())
+    here = recipe.describe()
+    if any_versions:
+        settings = {**settings, VERSIONS: here[VERSIONS]}
+    changed = differences(settings, here)
     if changed:
-        raise StoreError(f"the recipe is not one of this program: {'; '.join(changed[:5])}")
+        raise StoreError(
+            f"this program would make another store of that recipe: {'; '.join(changed[:5])}"
+        )
     return recipe
 
 

@@ -118,16 +118,20 @@ class GeneratedStore(MissionStore):
     def recipe(self) -> Recipe:
         """What the store was made by, to make any of its missions again.
 
+        Where libraries have other versions than then, last bits may differ.
+
         Raises:
-          StoreError: it is damaged, or of another version of what can change a bit.
+          StoreError: it is damaged, or this program would make another store of it.
         """
-        return read_recipe(
-            {
-                SETTINGS: self.settings,
-                CHANGES: self.json(CHANGES),
-                VEHICLE_MJCF: self.attributes[VEHICLE_MJCF],
-            }
-        )
+        document = {
+            SETTINGS: self.settings,
+            CHANGES: self.json(CHANGES),
+            VEHICLE_MJCF: self.attributes[VEHICLE_MJCF],
+        }
+        try:
+            return read_recipe(document, any_versions=True)
+        except StoreError as error:
+            raise StoreError(f"store {self.path}: {error}") from error
 
     def attempt(self, mission: int) -> int:
         """The attempt that made the stored mission."""
