@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from factory.recipe.parameter import Parameter
 from factory.recipe.parameters import ADDED, Table, parameter_table
 from factory.recipe.recipe import Recipe, read_recipe
 from factory.recipe.sampling import Parameters
+from twin.bounded import parse_json
 from twin.errors import StoreError
 from twin.records.attributes import (
     ATTEMPT,
@@ -63,13 +63,14 @@ class GeneratedStore(MissionStore):
                 "`factory verify` checks them"
             )
         try:
-            self.settings: dict[str, Any] = json.loads(self.attributes[SETTINGS])
-            self._failed = json.loads(self.attributes.get(FAILED_MISSIONS, "[]"))
+            self.settings: dict[str, Any] = parse_json(self.attributes[SETTINGS], SETTINGS)
+            failed = self.attributes.get(FAILED_MISSIONS, "[]")
+            self._failed = parse_json(failed, FAILED_MISSIONS)
             self.distributions: dict[str, Distribution] = {
                 name: parse_distribution(text, name)
                 for name, text in {**ADDED, **self.settings["distributions"]}.items()
             }
-        except (KeyError, ValueError) as error:
+        except (KeyError, TypeError, AttributeError, ValueError) as error:
             if SCENARIO in self.attributes:
                 raise StoreError(
                     f"store {self.path} is a mission of `twin simulate`; `twin plot` and `twin "

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import json
 import warnings
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
@@ -20,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import StoreError
+from twin.bounded import check_dataset, parse_json
+from twin.errors import InputError, StoreError
 from twin.records.attributes import N_SAMPLES, SIMULATED_ATTRIBUTES, VERSION, is_missions
 from twin.records.checksums import is_listed
 from twin.records.place import (
@@ -231,8 +231,9 @@ def read_attributes(path: str | Path) -> dict[str, Any]:
       StoreError: its metadata cannot be read.
     """
     try:
-        attributes: dict[str, Any] = json.loads((Path(path) / METADATA).read_bytes())["attributes"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        metadata = parse_json((Path(path) / METADATA).read_bytes(), METADATA)
+        attributes: dict[str, Any] = metadata["attributes"]
+    except (OSError, InputError, KeyError, TypeError) as error:
         raise StoreError(
             f"store {path} is damaged: its {METADATA} cannot be read ({error}); make it again"
         ) from error
@@ -282,6 +283,7 @@ def open_store(path: str | Path, *, dask: bool = True) -> xr.Dataset:
         dataset = xr.open_zarr(path, consolidated=None, chunks=chunks)
     except Exception as error:
         raise StoreError(f"store {path} cannot be read: {' '.join(str(error).split())}") from error
+    check_dataset(dataset, path, f"store {path}", StoreError)
     declare_signals(dataset)
     return dataset
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.bounded import check_dataset
 from twin.errors import InputError, StoreError
 from twin.records.attributes import N_SAMPLES, SCHEMA, SIMULATED_ATTRIBUTES
 from twin.records.place import (
@@ -99,6 +100,7 @@ def open_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
         raise StoreError(f"no file at {path}; `trajectory.save({str(path)!r})` writes one")
     try:
         with xr.open_dataset(path, engine="netcdf4", decode_times=False) as dataset:
+            check_dataset(dataset, path, f"file {path}", StoreError)
             return _read(dataset.load(), path, mission)
     except (OSError, ValueError) as error:
         if isinstance(error, StoreError):

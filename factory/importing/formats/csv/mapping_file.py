@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import fnmatch
-import re
-import tomllib
 from collections.abc import Mapping as Dict
 from pathlib import Path
 from typing import Any, Literal
@@ -40,6 +38,7 @@ from factory.importing.formats.csv.toml_values import (
     text,
 )
 from factory.importing.reading.units import in_unit, known_units
+from twin.bounded import compile_pattern, read_toml
 from twin.errors import InputError, unknown_name
 from twin.records.schema import VARIABLES
 
@@ -64,11 +63,7 @@ def load_mapping(name: str | Path) -> Mapping:
             f"{unknown_name('shipped mapping', str(name), shipped_names())}; docs/real.md shows "
             "how to write one"
         )
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"mapping {path} is not TOML: {error}") from error
-    return parse_mapping(data, path.name)
+    return parse_mapping(read_toml(path, "mapping"), path.name)
 
 
 def parse_mapping(data: Dict[str, Any], label: str) -> Mapping:
@@ -225,13 +220,8 @@ def _clock(label: str, entry: object) -> Clock:
     start = moment(label, values["start"]) if "start" in values else None
     pattern = values.get("start_from_name")
     if pattern is not None:
-        try:
-            groups = re.compile(text(label, "start_from_name", pattern)).groups
-        except re.error as error:
-            raise InputError(
-                f"{label}: start_from_name is no regular expression: {error}"
-            ) from None
-        if groups != 1:
+        pattern = text(label, "start_from_name", pattern)
+        if compile_pattern(pattern, f"{label}: start_from_name").groups != 1:
             raise InputError(
                 f"{label}: start_from_name must have one group in brackets, the date, such as "
                 r"'^(\d{8})_'"
