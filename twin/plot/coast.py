@@ -55,20 +55,22 @@ def land_within(west: float, east: float, south: float, north: float) -> list[Ar
     return found
 
 
-def draw_land(axes: Axes, box: tuple[float, float, float, float], **look: Any) -> bool:
-    """Fill the land of a box (west, east, south, north) [degree]; whether its coast is in view."""
+def coast_within(west: float, east: float, south: float, north: float) -> bool:
+    """Whether a box [degree] holds a point of a coast."""
+    for ring in land_within(west, east, south, north):
+        x, y = ring.T
+        if ((x > west) & (x < east) & (y > south) & (y < north)).any():
+            return True
+    return False
+
+
+def draw_land(axes: Axes, box: tuple[float, float, float, float], **look: Any) -> None:
+    """Fill the land of a box (west, east, south, north) [degree]."""
     found = land_within(*box)
     if not found:
-        return False
+        return
     whole = Path.make_compound_path(*(Path(ring, closed=True) for ring in found))
     given = {"facecolor": LAND, "edgecolor": SHORE, "linewidth": 0.6, "zorder": 0.5, **look}
     land = PathCollection([whole], **given)
     land.set_gid("land")
     axes.add_collection(land, autolim=False)
-    west, east, south, north = box
-    points = np.concatenate(found)
-    inside = (
-        (points[:, 0] > west) & (points[:, 0] < east)
-        & (points[:, 1] > south) & (points[:, 1] < north)
-    )  # fmt: skip
-    return bool(inside.any())
