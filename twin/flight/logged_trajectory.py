@@ -16,7 +16,7 @@ from twin.errors import InputError
 from twin.flight.current import DiveCurrent
 from twin.flight.flight import FlownMission, estimate_flight
 from twin.geodesy import offset
-from twin.records.logged_trajectory import MEASURED, LoggedTrajectory
+from twin.records.logged_trajectory import AVERAGED, MEASURED, LoggedTrajectory
 from twin.records.logs import LogStore
 from twin.records.place import START_LATITUDE, START_LONGITUDE
 from twin.records.schema import VARIABLES
@@ -36,7 +36,7 @@ COPIED = (
 CORRECTED, RECKONED = "corrected track", "dead-reckoned track"
 ON_BOARD, STRAIGHT = "on-board track", "straight line between fixes"
 DOPPLER, MODEL = "Doppler log or profiler", "flight model"
-PROFILER, AVERAGED = "current profiler", "depth-averaged current"
+PROFILER = "profiler's current"
 LAG_CORRECTED = f"{MEASURED}, thermal lag corrected"
 SAME = 2e-3
 """[1], [kg/m3] that salinity and density may differ by from the stored ones, by rounding"""

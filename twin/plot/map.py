@@ -16,7 +16,7 @@ from twin.plot import style
 from twin.plot.coast import coast_within, draw_land
 from twin.plot.graticule import Box, box_around, cosine, draw_graticule, draw_scale_bar
 from twin.plot.registry import FigureKind
-from twin.records.logged_trajectory import source_of
+from twin.records.logged_trajectory import AVERAGED, source_of
 from twin.records.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -153,7 +153,7 @@ def mean_currents(
     if not rows:
         return ()
     word = source_of(trajectory, "true_current_north", "true current")
-    over = "" if word.startswith("depth-averaged") else ", mean of each dive" if dives else ", means"
+    over = "" if word == AVERAGED else ", mean of each dive" if dives else ", means"
     la, lo, n, e = np.array(rows).T
     return (Currents(latitude=la, longitude=lo, north=n, east=e, name=word + over),)
 

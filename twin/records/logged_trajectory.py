@@ -72,10 +72,7 @@ def source_of(trajectory: Trajectory, name: str, default: str) -> str:
     return default
 
 
-def is_logged_truth(trajectory: Trajectory, name: str) -> bool:
-    """Whether a true_* signal of a trajectory is only the measured one under its name."""
-    return source_of(trajectory, name, "").startswith(MEASURED)
-
-
+AVERAGED = "depth-averaged current"
+"""The source of a current that is one number for each dive"""
 MEASURED = "measured"
-"""With which the source of a signal begins that the log's own sensor measured"""
+"""The source of a signal that the log's own sensor measured"""

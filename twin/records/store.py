@@ -18,6 +18,7 @@ import numpy as np
 
 from twin.errors import StoreError
 from twin.records.attributes import N_SAMPLES, SIMULATED_ATTRIBUTES, VERSION
+from twin.records.flight_file import flight_message, is_flight
 from twin.records.place import PLACE, place_arrays, read_place
 from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES, declare_stored
 from twin.records.sharded import METADATA
@@ -196,6 +197,8 @@ def open_store(path: str | Path) -> xr.Dataset:
             f"store {path} is incomplete: the `factory generate` command that began it, with "
             "--resume, completes it"
         )
+    if is_flight(path):
+        raise StoreError(flight_message(path))
     if not is_complete(path):
         raise StoreError(f"{path} is not a zarr v3 store; give the folder that ends in .zarr")
     attributes = read_attributes(path)
