@@ -128,7 +128,7 @@ def histogram(flight: xr.Dataset) -> Figure:
             axes.hist(
                 part, list(edges), density=True, histtype="step", color=colour, lw=1.3, label=text
             )
-            axes.axvline(part.mean(), color=colour, lw=0.8, ls="--")
+            axes.axvline(part.mean(), ymax=0.76, color=colour, lw=0.8, ls="--")
         axes.set_xlabel("vertical water velocity, up [cm/s]")
         axes.set_ylabel("share [1 per cm/s]")
         axes.set_ylim(top=1.3 * axes.get_ylim()[1])

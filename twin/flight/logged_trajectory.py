@@ -35,7 +35,7 @@ COPIED = (
 """Measured signals that stand for the truth as they are, or corrected"""
 CORRECTED, RECKONED = "corrected track", "dead-reckoned track"
 ON_BOARD, STRAIGHT = "on-board track", "straight line between fixes"
-DOPPLER, MODEL = "Doppler log or profiler", "flight model"
+DOPPLER, PROFILED, MODEL = "Doppler log", "current profiler", "flight model"
 PROFILER = "profiler's current"
 LAG_CORRECTED = f"{MEASURED}, thermal lag corrected"
 SAME = 2e-3
@@ -124,7 +124,7 @@ def _part(
         if name.startswith("true_current"):
             sources[name] = PROFILER
         elif name.startswith("true_"):
-            sources[name] = DOPPLER
+            sources[name] = PROFILED if "true_current_north" in logged else DOPPLER
     for name in (*COPIED, *actuator_names(VARIABLES)):
         if f"measured_{name}" in signals and f"true_{name}" not in signals:
             put(name, signals[f"measured_{name}"], MEASURED)

@@ -7,9 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.plot import style
 from twin.plot.registry import FigureKind
-from twin.records.logged_trajectory import AVERAGED, source_of
+from twin.records.logged_trajectory import AVERAGED, LoggedTrajectory, source_of
 from twin.records.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -52,6 +53,11 @@ def current_figure(trajectory: Trajectory) -> Figure:
 
 def draw_current(axes: Axes, trajectory: Trajectory) -> None:
     """Draw the profile into `axes`."""
+    if isinstance(trajectory, LoggedTrajectory) and "true_current_north" not in trajectory:
+        raise InputError(
+            "this log has no current: two fixes about a dive tell its depth-averaged one, a profiler "
+            "that of each depth"
+        )
     depth = trajectory["true_depth"]
     word = source_of(trajectory, "true_current_north", "current")
     components = (
