@@ -257,22 +257,31 @@ def _around(middle: tuple[float, float], tall: float) -> Box:
 
 
 def draw_key(
-    axes: Axes, map_axes: Axes, arrows: Sequence[tuple[Currents, float]]
+    axes: Axes, map_axes: Axes, arrows: Sequence[tuple[Currents, float]], heading: str = ""
 ) -> None:
-    """Names of lines and marks of a map, and an arrow of a round speed for each kind of current."""
+    """Names of lines and marks of a map, and an arrow of a round speed for each kind of current.
+
+    Args:
+      heading: what all the currents are; then each has its name beside its arrow, else below it.
+    """
     axes.set_axis_off()
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(0.0, 1.0)
     handles, names = map_axes.get_legend_handles_labels()
     axes.legend(handles, names, loc="upper left", bbox_to_anchor=(-0.08, 1.02), borderaxespad=0.0)
+    if heading and arrows:
+        axes.text(0.0, 0.30, heading, fontsize=7.5)
     for row, (one, scale) in enumerate(arrows):
         speed = max((s for s in ROUND_SPEEDS if s <= 1.2 * scale * LONGEST_ARROW),
                     default=ROUND_SPEEDS[0])  # fmt: skip
-        y = 0.30 - 0.24 * row
+        y = (0.18 if heading else 0.30) - 0.14 * row
         arrow = axes.quiver([0.0], [y], [speed], [0.0], color=one.colour, scale=scale, **ARROW)
         arrow.set_in_layout(False)
-        axes.text(0.46, y, f"{100 * speed:g} cm/s", va="center", fontsize=7.5)
-        axes.text(0.0, y - 0.055, wrapped(one.name), va="top", fontsize=7.5, color=one.colour)
+        text = f"{100 * speed:g} cm/s"
+        axes.text(0.46, y, f"{text}, {one.name}" if heading else text, va="center", fontsize=7.5,
+                  color=one.colour if heading else style.COMMAND)  # fmt: skip
+        if not heading:
+            axes.text(0.0, y - 0.055, wrapped(one.name), va="top", fontsize=7.5, color=one.colour)
 
 
 def wrapped(text: str, letters: int = 24) -> str:
