@@ -27,7 +27,7 @@ EDGE = 0.06
 """Of a span, at either end, that has no line: its label would reach beyond the map"""
 LEAST_SPAN = 0.004
 """[degree of latitude] of a map at least: half a kilometre"""
-MARGIN = 0.14
+MARGIN = 0.17
 """Of the larger span, on every side"""
 BARS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000,
         200_000, 500_000, 1_000_000)  # fmt: skip
