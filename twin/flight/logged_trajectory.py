@@ -37,6 +37,8 @@ CORRECTED, RECKONED = "corrected track", "dead-reckoned track"
 ON_BOARD, STRAIGHT = "on-board track", "straight line between fixes"
 DOPPLER, PROFILED, MODEL = "Doppler log", "current profiler", "flight model"
 PROFILER = "profiler's current"
+SIMULATED, LOGGED = "simulated truth", "reference of the log"
+"""Of logs of simulations, and of what a log brings itself"""
 LAG_CORRECTED = f"{MEASURED}, thermal lag corrected"
 SAME = 2e-3
 """[1], [kg/m3] that salinity and density may differ by from the stored ones, by rounding"""
@@ -121,10 +123,8 @@ def _part(
         signals[f"true_{name}"], sources[f"true_{name}"] = values, source
 
     for name in logged:
-        if name.startswith("true_current"):
-            sources[name] = PROFILER
-        elif name.startswith("true_"):
-            sources[name] = PROFILED if "true_current_north" in logged else DOPPLER
+        if name.startswith("true_"):
+            sources[name] = _reference(name, logs, "true_current_north" in logged)
     for name in (*COPIED, *actuator_names(VARIABLES)):
         if f"measured_{name}" in signals and f"true_{name}" not in signals:
             put(name, signals[f"measured_{name}"], MEASURED)
@@ -160,6 +160,21 @@ def _part(
         sources=sources,
         place=logs.fixes(mission)[0],
     )
+
+
+def _reference(name: str, logs: LogStore, profiled: bool) -> str:
+    """What a true_* signal is that the log itself holds.
+
+    Args:
+      profiled: whether the log holds currents, so that its velocities are a profiler's.
+    """
+    if logs.simulated:
+        return SIMULATED
+    if name.startswith("true_current"):
+        return PROFILER
+    if name.removeprefix("true_") in (*BODY, "speed"):
+        return PROFILED if profiled else DOPPLER
+    return LOGGED
 
 
 def _track(

@@ -114,7 +114,11 @@ def test_dives_together_lie_where_the_vehicle_was(dives: Path, logged: LoggedTra
 
 @pytest.mark.parametrize("name", [name for name in FIGURES if name != "log"])
 def test_every_figure_takes_a_log(log: Path, dives: Path, name: str) -> None:
-    trajectory = logged_trajectory(log if name == "sensor" else dives)
+    trajectory = logged_trajectory(dives)
+    if name == "sensor":
+        with pytest.raises(InputError, match="no truth to compare its sensors with; the log figure"):
+            figure(trajectory, name)
+        trajectory = logged_trajectory(log)
     drawn = figure(trajectory, name)
     drawn.canvas.draw()
     said = labels(drawn) + "\n".join(titles(drawn))
@@ -126,7 +130,7 @@ def test_every_figure_takes_a_log(log: Path, dives: Path, name: str) -> None:
         "section": ("flight model", "depth [m]"),
         "velocity": ("surge, flight model", "speed over ground, corrected track"),
         "actuator": ("measured pitch", "measured"),
-        "sensor": ("corrected track", "difference: mean"),
+        "sensor": ("simulated truth", "difference: mean"),
         "current": ("depth-averaged current [m/s]",),
         "map": ("corrected track", "GPS fix", "depth-averaged current", "latitude", "longitude"),
         "hydrography": ("temperature (measured)", "[°C]", "time ["),
@@ -138,7 +142,7 @@ def test_every_figure_takes_a_log(log: Path, dives: Path, name: str) -> None:
     if name == "track_3d":
         (legend,) = drawn.legends
         assert "corrected track" in [text.get_text() for text in legend.get_texts()]
-    assert "truth" not in said
+    assert "truth" not in said.replace("simulated truth", "")
     assert "true" not in said
 
 
@@ -190,17 +194,13 @@ def test_a_log_that_no_model_flies_shows_its_own_track(dives: Path, tmp_path: Pa
         logged_trajectory(dives, [0], "no-such-vehicle")
 
 
-def test_sensors_that_stand_for_the_truth_have_nothing_to_be_compared_with(dives: Path) -> None:
-    one = logged_trajectory(dives, [0])
-    names = ("onboard", "density", "salinity")
-    bare = LoggedTrajectory(
-        time=one.time,
-        signals={n: v for n, v in one.items() if not any(word in n for word in names)},
-        states=one.states,
-        sources=one.sources,
-    )
-    with pytest.raises(InputError, match="no truth to compare its sensors with; the log figure"):
-        figure(bare, "sensor")
+def test_a_log_of_a_simulation_keeps_its_truth(log: Path) -> None:
+    one = logged_trajectory(log)
+    assert one.sources["true_pitch"] == "simulated truth"
+    assert one.sources["true_north"] == "corrected track"
+    axes = figure(one, "velocity").axes[0]
+    assert axes.get_title(loc="left") == "surge, simulated truth"
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), one["true_surge"])
 
 
 def test_the_command_draws_dives_together(
