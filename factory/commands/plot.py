@@ -77,6 +77,7 @@ def _current_errors(logs: LogStore) -> dict[str, dict[str, float]]:
     from factory.inspect.logs_page import current_errors
 
     found = {
-        name: current_errors(logs, logs.missions_of(name)) for name in dict.fromkeys(logs.deployments)
+        name: current_errors(logs, logs.missions_of(name))
+        for name in dict.fromkeys(logs.deployments)
     }
     return {name: errors for name, errors in found.items() if errors}

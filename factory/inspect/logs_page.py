@@ -101,8 +101,8 @@ def _draw_map(figure: SubFigure, logs: LogStore, missions: list[int]) -> None:
             boarded |= how == ON_BOARD
         (a, b), (c, d) = fixes[k]
         if np.isfinite([a, b, c, d]).all():
-            axes.plot([b + turns[k][0], d + turns[k][1]], [a, c], color=DIVE, lw=1.0, ls=(0, (3, 2)),
-                      zorder=2.5)  # fmt: skip
+            ends = [b + turns[k][0], d + turns[k][1]]
+            axes.plot(ends, [a, c], color=DIVE, lw=1.0, ls=(0, (3, 2)), zorder=2.5)
     axes.plot(longitude[known], places[known, 0], ".", ms=3.5, color=style.COMMAND, label="fix")
     first = int(np.argmax(known))
     last = len(known) - 1 - int(np.argmax(known[::-1]))
@@ -122,15 +122,15 @@ def _draw_map(figure: SubFigure, logs: LogStore, missions: list[int]) -> None:
     draw_key(figure.add_subplot(grid[1, 1]), axes, arrows, "depth-averaged current")
 
 
-def _currents(
-    logs: LogStore, missions: list[int], turns: dict[int, Array]
-) -> tuple[Currents, ...]:
+def _currents(logs: LogStore, missions: list[int], turns: dict[int, Array]) -> tuple[Currents, ...]:
     """Each kind of depth-averaged current at the middles of its dives."""
     found = []
     for kind, colour in ((OURS, OURS_COLOUR), (THEIRS, THEIRS_COLOUR)):
         rows = []
         for k, (north, east) in zip(missions, averaged(logs, missions, kind), strict=True):
-            ends = [np.add(fix, (0.0, turn)) for fix, turn in zip(logs.fixes(k), turns[k], strict=True)]
+            ends = [
+                np.add(fix, (0.0, turn)) for fix, turn in zip(logs.fixes(k), turns[k], strict=True)
+            ]
             ends = [fix for fix in ends if np.isfinite(fix).all()]
             if ends and np.isfinite(north) and np.isfinite(east):
                 rows.append((*np.mean(ends, axis=0), north, east))
@@ -151,9 +151,9 @@ def averaged(logs: LogStore, missions: list[int], kind: str) -> Array:
         reported them; or PROFILER, the mean of a current profiler over the dive.
     """
     if kind == PROFILER:
-        rows = [[logs.signal(f"true_current_{name}", k) for name in AXES] for k in missions]
-        return np.array([[np.mean(v[np.isfinite(v)]) if np.isfinite(v).any() else np.nan for v in row]
-                         for row in rows])  # fmt: skip
+        return np.array(
+            [[_mean(logs.signal(f"true_current_{name}", k)) for name in AXES] for k in missions]
+        )
     prefix = {OURS: "dac", THEIRS: "vehicle_dac"}[kind]
     return np.stack([logs.number(f"{prefix}_{name}")[missions] for name in AXES], axis=1)
 
@@ -312,6 +312,11 @@ def dive_figures(logs: LogStore, missions: list[int]) -> dict[str, Array]:
             for kind in (OURS, THEIRS, PROFILER)
         },
     }
+
+
+def _mean(values: Array) -> float:
+    values = values[np.isfinite(values)]
+    return float(np.mean(values)) if values.size else float("nan")
 
 
 def _median(values: Array) -> float:

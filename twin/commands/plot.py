@@ -85,7 +85,8 @@ class Plot:
 
             tracks = choose_tracks(read_tracks(self.tracks, self.mission), self.only)
         drawers = {
-            each: lambda each=each: self._draw(each, trajectory, tracks) for each in self._names(name)
+            each: lambda each=each: self._draw(each, trajectory, tracks)
+            for each in self._names(name)
         }
         self._save_all(drawers, out, caption, console)
         return 0
@@ -182,7 +183,9 @@ class Plot:
 
             trajectory = logged_trajectory(self.store, chosen, self.vehicle)
             if trajectory.unflown:
-                console.note(f"without a flight model, by the log's own track: {trajectory.unflown}")
+                console.note(
+                    f"without a flight model, by the log's own track: {trajectory.unflown}"
+                )
             return trajectory, missions_caption(store, chosen, trajectory.vehicle)
 
     def _draw(self, name: str, trajectory: Trajectory, tracks: list[NamedTrack]) -> Figure:

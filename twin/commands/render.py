@@ -40,8 +40,8 @@ class Render(JsonOption):
     time: float | None = None
     """mission time of a .png [s]; default: the end of the part"""
     colour: Literal["speed", "current", "depth", "error"] | None = None
-    """what colours the track [default: speed, or depth in a log that does not tell it]; error is the
-    first track's of --tracks"""
+    """what colours the track; default: speed, or depth in a log that does not tell it; error is
+    the first track's of --tracks"""
     tracks: Path | None = None
     """dead-reckoned tracks to draw beside the true one: .nc, .zarr, .npz or .csv"""
     only: str | None = None
@@ -58,8 +58,8 @@ class Render(JsonOption):
     title: str | None = None
     """first line of the picture; default: from the store"""
     vehicle: str | None = None
-    """vehicle to draw, by name or MJCF file (:PRESET behind it); default: the store's own. Its flight
-    model tells the velocities of a log"""
+    """vehicle to draw, by name or MJCF file (:PRESET behind it); default: the store's own. Its
+    flight model tells the velocities of a log"""
     workers: int | None = None
     """processes that draw a video; default: one per core"""
 
@@ -115,10 +115,9 @@ class Render(JsonOption):
             console.note(
                 f"{len(subject.tracks)} tracks share {colours} colours; --only chooses some"
             )
-        if getattr(subject.trajectory, "unflown", ""):
-            console.note(
-                f"without a flight model, by the log's own track: {subject.trajectory.unflown}"
-            )
+        unflown = getattr(subject.trajectory, "unflown", "")  # logs have it
+        if unflown:
+            console.note(f"without a flight model, by the log's own track: {unflown}")
         begun = time.perf_counter()
         if suffix in STILL_FORMATS:
             save_still(self.out, subject, shot, self.time)
@@ -140,7 +139,6 @@ class Render(JsonOption):
             out=self.out, frames=frames, width=width, height=height, bytes=size, seconds=seconds
         )
         return 0
-
 
     def _missions(self) -> list[int] | None:
         """The dives that --missions names; None without it."""

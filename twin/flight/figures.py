@@ -153,7 +153,10 @@ def track_map(flight: xr.Dataset) -> Figure:
         rows = {int(number): row for row, number in enumerate(flight[MISSION].values)}
         period = float(flight.attrs[SAMPLE_PERIOD])
         middle = 0.5 * (flight["dac_start"].values + flight["dac_end"].values) / period
-        places = [(rows[int(m)], round(k)) for m, k in zip(flight[DAC_MISSION].values, middle, strict=True)]
+        places = [
+            (rows[int(m)], round(k))
+            for m, k in zip(flight[DAC_MISSION].values, middle, strict=True)
+        ]
         currents = (
             Currents(
                 latitude=np.array([latitude[place] for place in places]),

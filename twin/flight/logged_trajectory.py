@@ -155,7 +155,7 @@ def _part(
             put(f"current_{name}", values, AVERAGED)
     return _Part(
         start=float(logs.starts[mission]),
-        time=logs.period * np.arange(count),
+        time=logs.period * np.arange(count, dtype=float),
         signals=signals,
         sources=sources,
         place=logs.fixes(mission)[0],
@@ -177,9 +177,7 @@ def _reference(name: str, logs: LogStore, profiled: bool) -> str:
     return LOGGED
 
 
-def _track(
-    logs: LogStore, mission: int, flown: FlownMission | None
-) -> tuple[Array | None, str]:
+def _track(logs: LogStore, mission: int, flown: FlownMission | None) -> tuple[Array | None, str]:
     """North and east [m] of a mission, (time, 2), and what they are; None where nothing says."""
     if flown is not None:
         return flown.position, CORRECTED if len(flown.fixes) else RECKONED

@@ -34,9 +34,7 @@ def actuator_figure(trajectory: Trajectory) -> Figure:
     return figure
 
 
-def draw_actuators(
-    axes: Sequence[Axes], trajectory: Trajectory, legend_at: float = 0.98
-) -> None:
+def draw_actuators(axes: Sequence[Axes], trajectory: Trajectory, legend_at: float = 0.98) -> None:
     """Command and true position of each of the trajectory's parts into one axes each.
 
     Args:
@@ -70,7 +68,9 @@ def draw_attitude(axes: Sequence[Axes], trajectory: Trajectory) -> None:
             entries.insert(0, (f"commanded_{name}", "setpoint", style.COMMAND))
         draw_lines(panel, trajectory, entries, unwrap=name == "heading")
         word = source_of(trajectory, f"true_{name}", "")
-        panel.set_title(f"{word} {name}".strip() + (" and its setpoint" if len(entries) > 1 else ""))
+        panel.set_title(
+            f"{word} {name}".strip() + (" and its setpoint" if len(entries) > 1 else "")
+        )
         panel.set_ylabel("[°]")
         style.pad_limits(panel, least=2.0)
 

@@ -62,7 +62,7 @@ def land_within(west: float, east: float, south: float, north: float) -> list[Ar
             continue
         for turn in NEIGHBOURS:
             if high[0] + turn >= west and low[0] + turn <= east:
-                found.append(ring + [turn, 0.0])
+                found.append(ring + np.array([turn, 0.0]))
     return found
 
 

@@ -55,8 +55,8 @@ def draw_current(axes: Axes, trajectory: Trajectory) -> None:
     """Draw the profile into `axes`."""
     if isinstance(trajectory, LoggedTrajectory) and "true_current_north" not in trajectory:
         raise InputError(
-            "this log has no current: two fixes about a dive tell its depth-averaged one, a profiler "
-            "that of each depth"
+            "this log has no current: two fixes about a dive tell its depth-averaged one, a "
+            "profiler that of each depth"
         )
     depth = trajectory["true_depth"]
     word = source_of(trajectory, "true_current_north", "current")

@@ -54,9 +54,7 @@ def draw_sections(trajectory: Trajectory, along: Array, label: str) -> Figure:
     return figure
 
 
-def _draw(
-    axes: Axes, along: Array, depth: Array, water: Water, quantity: str, unit: str
-) -> None:
+def _draw(axes: Axes, along: Array, depth: Array, water: Water, quantity: str, unit: str) -> None:
     values = getattr(water, quantity)
     axes.plot(*style.thin(along, depth), color=style.GUIDE, lw=0.4, zorder=1)
     x, y, shown = style.thin(along, depth, values, most=MOST_POINTS)

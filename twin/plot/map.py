@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -133,13 +135,13 @@ def mean_currents(
     edges = fix_samples(trajectory)
     pairs = [
         (a, b)
-        for a, b in zip(edges[:-1], edges[1:], strict=True)
+        for a, b in itertools.pairwise(edges)
         if b - a > 1 and np.nanmax(depth[a : b + 1], initial=0.0) > UNDER_WATER
     ]
     dives = bool(pairs)
     if not dives:
         edges = np.linspace(0, len(depth) - 1, STRETCHES + 1).astype(np.intp)
-        pairs = list(zip(edges[:-1], edges[1:], strict=True))
+        pairs = list(itertools.pairwise(edges))
     rows = []
     for a, b in pairs:
         part = slice(a, b + 1)
@@ -286,8 +288,6 @@ def draw_key(
 
 def wrapped(text: str, letters: int = 24) -> str:
     """A text in lines of so many letters."""
-    import textwrap
-
     return "\n".join(textwrap.wrap(text, letters))
 
 

@@ -43,9 +43,7 @@ def ts_figure(trajectory: Trajectory) -> Figure:
         figure = style.new_figure(width=4.2, height=3.6)
         axes = figure.add_subplot()
         axes.grid(visible=False)
-        limits = [
-            _limits(values, least) for values, least in zip((s, t), LEAST_SPAN, strict=True)
-        ]
+        limits = [_limits(values, least) for values, least in zip((s, t), LEAST_SPAN, strict=True)]
         grid = np.meshgrid(*(np.linspace(*pair, GRID) for pair in limits))
         sigma = np.asarray(gsw.sigma0(*grid))
         span = float(sigma.max() - sigma.min())

@@ -31,7 +31,9 @@ def velocity_figure(trajectory: Trajectory) -> Figure:
         (speed,) = style.thin(over_ground)
         axes[-1].plot(time / seconds, speed, color=style.PALETTE["green"])
         track = source_of(trajectory, "true_velocity_north", "")
-        axes[-1].set_title(f"speed over ground, {track}" if track else "horizontal speed over ground")
+        axes[-1].set_title(
+            f"speed over ground, {track}" if track else "horizontal speed over ground"
+        )
         axes[-1].set_ylabel("[m/s]")
         style.label_time(axes[-1], unit)
         figure.align_ylabels()

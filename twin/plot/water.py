@@ -56,9 +56,10 @@ def absolute(trajectory: Trajectory, water: Water) -> tuple[Array, Array, str]:
     import gsw
 
     depth = trajectory["true_depth" if "true_depth" in trajectory else "measured_depth"]
-    place = [trajectory.provenance.get(n) for n in (START_LATITUDE, START_LONGITUDE)]
-    known = all(value is not None for value in place)
-    latitude, longitude = (float(v) for v in place) if known else (NOMINAL_LATITUDE, 0.0)
+    about = trajectory.provenance
+    known = START_LATITUDE in about
+    latitude = float(about[START_LATITUDE]) if known else NOMINAL_LATITUDE
+    longitude = float(about[START_LONGITUDE]) if known else 0.0
     pressure = np.maximum(np.asarray(gsw.p_from_z(-np.maximum(depth, 0.0), latitude)), 0.0)
     if known:
         salinity = np.asarray(gsw.SA_from_SP(water.salinity, pressure, longitude, latitude))

@@ -38,6 +38,6 @@ def is_flight(path: str | Path) -> bool:
 def flight_message(path: str | Path) -> str:
     """What a reader of stores says of such a file."""
     return (
-        f"{path} is a flight, which `twin flight` wrote: `twin plot {path}` draws it; this needs the "
-        "store that it was made from"
+        f"{path} is a flight, which `twin flight` wrote: `twin plot {path}` draws it; this needs "
+        "the store that it was made from"
     )

@@ -129,9 +129,7 @@ def along_track(trajectory: Trajectory, name: str) -> Array:
     """Roll, pitch or heading [degree] of a vehicle that points where it goes, (time,)."""
     if name == "roll":
         return np.zeros(len(trajectory.time))
-    north, east, down = (
-        np.gradient(signal(trajectory, n), trajectory.time) for n in POSITION
-    )
+    north, east, down = (np.gradient(signal(trajectory, n), trajectory.time) for n in POSITION)
     if name == "heading":
         return np.degrees(np.arctan2(east, north)) % 360.0
     return np.degrees(np.arctan2(-down, np.hypot(north, east)))

@@ -53,9 +53,7 @@ def readouts(poses: Poses, index: int) -> list[Readout]:
     items += _parts(poses, index)
     if poses.bridged is not None and poses.bridged[index]:
         items = [dataclasses.replace(item, value=UNKNOWN) for item in items]
-    return [
-        Readout(name="TIME", value=clock(float(poses.time[index])), widest="00:00:00"), *items
-    ]
+    return [Readout(name="TIME", value=clock(float(poses.time[index])), widest="00:00:00"), *items]
 
 
 def _pumped(volume: float) -> list[Readout]:

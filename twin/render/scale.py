@@ -61,7 +61,8 @@ def track_values(
     if not _known(trajectory, colour):
         able = ", ".join(name for name in SIGNALS if _known(trajectory, name))
         raise InputError(
-            f"cannot colour by {colour}: this mission records no {', '.join(names)}; it can by {able}"
+            f"cannot colour by {colour}: this mission records no {', '.join(names)}; it can by "
+            f"{able}"
         )
     source = source_of(trajectory, names[0], "")
     squares = [np.square(trajectory[name]) for name in names]

@@ -22,6 +22,7 @@ from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 Array = NDArray[np.float64]
 
+
 def read_subject(
     store: Path,
     mission: int = 0,
@@ -40,8 +41,8 @@ def read_subject(
 
     Args:
       missions: dives of a log that are shown as one; None shows `mission` alone.
-      vehicle: name or file; None takes the store's, see `MissionStore.vehicle`. Its flight model, if
-        it has one, tells the velocities of a log.
+      vehicle: name or file; None takes the store's, see `MissionStore.vehicle`. Its flight model,
+        if it has one, tells the velocities of a log.
       tracks: file as in `twin.records.tracks`.
       names: of those tracks, separated by commas; None takes all.
       title: first line of the picture; None is made from the store.
@@ -59,7 +60,8 @@ def read_subject(
         caption = missions_caption(found, chosen, None)
     elif missions is not None:
         raise InputError(
-            f"several missions together are for logs: each mission of {store} is a flight of its own"
+            f"several missions together are for logs: each mission of {store} is a flight of its "
+            "own"
         )
     else:
         trajectory, caption = read_trajectory(store, mission), _title(found, mission)
@@ -87,8 +89,8 @@ def _logged(
     if lacking:
         raise StoreError(
             f"store {store}: mission {missions[0]} says nothing of its {' and '.join(lacking)}: no "
-            f"flight model ({trajectory.unflown}), no track of its own and no two fixes; `twin plot "
-            f"{store} --figure log` shows what was measured"
+            f"flight model ({trajectory.unflown}), no track of its own and no two fixes; "
+            f"`twin plot {store} --figure log` shows what was measured"
         )
     if drawn is None and trajectory.vehicle is not None:
         drawn = start_vehicle(store)

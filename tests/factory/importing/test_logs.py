@@ -298,7 +298,7 @@ def test_currents_are_drawn_and_pages_are_named_by_deployment(
         assert any(text.endswith(f" cm/s, {name}") for text in texts)
     (west, east), (south, north) = page.axes[0].get_xlim(), page.axes[0].get_ylim()
     for one in arrows:
-        assert ((one.XY > (west, south)) & (one.XY < (east, north))).all()
+        assert (((west, south) < one.XY) & ((east, north) > one.XY)).all()
     code, out, _ = call(capsys, "plot", path, "--json")
     assert code == 0
     assert sorted(Path(p).name for p in json.loads(out)["pages"]) == ["two-SG1.png", "two-SG2.png"]

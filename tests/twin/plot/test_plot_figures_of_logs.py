@@ -116,7 +116,9 @@ def test_dives_together_lie_where_the_vehicle_was(dives: Path, logged: LoggedTra
 def test_every_figure_takes_a_log(log: Path, dives: Path, name: str) -> None:
     trajectory = logged_trajectory(dives)
     if name == "sensor":
-        with pytest.raises(InputError, match="no truth to compare its sensors with; the log figure"):
+        with pytest.raises(
+            InputError, match="no truth to compare its sensors with; the log figure"
+        ):
             figure(trajectory, name)
         trajectory = logged_trajectory(log)
     drawn = figure(trajectory, name)

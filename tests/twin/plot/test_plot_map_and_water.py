@@ -69,15 +69,15 @@ def test_the_coast_is_closed_and_lies_on_the_earth() -> None:
     for ring in rings():
         assert (ring[0] == ring[-1]).all()
         assert (np.abs(ring) <= (360.0, 90.001)).all()
-        assert np.abs(np.diff(ring[:, 0]))[np.abs(ring[1:, 1]) < 89.0].max() < 20.0
+        assert np.abs(np.diff(ring[:, 0]))[np.abs(ring[1:, 1]) < 89.0].max(initial=0.0) < 20.0
 
 
 def test_the_open_ocean_has_no_coast() -> None:
     assert coast_within(-6.5, -5.0, 49.5, 50.5)
     assert not coast_within(-41.0, -39.0, 29.0, 31.0)
     axes = Figure().add_subplot()
-    draw_land(axes, (-41.0, -39.0, 29.0, 31.0))
-    assert not [c for c in axes.collections if c.get_facecolor().size and c.get_paths()[0].vertices[:, 1].max() < 31]  # fmt: skip
+    draw_land(axes, (-41.0, -39.0, -31.0, -29.0))
+    assert not axes.collections
 
 
 @pytest.mark.parametrize(
