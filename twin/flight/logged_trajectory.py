@@ -237,8 +237,8 @@ def _moved(one: _Part, first: _Part) -> dict[str, Array]:
     if one is first:
         return one.signals
     latitude, longitude = (np.float64(degrees) for degrees in one.place)
-    shifts = dict(zip(POSITION, offset(latitude, longitude, *first.place), strict=True))
-    moved = {f"{kind}_{name}": shift for kind in PLACES for name, shift in shifts.items()}
+    away = dict(zip(POSITION, offset(latitude, longitude, *first.place), strict=True))
+    moved = {f"{kind}_{name}": metres for kind in PLACES for name, metres in away.items()}
     return {name: values + moved.get(name, 0.0) for name, values in one.signals.items()}
 
 
