@@ -41,6 +41,8 @@ LOCATOR = 16.0
 """Times the map's span that the small map beside it shows at least"""
 LOCATOR_LEAST = 8.0
 """[degree of latitude] of that map"""
+LOCATOR_ID, KEY_ID = "locator", "key"
+"""Of the axes beside a map, whose numbers need no unit"""
 LOCATOR_MOST = 90.0
 """[degree] likewise, where no coast is nearer"""
 
@@ -239,6 +241,7 @@ def draw_locator(axes: Axes, box: Box) -> None:
     while not coast_within(*around) and tall < LOCATOR_MOST:  # the open ocean: look farther
         tall *= 1.5
         around = _around(middle, tall)
+    axes.set_gid(LOCATOR_ID)
     axes.set_facecolor(SEA)
     draw_land(axes, around, linewidth=0.4)
     draw_graticule(axes, around, lines=2)
@@ -267,6 +270,7 @@ def draw_key(
       heading: what all the currents are; then each has its name beside its arrow, else below it.
     """
     axes.set_axis_off()
+    axes.set_gid(KEY_ID)
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(0.0, 1.0)
     handles, names = map_axes.get_legend_handles_labels()

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 SLIDES, TURNS, SPINS = "m", "degree", "rad s-1"
 """Units of what moves on a rail, about an axis, and round and round"""
+DISPLACES = "cm3"
+"""Unit of what changes the volume"""
 POSITION = ("north", "east", "depth")
 """Signals without which nothing can be drawn."""
 ATTITUDE = ("roll", "pitch", "heading")
@@ -55,7 +57,7 @@ class Poses:
     bridged: NDArray[np.bool_] | None = None
     """Where the log has a gap, so that all but the time is only drawn, shape (n,)"""
     unknown: frozenset[str] = frozenset()
-    """Which of roll, pitch, heading, speed and net_mass nothing tells at any time"""
+    """Which of roll, pitch, heading, speed, net_mass and pumped nothing tells at any time"""
 
 
 def poses(trajectory: Trajectory, times: Array) -> Poses:
@@ -103,7 +105,7 @@ def poses(trajectory: Trajectory, times: Array) -> Poses:
         speed=np.interp(times, recorded, speed),
         net_mass=np.interp(times, recorded, told(trajectory, "net_mass")),
         current=_interpolate(times, recorded, current),
-        pumped=np.interp(times, recorded, told(trajectory, "pump")),
+        pumped=np.interp(times, recorded, _volume(trajectory)),
         bridged=np.interp(times, recorded, _gaps(trajectory)) > 0.0,
         unknown=unknown,
     )
@@ -112,11 +114,21 @@ def poses(trajectory: Trajectory, times: Array) -> Poses:
 def _unknown(trajectory: Trajectory) -> frozenset[str]:
     """Which readouts nothing tells at any time of the mission."""
     names = {name: (name,) for name in (*ATTITUDE, "net_mass")} | {"speed": BODY}
-    return frozenset(
+    unknown = {
         name
         for name, needed in names.items()
         if not all(np.isfinite(told(trajectory, one)).any() for one in needed)
-    )
+    }
+    if not np.isfinite(_volume(trajectory)).any():
+        unknown.add("pumped")
+    return frozenset(unknown)
+
+
+def _volume(trajectory: Trajectory) -> Array:
+    """What all parts together displace by moving oil or water [cm3], (time,); NaN where unknown."""
+    parts = [name for name in actuator_names(VARIABLES) if _unit(name) == DISPLACES]
+    moved = [values for name in parts if np.isfinite(values := told(trajectory, name)).any()]
+    return np.asarray(np.sum(moved, axis=0)) if moved else np.full(len(trajectory.time), np.nan)
 
 
 def _gaps(trajectory: Trajectory) -> Array:

@@ -48,7 +48,8 @@ def readouts(poses: Poses, index: int) -> list[Readout]:
         ),
     }
     items = [depth, *(item for name, item in others.items() if name not in poses.unknown)]
-    if "net_mass" in poses.unknown and poses.pumped is not None:
+    pumped = poses.pumped is not None and "pumped" not in poses.unknown
+    if "net_mass" in poses.unknown and pumped:
         items += _pumped(float(poses.pumped[index]))
     items += _parts(poses, index)
     if poses.bridged is not None and poses.bridged[index]:
