@@ -64,6 +64,10 @@ class StoreError(InputError):
     """A store is missing, damaged, of another schema, or in the way."""
 
 
+class WriteError(StoreError):
+    """The disk refuses, or something that is not ours is in the way; nothing was changed."""
+
+
 class LayoutError(TwinError):
     """MuJoCo's C structs are not laid out as the native callbacks need."""
 

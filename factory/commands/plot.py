@@ -38,6 +38,7 @@ class Plot(JsonOption):
         from factory.stores.generated import open_missions
         from twin.errors import InputError
         from twin.records.logs import LogStore
+        from twin.records.whole import whole_file
 
         if self.out is not None and self.out.suffix.lower() not in FORMATS:
             raise InputError(f"--out {self.out}: the ending must be one of {', '.join(FORMATS)}")
@@ -46,11 +47,8 @@ class Plot(JsonOption):
         run.check_arrays()
         pages = _pages(run, out) if isinstance(run, LogStore) else {out: store_page(run)}
         for path, figure in pages.items():
-            try:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                figure.savefig(path)
-            except (OSError, ValueError) as error:
-                raise InputError(f"cannot write plot {path}: {error}") from error
+            with whole_file(path) as place:
+                figure.savefig(place)
             console.say(f"wrote {path}")
         answer: dict[str, object] = {}
         if isinstance(run, LogStore):

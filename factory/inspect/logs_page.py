@@ -24,6 +24,7 @@ from twin.plot.map import (
 )
 from twin.records.attributes import DIVE_DURATION
 from twin.records.logs import LogStore
+from twin.records.place import METHODS
 
 Array = NDArray[np.float64]
 
@@ -91,14 +92,14 @@ def _draw_map(figure: SubFigure, logs: LogStore, missions: list[int]) -> None:
     turns = dict(zip(missions, (longitude - places[:, 1]).reshape(-1, 2), strict=True))
     box = box_around(places[:, 0], longitude, SHAPE)
     draw_base(axes, box)
-    boarded = False
+    reckoned = False
     for k in missions:
         latitude, along, how = logs.positions(k)
-        if np.isfinite(latitude).any():
-            turn = np.nanmean(turns[k])
+        if np.isfinite(latitude).any() and np.isfinite(turns[k]).any():
+            turn = turns[k][np.isfinite(turns[k])][0]
             la, lo = style.thin(latitude, joined(along) + turn, most=POINTS)
             axes.plot(lo, la, color=style.GUIDE, lw=0.8, zorder=1)
-            boarded |= how == ON_BOARD
+            reckoned |= how != METHODS["straight_line"]
         (a, b), (c, d) = fixes[k]
         if np.isfinite([a, b, c, d]).all():
             ends = [b + turns[k][0], d + turns[k][1]]
@@ -112,8 +113,8 @@ def _draw_map(figure: SubFigure, logs: LogStore, missions: list[int]) -> None:
             mew=1.2, ls="none", label=label, zorder=4,
         )  # fmt: skip
     axes.plot([], [], color=DIVE, lw=0.8, ls=(0, (3, 2)), label="dive, fix to fix")
-    if boarded:
-        axes.plot([], [], color=style.GUIDE, lw=0.8, label="on-board track")
+    if reckoned:
+        axes.plot([], [], color=style.GUIDE, lw=0.8, label="dive, corrected at the fixes")
     currents = _currents(logs, missions, turns)
     arrows = [(one, arrow_scale(currents)) for one in currents]
     for one, scale in arrows:
@@ -188,7 +189,6 @@ BASE_STATION, VEHICLE = "base station's", "vehicle's own"
 OURS_COLOUR, THEIRS_COLOUR = style.PALETTE["green"], style.PALETTE["vermillion"]
 AXES = ("north", "east")
 MAP_TITLE = "GPS fixes and dives"
-ON_BOARD = "on-board track"
 SHAPE = 1.45
 """Width over height of the map"""
 

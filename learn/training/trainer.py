@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ from learn.training.optimisers.registry import OPTIMISERS
 from learn.training.schedule import Clock, TrainingConfig, step_size
 from twin.errors import InputError, StoreError
 from twin.preload import preload_triton
+from twin.records.whole import whole_file
 
 TRAINING_PER_VALIDATION = 4.0
 """Least ratio of the time in training to that in validation: a large store validates less often."""
@@ -314,15 +316,17 @@ class Trainer:
             "bad": self.bad,
             **state,
         }
-        # A kill while writing must not cost the previous checkpoint.
-        half = self.checkpoint.with_suffix(".part")
-        torch.save(everything, half)
-        half.replace(self.checkpoint)
+        # a kill while writing must not cost the previous checkpoint
+        with whole_file(self.checkpoint) as place:
+            torch.save(everything, place)
 
     def _load(self) -> dict[str, Any] | None:
         if self.checkpoint is None or not self.checkpoint.exists():
             return None
-        saved: dict[str, Any] = torch.load(self.checkpoint, map_location=self.device)
+        check_records(self.checkpoint)
+        saved: dict[str, Any] = torch.load(
+            self.checkpoint, map_location=self.device, weights_only=True
+        )
         theirs, ours = saved["identity"], self._identity()
         if theirs != ours:
             raise StoreError(
@@ -333,6 +337,24 @@ class Trainer:
         self.best, self.best_state = saved["best"], saved["best_state"]
         self.bad = saved["bad"]
         return saved
+
+
+def check_records(checkpoint: Path) -> None:
+    """Compare the records of a checkpoint with their CRC-32, which torch does not do.
+
+    Raises:
+      StoreError: one of them is damaged.
+    """
+    try:
+        with zipfile.ZipFile(checkpoint) as archive:
+            damaged = archive.testzip()
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, ValueError) as error:
+        damaged = str(error)
+    if damaged is not None:
+        raise StoreError(
+            f"checkpoint {checkpoint} is damaged ({damaged}); remove it to train this network from "
+            "its start"
+        )
 
 
 def mean_squared_error(network: Network, sequences: Sequences) -> float:

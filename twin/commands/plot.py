@@ -205,8 +205,9 @@ class Plot:
 
     def _save(self, figure: Figure, path: Path, caption: str, console: Console) -> None:
         from twin.plot.caption import add_caption
+        from twin.records.whole import whole_file
 
         add_caption(figure, caption)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=PRINT_DPI)
+        with whole_file(path) as place:
+            figure.savefig(place, dpi=PRINT_DPI)
         console.say(str(path))

@@ -23,6 +23,7 @@ from twin.records.attributes import DEPLOYMENT, N_SAMPLES, SAMPLE_PERIOD, START_
 from twin.records.flight_file import is_flight
 from twin.records.logged_trajectory import AVERAGED
 from twin.records.schema import MISSION
+from twin.records.whole import whole_file
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -213,7 +214,7 @@ def write_figures(flight: Flight, folder: Path) -> tuple[list[Path], list[str]]:
     """Draw all figures into a folder; returns their files, and why others are missing.
 
     Raises:
-      InputError: the disk refuses.
+      WriteError: the disk refuses.
     """
     dataset = flight_dataset(flight)
     written, missing = [], []
@@ -224,11 +225,8 @@ def write_figures(flight: Flight, folder: Path) -> tuple[list[Path], list[str]]:
             missing.append(f"no {name} figure: {error}")
             continue
         path = folder / f"{name}.png"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            figure.savefig(path, dpi=PRINT_DPI)
-        except OSError as error:
-            raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+        with whole_file(path) as place:
+            figure.savefig(place, dpi=PRINT_DPI)
         written.append(path)
     return written, missing
 

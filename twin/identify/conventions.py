@@ -30,6 +30,7 @@ from twin.errors import InputError, unknown_name
 from twin.identify.calibration import REFERENCE_TEMPERATURE, Calibration
 from twin.identify.pitch import pump_of
 from twin.identify.unknowns import choose
+from twin.records.whole import whole_file
 from twin.vehicle.vehicle import CUBIC_CM
 
 DEGREE = math.pi / 180.0
@@ -175,7 +176,7 @@ def write_figures(calibration: Calibration, path: Path) -> str:
     """Write them: `.m` for a basestation, `.json` for gliderflight. Returns the kind.
 
     Raises:
-      InputError: another ending, or the disk refuses.
+      InputError: another ending. WriteError: the disk refuses.
     """
     if path.suffix == ".m":
         kind, figures = "basestation", to_basestation(calibration)
@@ -190,10 +191,8 @@ def write_figures(calibration: Calibration, path: Path) -> str:
             f"{path}: figures end in .m (basestation: hd_a, hd_b, hd_c, volmax) or .json "
             "(gliderflight: Cd0, Vg, mg)"
         )
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+    with whole_file(path) as place:
+        place.write_text(text, encoding="utf-8")
     return kind
 
 

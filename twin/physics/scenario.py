@@ -17,7 +17,7 @@ from twin.physics.ballast import Ballast
 from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 from twin.water.current.base import Current, current_from_dict
-from twin.water.current.origin import Origin
+from twin.water.current.origin import FORMER_DEFAULT, Origin
 from twin.water.density import DensityProfile
 from twin.water.floor import Floor, floor_from_dict
 
@@ -238,6 +238,8 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
     start = None if data["start"] is None else Start(**data["start"])
     # where the start has a place, the description's origin repeats it
     origin = None if start is not None and start.latitude is not None else data["origin"]
+    if origin is not None and Origin(**origin) == FORMER_DEFAULT:
+        origin = None  # nobody had said it
     return Scenario(
         vehicle=vehicle.with_changes(entry["changes"]),
         believed=None if believed is None else vehicle.with_changes(believed),

@@ -13,7 +13,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from twin.records.attributes import DIVE, PRESET, SCENARIO, SEED, SETTINGS, says_simulated
 from twin.records.logs import log_rows, numbers
-from twin.records.place import START_LATITUDE, START_LONGITUDE, START_TIME, read_place
+from twin.records.place import NOMINAL, START_LATITUDE, START_LONGITUDE, START_TIME, read_place
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION
 
@@ -42,9 +42,10 @@ def mission_caption(store: MissionStore, mission: int) -> str:
     if seed is not None:
         parts.append(f"seed {seed}")
     began = read_place(store.dataset.isel({MISSION: mission}, missing_dims="ignore"))
-    if START_LATITUDE in began:
+    nominal = str(began.get(NOMINAL, ""))
+    if START_LATITUDE in began and "place" not in nominal:
         parts.append(place(float(began[START_LATITUDE]), float(began[START_LONGITUDE])))
-    if START_TIME in began:
+    if START_TIME in began and "date" not in nominal:
         parts.append(f"{began[START_TIME]} UTC")
     return ", ".join([*parts, "simulated"])
 

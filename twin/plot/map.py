@@ -19,11 +19,14 @@ from twin.plot.coast import coast_within, draw_land
 from twin.plot.graticule import Box, box_around, cosine, draw_graticule, draw_scale_bar
 from twin.plot.registry import FigureKind
 from twin.records.logged_trajectory import AVERAGED, source_of
+from twin.records.place import NOMINAL
 from twin.records.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 SEA = "#F4F8FB"
+TRUE = "true track"
+"""Name of the track of a simulated mission"""
 SIZE = (5.4, 3.8)
 """[in] of the figure"""
 SHAPE = 1.05
@@ -102,9 +105,11 @@ def content_of(trajectory: Trajectory) -> MapContent:
         ]
         shrink = np.cos(np.radians(latitude[fixed]))
         fixes = (latitude[fixed] + away[0] / scale, longitude[fixed] + away[1] / scale / shrink)
+    nominal = "place" in str(trajectory.provenance.get(NOMINAL, ""))
+    word = f"{TRUE} (nominal place)" if nominal else TRUE
     return MapContent(
         tracks=((latitude, longitude),),
-        name=source_of(trajectory, "true_north", "true track"),
+        name=source_of(trajectory, "true_north", word),
         fixes=fixes,
         currents=mean_currents(trajectory, latitude, longitude),
     )
@@ -200,7 +205,7 @@ def draw_base(axes: Axes, box: Box) -> None:
 
 def draw_tracks(axes: Axes, content: MapContent) -> None:
     """Tracks, their ends and the fixes, with labels for a key."""
-    colour = style.TRUTH if content.name == "true track" else style.ESTIMATE
+    colour = style.TRUTH if content.name.startswith(TRUE) else style.ESTIMATE
     for index, (latitude, longitude) in enumerate(content.tracks):
         la, lo = style.thin(latitude, longitude)
         axes.plot(lo, la, color=colour, lw=1.3, label="" if index else content.name, zorder=2)

@@ -24,6 +24,7 @@ from twin.records.attributes import (
     START_TIME,
     says_simulated,
 )
+from twin.records.place import LATITUDE, LONGITUDE, METHOD, METHODS
 from twin.records.reader import MissionStore
 from twin.water.current.origin import HIGHEST_LATITUDE
 
@@ -177,19 +178,31 @@ class LogStore(MissionStore):
     def positions(self, mission: int) -> tuple[Array, Array, str]:
         """Latitude and longitude [degree] of a dive's samples, and how they were found.
 
-        The vehicle's own track where it logged one, else a straight line in time between the two
-        fixes; NaN where neither is known.
+        Those that the store holds; in stores of earlier versions, which hold none, the vehicle's
+        own track where it logged one, else a straight line in time between the two fixes. NaN where
+        neither is known.
         """
+        if LATITUDE in self:
+            count = int(self.samples[mission])
+            latitude, longitude = (
+                self.row(name, mission)[:count].astype(float) for name in (LATITUDE, LONGITUDE)
+            )
+            word = self.flags(METHOD)[int(self.array(METHOD)[mission])]
+            return latitude, longitude, METHODS[word]
+        return self._positions_without(mission)
+
+    def _positions_without(self, mission: int) -> tuple[Array, Array, str]:
+        """The same of a store that holds none."""
         start, end = self.fixes(mission)
         count = int(self.samples[mission])
         if not np.isfinite(start).all():
-            return np.full(count, np.nan), np.full(count, np.nan), "unknown"
+            return np.full(count, np.nan), np.full(count, np.nan), METHODS["unknown"]
         north, east = (self.signal(f"measured_onboard_{n}", mission) for n in ("north", "east"))
         if np.isfinite(north).any() and abs(start[0]) <= HIGHEST_LATITUDE:
             return *position(north, east, *start), "on-board track"
         if not np.isfinite(end).all():
-            return np.full(count, np.nan), np.full(count, np.nan), "unknown"
+            return np.full(count, np.nan), np.full(count, np.nan), METHODS["unknown"]
         share = np.linspace(0.0, 1.0, count)
         turn = (end[1] - start[1] + 180.0) % 360.0 - 180.0
         latitude = start[0] + share * (end[0] - start[0])
-        return latitude, start[1] + share * turn, "straight line between GPS fixes"
+        return latitude, start[1] + share * turn, METHODS["straight_line"]

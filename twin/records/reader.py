@@ -66,7 +66,7 @@ class MissionStore:
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
-        self.dataset: xr.Dataset = open_store(self.path)
+        self.dataset: xr.Dataset = open_store(self.path, dask=False)
         if not is_missions(self.attributes):
             self.close()
             found = self.attributes.get(SCHEMA)

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError, unknown_name
 from twin.records.attributes import TITLE, is_missions
 from twin.records.schema import MISSION, TIME
-from twin.records.store import write_zarr
+from twin.records.store import write_netcdf, write_zarr
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -145,6 +145,7 @@ def write_track_dataset(
     """Write tracks as netCDF, or as zarr where the name ends so.
 
     Args:
+      path: of `whole_file`, or of `whole_folder` for zarr.
       missions: numbers of the missions, (mission,).
       time: [s] since each mission's start, (time,).
       arrays: `<name>_north` and `<name>_east` [m], (mission, time).
@@ -160,7 +161,7 @@ def write_track_dataset(
         {TITLE: "Dead-reckoned tracks, metres from each mission's start"},
     )
     if path.suffix == ".nc":
-        dataset.to_netcdf(path)
+        write_netcdf(dataset, path)
     else:
         write_zarr(dataset, path)
 

@@ -205,9 +205,7 @@ def _put_fixes(
     log: DeploymentLog, segment: Segment, times: Array, period: float, signals: dict[str, Array]
 ) -> None:
     """GPS [m] from the row's start at the samples nearest to its fixes; NaN elsewhere."""
-    origin = segment.start_fix or segment.end_fix
-    if len(segment.inside):
-        origin = segment.start_fix or _onboard_at(log, segment.start) or _first(segment.inside)
+    origin = frame_origin(log, segment)
     if origin is None:
         return
     north, east = np.full(len(times), np.nan), np.full(len(times), np.nan)
@@ -219,6 +217,13 @@ def _put_fixes(
         if position is not None:
             north[k], east[k] = offset(np.float64(position[0]), np.float64(position[1]), *origin)
     signals["measured_gps_north"], signals["measured_gps_east"] = north, east
+
+
+def frame_origin(log: DeploymentLog, segment: Segment) -> tuple[float, float] | None:
+    """Latitude and longitude [degree] from which a row counts its metres; None without a fix."""
+    if len(segment.inside):
+        return segment.start_fix or _onboard_at(log, segment.start) or _first(segment.inside)
+    return segment.start_fix or segment.end_fix
 
 
 def _first(fixes: Fixes) -> tuple[float, float]:

@@ -172,7 +172,8 @@ def test_parquet_has_a_row_for_every_sample(field_store: Path, tmp_path: Path) -
     assert table.num_rows == run.samples.sum()
     stored = [name for name in VARIABLES if name in run.dataset]
     assert len(stored) > 50
-    assert table.column_names == ["mission", "split", "time", *stored]
+    where = ["datetime", "latitude", "longitude"]
+    assert table.column_names == ["mission", "split", "time", *where, *stored]
     assert table.schema.field("true_surge").metadata[b"units"] == b"m s-1"
     mission = table["mission"].to_numpy()
     depth = table["true_depth"].to_numpy()[mission == 1]

@@ -190,8 +190,8 @@ def test_parquet_of_a_log_says_when_and_where(store: Path, tmp_path: Path) -> No
     table = pq.read_table(export_parquet(logs, [0, 2], tmp_path / "real.parquet"))
     assert table.num_rows == logs.samples[0] + logs.samples[2]
     assert set(table["deployment"].to_pylist()) == {"unit1"}
-    moments = table["moment"].to_numpy().astype("datetime64[us]").astype(float) / 1e6
-    np.testing.assert_allclose(moments[: logs.samples[0]], logs.time(0), atol=1e-6)
+    moments = table["datetime"].to_numpy().astype("datetime64[us]").astype(float) / 1e6
+    np.testing.assert_allclose(moments[: logs.samples[0]], logs.time(0), atol=1e-3)
     assert table["latitude"].to_numpy()[0] == pytest.approx(logs.fixes(0)[0][0])
     assert b"Recorded by vehicles" in table.schema.metadata[b"comment"]
 

@@ -331,7 +331,7 @@ def test_showcase_keeps_the_longest(judged):
 
 def test_a_page_into_an_impossible_folder_is_bad_input(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="cannot make folder"):
+    with pytest.raises(InputError, match="is a file, not a folder"):
         Page(tmp_path / "file" / "page", "t", "l")
 
 

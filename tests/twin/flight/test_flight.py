@@ -149,7 +149,7 @@ def test_the_command(store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     assert answer["flown"] == 1
     assert out.is_file()
     assert PROGRAM.main(arguments) == 2
-    assert "exists already; use --overwrite" in capsys.readouterr().err
+    assert "already exists; use --overwrite" in capsys.readouterr().err
     assert PROGRAM.main([*arguments[:3], str(tmp_path / "flight.csv")]) == 2
     assert "must end in .nc" in capsys.readouterr().err
 

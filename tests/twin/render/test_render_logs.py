@@ -110,7 +110,7 @@ def test_the_track_is_coloured_by_what_is_known(log: LoggedTrajectory) -> None:
         log, signals={n: v for n, v in log.items() if n not in ("true_surge", "true_current_north")}
     )
     assert track_values(slow, None, everywhere, ())[1].label == "depth, measured [m]"
-    with pytest.raises(InputError, match="records no true_current_north.*it can by depth"):
+    with pytest.raises(InputError, match=r"records no true_current_north.*it can by depth"):
         track_values(slow, "current", everywhere, ())
     assert Shot(colour="depth").colour == "depth"
     grey = track_colours(np.array([np.nan, 0.2]), 0.0, 1.0)
@@ -139,7 +139,9 @@ def test_a_log_without_any_track_says_why(dives: Path, tmp_path: Path) -> None:
     for name in ("displacement_north", "displacement_east"):
         data[name] = data[name] * np.nan
     plain = write_store(data, tmp_path / "plain.zarr")
-    with pytest.raises(StoreError, match="no flight model .* no track of its own and no two fixes"):
+    with pytest.raises(
+        StoreError, match=r"no flight model .* no track of its own and no two fixes"
+    ):
         read_subject(plain)
 
 

@@ -295,6 +295,11 @@ class Grid(Current):
         """With a box of at least that half-width, unless `reach_m` is given."""
         return replace(self, reach_m=max(distance_m, 1.0)) if self.reach_m is None else self
 
+    def begins(self, duration_s: float, origin: Origin) -> Origin:
+        """Its own place and time, else the file's first time."""
+        place = self.start(origin)
+        return self.pinned(duration_s, origin).start(origin) if place.time is None else place
+
     def check_place(self, latitude_deg: float, longitude_deg: float) -> None:
         """The place in the file must be the start's, where both are given."""
         mine = (self.latitude_deg, self.longitude_deg)
