@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.geodesy import position
+from twin.geodesy import position, wrap_longitude
 from twin.records.place import START_LATITUDE, START_LONGITUDE
 from twin.records.schema import VARIABLES
 from twin.records.trajectory import Trajectory, actuator_names
@@ -50,7 +50,8 @@ class LoggedTrajectory(Trajectory):
         if START_LATITUDE not in self.provenance:
             raise InputError("this log does not say where on Earth it began")
         place = (self.provenance[START_LATITUDE], self.provenance[START_LONGITUDE])
-        return position(self["true_north"], self["true_east"], *place)
+        latitude, longitude = position(self["true_north"], self["true_east"], *place)
+        return latitude, wrap_longitude(longitude)
 
     def distance_through_water(self) -> Array:
         """Path length through the water [m] up to each sample, shape (time,); without the samples

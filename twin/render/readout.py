@@ -48,9 +48,9 @@ def readouts(poses: Poses, index: int) -> list[Readout]:
         ),
     }
     items = [depth, *(item for name, item in others.items() if name not in poses.unknown)]
-    pumped = poses.pumped is not None and "pumped" not in poses.unknown
-    if "net_mass" in poses.unknown and pumped:
-        items += _pumped(float(poses.pumped[index]))
+    pumped = None if "pumped" in poses.unknown else poses.pumped
+    if "net_mass" in poses.unknown and pumped is not None:
+        items += _pumped(float(pumped[index]))
     items += _parts(poses, index)
     if poses.bridged is not None and poses.bridged[index]:
         items = [dataclasses.replace(item, value=UNKNOWN) for item in items]
