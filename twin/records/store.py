@@ -23,6 +23,7 @@ from twin.bounded import check_dataset, parse_json
 from twin.errors import InputError, StoreError
 from twin.records.attributes import N_SAMPLES, SIMULATED_ATTRIBUTES, VERSION, is_missions
 from twin.records.checksums import is_listed
+from twin.records.flight_file import flight_message, is_flight
 from twin.records.place import (
     COORDINATES,
     FLOWN,
@@ -261,6 +262,8 @@ def open_store(path: str | Path, *, dask: bool = True) -> xr.Dataset:
             f"store {path} is incomplete: the `factory generate` command that began it, with "
             "--resume, completes it"
         )
+    if is_flight(path):
+        raise StoreError(flight_message(path))
     if not path.exists():
         raise StoreError(f"no store at {path}; make one with `factory generate --out {path}`")
     if not is_complete(path):
