@@ -111,7 +111,11 @@ def small_arrays(recipe: Recipe, missions: Sequence[FlownMission]) -> dict[str, 
         names.N_SAMPLES: SmallArray(
             np.array([flown.samples for flown in missions], np.int32),
             by_mission,
-            {"units": "1", "long_name": "samples of the mission; later ones are padding"},
+            {
+                "units": "1",
+                "long_name": "number of samples of the mission",
+                "comment": "later ones are padding",
+            },
         ),
         names.DURATION: SmallArray(
             np.array(plan.durations_s), by_mission, {"units": "s", "long_name": "mission length"}
@@ -119,12 +123,15 @@ def small_arrays(recipe: Recipe, missions: Sequence[FlownMission]) -> dict[str, 
         names.SPLIT: SmallArray(
             np.array(plan.splits, np.int8),
             by_mission,
-            flag_attributes("what the mission is for; missions are split, never samples", SPLITS),
+            {
+                **flag_attributes("part of the data set", SPLITS),
+                "comment": "missions are split, never samples",
+            },
         ),
         names.ATTEMPT: SmallArray(
             np.array([flown.attempt for flown in missions], np.int16),
             by_mission,
-            {"units": "1", "long_name": "attempts that failed before this one"},
+            {"units": "1", "long_name": "number of attempts that failed before this one"},
         ),
     }
     places = [mission_place(flown.parameters, recipe.given_current) for flown in missions]
@@ -162,13 +169,15 @@ def _parameter_array(
         return None
     attributes: dict[str, Any] = {
         "units": parameter.unit,
-        "long_name": parameter.why,
+        "long_name": parameter.long_name,
         "distribution": distribution.text(),
         "parameter": name,
     }
+    if parameter.why:
+        attributes["comment"] = parameter.why
     meanings = option_names(recipe, name)
     if meanings:
-        attributes = {**attributes, **flag_attributes(parameter.why, meanings)}
+        attributes = {**attributes, **flag_attributes(parameter.long_name, meanings)}
         del attributes["units"]
         filled = np.full((len(rows), longest), UNUSED_CODE, np.int8)
         for i, row in enumerate(rows):
