@@ -66,14 +66,18 @@ def columns(recipe: Recipe) -> list[Column]:
             name=names.N_SAMPLES,
             attributes={
                 "units": "1",
-                "long_name": "samples of the mission; later ones are padding",
+                "long_name": "number of samples of the mission",
+                "comment": "later ones are padding",
             },
             dtype="int32",
             empty=0,
         ),
         Column(
             name=names.ATTEMPT,
-            attributes={"units": "1", "long_name": "attempts that failed before this one"},
+            attributes={
+                "units": "1",
+                "long_name": "number of attempts that failed before this one",
+            },
             dtype="int16",
             empty=0,
         ),
@@ -155,13 +159,15 @@ def _parameter_column(recipe: Recipe, name: str) -> Column:
     parameter, distribution = recipe.table[name], recipe.distributions[name]
     attributes: dict[str, Any] = {
         "units": parameter.unit,
-        "long_name": parameter.why,
+        "long_name": parameter.long_name,
         "distribution": distribution.text(),
         "parameter": name,
     }
+    if parameter.why:
+        attributes["comment"] = parameter.why
     words = option_names(recipe, name)
     if words:
-        attributes |= flag_attributes(parameter.why, words)
+        attributes |= flag_attributes(parameter.long_name, words)
         del attributes["units"]
     fixed = distribution.value if isinstance(distribution, Fixed) else None
     usual = fixed if isinstance(fixed, (int, float)) and not parameter.per_segment else np.nan

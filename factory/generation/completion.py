@@ -118,7 +118,8 @@ def _plan_arrays(recipe: Recipe, job: Job, found: Found) -> Iterator[Part]:
     places = np.arange(found.segments)
     said = {"long_name": "place of a segment in its mission"}
     yield SEGMENT, 0, places, ArrayMeta(places.shape, places.dtype, (SEGMENT,), said)
-    split = flag_attributes("what the mission is for; missions are split, never samples", SPLITS)
+    split = flag_attributes("part of the data set", SPLITS)
+    split["comment"] = "missions are split, never samples"
     whole: dict[str, tuple[NDArray[Any], dict[str, Any]]] = {
         MISSION: (np.arange(len(plan)), {"long_name": "mission index"}),
         names.DURATION: (

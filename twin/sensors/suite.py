@@ -215,14 +215,15 @@ class SensorSuite(Mapping[str, Sensor]):
             channels = [entry.name for entry in sensor.channels(truth)]
             if not channels:  # nothing that this vehicle and this sea let it measure
                 continue
-            if _exact(sensor, drawn):
-                made = {c: np.asarray(truth[f"true_{c[len('measured_') :]}"]) for c in channels}
-            else:
+            known = _truths(channels, truth) if _exact(sensor, drawn) else {}
+            made = known
+            if len(known) < len(channels):  # what has no truth, such as conductivity, is measured
                 made = sensor.measure(
                     signals, dt=dt, drawn=drawn, rng=sensor_generator(rng_seed, name),
                     surroundings=surroundings,
                 )  # fmt: skip
                 _check_made(name, made, channels, n)
+                made = {**made, **known}
             for channel in channels:
                 out[channel] = signals[channel] = made[channel]
         return out
@@ -260,6 +261,12 @@ class SensorSuite(Mapping[str, Sensor]):
                     "positive down; None puts the bottom out of reach"
                 )
         return int(n[0])
+
+
+def _truths(channels: list[str], truth: Signals) -> dict[str, NDArray[Any]]:
+    """The true signals behind the channels that have one, as they are."""
+    behind = {channel: f"true_{channel.removeprefix('measured_')}" for channel in channels}
+    return {c: np.asarray(truth[name]) for c, name in behind.items() if name in truth}
 
 
 def _exact(sensor: Sensor, drawn: Mapping[str, float]) -> bool:

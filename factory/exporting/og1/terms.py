@@ -89,7 +89,8 @@ def simulated_terms(signals: Sequence[str]) -> list[tuple[str, str, str]]:
     gliders = {f"measured_{name}" for name in actuator_names(SIMULATED)}
     own = {f"measured_{name}" for name in parts}
     terms = [term for term in SIMULATED_MEASURED if term[1] not in gliders - own]
-    terms += [term for term in CTD_MEASURED if term[1] in signals]
+    ctd = (*CTD_MEASURED, ("CNDC", "measured_conductivity", "SENSOR_CTD"))
+    terms += [term for term in ctd if term[1] in signals]
     named = {stored for _, stored, _ in terms}
     return terms + [(name.upper(), name, "") for name in sorted(own - named)]
 
