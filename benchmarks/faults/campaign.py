@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import hashlib
 import json
 import os
 import shutil
@@ -20,7 +19,7 @@ from importlib import import_module
 from pathlib import Path
 
 from benchmarks.faults.injector import FAULTS, Fault, Injector
-from benchmarks.faults.writers import WRITERS, Write
+from benchmarks.faults.writers import WRITERS, Write, Writer, digest
 from twin.errors import TwinError
 
 DONE, TOLD, CRASHED, KILLED = 0, 3, 4, 9
@@ -55,9 +54,9 @@ def run(name: str, work: Path, every: int = 1, faults: tuple[Fault, ...] = FAULT
         place.mkdir()
         assert _child(lambda v=variant: write(target, v)) == DONE, f"{name} cannot write"  # type: ignore[misc]
         if variant == "new":
-            new = digest(target)
+            new, whole = writer.content(target), digest(target)
     shutil.copytree(place, before)
-    old = digest(target)
+    old = writer.content(target)
     assert old != new
     outcome = Outcome(name, _count(write, target, place, injector))
     for fault in faults:
@@ -65,7 +64,9 @@ def run(name: str, work: Path, every: int = 1, faults: tuple[Fault, ...] = FAULT
             shutil.rmtree(place)
             shutil.copytree(before, place)
             outcome.injected += 1
-            problem = _inject(write, target, place, injector, fault, at, old, new)
+            problem = _inject(writer, write, target, injector, fault, at, old, new)
+            if problem is None and digest(target) != whole:
+                problem = "the next writing gives other content"
             if problem is None:
                 outcome.survived += 1
             else:
@@ -78,7 +79,7 @@ def _preload(write: Write, target: Path) -> None:
     loaded = target.with_name("modules.txt")
 
     def note() -> None:
-        write(target, "old")
+        write(target, "new")
         loaded.write_text("\n".join(sorted(sys.modules)))
 
     assert _child(note) == DONE
@@ -106,32 +107,29 @@ def _count(write: Write, target: Path, place: Path, injector: Injector) -> int:
 
 
 def _inject(
-    write: Write, target: Path, place: Path, injector: Injector, fault: Fault, at: int,
+    writer: Writer, write: Write, target: Path, injector: Injector, fault: Fault, at: int,
     old: str, new: str,
 ) -> str | None:  # fmt: skip
     """What went wrong; None when nothing was lost."""
 
     def meet() -> None:
-        injector.arm(place, at, fault)
+        injector.arm(target.parent, at, fault)
         try:
             write(target, "new")
         finally:
             injector.disarm()
 
     code = _child(meet)
-    found = digest(target)
+    found = writer.content(target)
     if code == CRASHED:
         return "ended with a traceback"
     if found not in (old, new):
-        # a kill between two renames leaves it for the next reader or writer
         return f"other content ({'nothing' if not target.exists() else 'half'}), exit code {code}"
     if code == DONE and found != new:
         return "said that it is done, and the old content is there"
     if _child(lambda: write(target, "new")) != DONE:
         return "the next writing fails"
-    if digest(target) != new:
-        return "the next writing gives other content"
-    left = sorted(path.name for path in place.iterdir() if path != target)
+    left = sorted(path.name for path in target.parent.iterdir() if path != target)
     return f"left {', '.join(left)}" if left else None
 
 
@@ -149,16 +147,6 @@ def _child(work: Callable[[], object]) -> int:
     except BaseException:
         traceback.print_exc()
         os._exit(CRASHED)
-
-
-def digest(target: Path) -> str:
-    """SHA-256 over names and bytes of a file or folder; of times that a writer notes, nothing."""
-    found = hashlib.sha256()
-    for path in sorted(target.rglob("*")) if target.is_dir() else [target]:
-        found.update(str(path.relative_to(target)).encode())
-        if path.is_file():
-            found.update(path.read_bytes())
-    return found.hexdigest()
 
 
 if __name__ == "__main__":

@@ -7,19 +7,38 @@ logs, tracks and a page of figures, a network. `fit` trains for real, on a store
 from __future__ import annotations
 
 import dataclasses
+import datetime
 import functools
+import hashlib
 import os
 import traceback
+import types
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from twin.records.trajectory import Trajectory
 
 Write = Callable[[Path, str], None]
 """Writes content of a variant, `old` or `new`, to a path; replaces what is there."""
+
+
+def digest(target: Path) -> str:
+    """SHA-256 over names and bytes of a file or folder."""
+    found = hashlib.sha256()
+    for path in sorted(target.rglob("*")) if target.is_dir() else [target]:
+        found.update(str(path.relative_to(target)).encode())
+        if path.is_file():
+            found.update(path.read_bytes())
+    return found.hexdigest()
+
+
+def network_content(run: Path) -> str:
+    """What a run holds of its network: nothing before the description is there."""
+    files = [run / f"surge-0{ending}" for ending in (".json", ".safetensors")]
+    return ", ".join(digest(path) for path in files) if files[0].exists() else "no network yet"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,6 +50,8 @@ class Writer:
     """Name of what it writes."""
     prepare: Callable[[Path], Write]
     """Imports and computes what is written, in a folder of its own for inputs."""
+    content: Callable[[Path], str] = digest
+    """What readers see of it, in a word; `digest` is every byte and name."""
 
 
 def _folder(inputs: Path) -> Write:
@@ -123,8 +144,9 @@ def _export(kind: str) -> Callable[[Path], Write]:
         from factory.exporting.registry import EXPORTERS
         from factory.stores.stored_flight import open_exportable
 
-        for loaded_beforehand in ("factory.exporting.og1.missions", "pyarrow.parquet"):
-            import_module(loaded_beforehand)
+        # the same flight must give the same bytes: a file says when it was made
+        terms: Any = import_module("factory.exporting.og1.terms")
+        terms.datetime = types.SimpleNamespace(**{**vars(datetime), "datetime": _Always})
         stores = {}
         for variant, flown in _flights().items():
             stores[variant] = inputs / f"{variant}.zarr"
@@ -139,6 +161,15 @@ def _export(kind: str) -> Callable[[Path], Write]:
         return write
 
     return prepare
+
+
+class _Always(datetime.datetime):
+    """A clock that stands."""
+
+    @classmethod
+    def now(cls, tz: datetime.tzinfo | None = None) -> _Always:
+        """Always the same moment."""
+        return cls(2026, 1, 1, tzinfo=tz)
 
 
 def _tracks(inputs: Path) -> Write:
@@ -189,9 +220,12 @@ def _network(inputs: Path) -> Write:
     )
 
     def write(path: Path, variant: str) -> None:
-        torch.manual_seed(0 if variant == "old" else 1)
+        if variant == "old":  # a run is begun; a network is never written over another one
+            path.mkdir(exist_ok=True)
+            return
+        torch.manual_seed(1)
         network = build_network(NetworkConfig(kind="gru", hidden=4, layers=1, inputs=1))
-        path.mkdir(parents=True, exist_ok=True)
+        path.mkdir(exist_ok=True)
         Predictor(network, scales).save(path / "surge-0")
 
     return write
@@ -224,6 +258,6 @@ WRITERS = {
         Writer("evaluate-tracks", "tracks.nc", _tracks),
         Writer("evaluate-tracks-zarr", "tracks.zarr", _tracks),
         Writer("evaluate-page", "page", _page),
-        Writer("fit-network", "run", _network),
+        Writer("fit-network", "run", _network, network_content),
     )
 }

@@ -62,7 +62,10 @@ class Evaluate(JsonOption):
             check_target(self.tracks)
             check_file(self.tracks, "--tracks", folder=self.tracks.suffix == ".zarr")
         if self.out is not None:
+            from twin.plot.page import check_page_target
+
             check_folder(self.out, "--out")
+            check_page_target(self.out)
         with console.progress(total=_count(self), label="evaluate", unit="missions") as progress:
 
             def see(reference: Reference, estimates: Mapping[str, Estimate]) -> None:

@@ -41,7 +41,7 @@ def test_a_writer_that_is_not_whole_is_found(monkeypatch, tmp_path):
         from benchmarks.faults import campaign
         from benchmarks.faults.writers import Writer
         def prepare(inputs):
-            return lambda path, variant: path.write_text(3000 * variant) and None
+            return lambda path, variant: path.write_text(3000 * variant)
         campaign.WRITERS["plain"] = Writer("plain", "plain.txt", prepare)
         campaign._count = lambda *_: 2
         print(len(campaign.run("plain", Path(sys.argv[1])).lost))

@@ -70,7 +70,7 @@ class Page:
         self._title = title
         self._body = [f"<h1>{_text(title)}</h1>", f'<p class="lead">{_text(lead)}</p>']
         self._pictures: dict[str, bytes] = {}
-        check_folder_target(folder, overwrite=True, ours=_is_page)
+        check_page_target(folder)
 
     def section(self, title: str) -> None:
         """A heading."""
@@ -157,6 +157,15 @@ class Page:
             f'<figure><img width="{width}" alt="{_text(caption)}" '
             f'src="data:image/png;base64,{data}"><figcaption>{_text(caption)}</figcaption></figure>'
         )
+
+
+def check_page_target(folder: Path) -> None:
+    """Refuse, before long work, a folder that a page cannot be written to.
+
+    Raises:
+      WriteError: something that is no page is in the way.
+    """
+    check_folder_target(folder, overwrite=True, ours=_is_page)
 
 
 def _is_page(folder: Path) -> bool:

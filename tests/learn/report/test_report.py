@@ -356,6 +356,20 @@ def test_a_page_into_an_impossible_folder_is_bad_input(tmp_path):
         Page(tmp_path / "file" / "page", "t", "l")
 
 
+def test_a_page_replaces_a_page_and_nothing_else(tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("precious")
+    with pytest.raises(InputError, match="glider-twin did not write it"):
+        Page(tmp_path / "mine", "t", "l")
+    for title in ("one", "two"):
+        page = Page(tmp_path / "page", title, "l")
+        page.figure(title, Figure(figsize=(1, 1)), "a figure")
+        assert not (tmp_path / "page" / f"{title}.png").exists()
+        page.write()
+    names = sorted(path.name for path in (tmp_path / "page").iterdir())
+    assert names == ["checksums.json", "index.html", "two.png"]
+
+
 def test_pages_escape_what_they_are_given(tmp_path):
     page = Page(tmp_path, "t", "l")
     page.table([{"<b>": "<script>"}])

@@ -74,9 +74,9 @@ def test_a_hang_up_that_is_ignored_stays_so(tmp_path):
     process.send_signal(signal.SIGHUP)
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(0.3)
+    os.kill(child, signal.SIGKILL)
     process.send_signal(signal.SIGTERM)
     process.communicate(timeout=30)
-    os.kill(child, signal.SIGKILL)
     assert process.returncode == 143
 
 
