@@ -88,7 +88,7 @@ class Scenario:
         if not isinstance(self.encoder_zeros, Mapping):
             raise InputError(
                 f"scenario: encoder_zeros is {self.encoder_zeros!r}; give a mapping of parts and "
-                "errors, such as {'rudder': 0.01}"
+                "errors, such as {'PART': 0.01}"
             )
         for name, value in self.encoder_zeros.items():
             self.vehicle.part(name)
