@@ -139,9 +139,7 @@ def test_a_log_without_any_track_says_why(dives: Path, tmp_path: Path) -> None:
     for name in ("displacement_north", "displacement_east"):
         data[name] = data[name] * np.nan
     plain = write_store(data, tmp_path / "plain.zarr")
-    with pytest.raises(
-        StoreError, match=r"no flight model .* and no two fixes"
-    ):
+    with pytest.raises(StoreError, match=r"no flight model .* and no two fixes"):
         read_subject(plain)
 
 
