@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from factory.generation.bulk import Summary
-from factory.generation.bulk import generate as _generate
+from factory.generation.generate import Summary
+from factory.generation.generate import generate as _generate
 from factory.recipe.parameter import Parameter
 from factory.recipe.recipe import make_recipe
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from twin.bounded import parse_json, read_text
 from twin.errors import InputError, StoreError
 from twin.records.whole import whole_file
 
@@ -71,8 +72,8 @@ def read_json(path: Path, remedy: str) -> dict[str, Any]:
       StoreError: it is no JSON object.
     """
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:
+        found = parse_json(read_text(path, "file", StoreError), str(path), StoreError)
+    except StoreError as error:
         raise StoreError(f"{path} is damaged ({error}); {remedy}") from error
     if not isinstance(found, dict):
         raise StoreError(f"{path} is damaged (no JSON object); {remedy}")

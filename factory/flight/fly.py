@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from factory.flight.bounds import check_afloat, check_possible
+from factory.flight.mission_place import origin
 from factory.flight.mission_water import (
     bottom_depth,
     build_current,
     build_density,
     build_floor,
-    origin,
 )
 from factory.flight.vehicle_errors import (
     ballast_of,

@@ -41,6 +41,8 @@ _MISSION: tuple[Parameter, ...] = (
               "launch at the surface, so that every mission begins with surge from rest"),
     Parameter("mission.surface_every", "1", "none", "1",
               "dives between two stays at the surface (GPS fixes); none: never surfaces"),
+    Parameter("mission.start_day", "d", "0", "uniform(0, 366)",
+              "days since the beginning of 2020, UTC; any day of that year, only for coordinates"),
     # SEGMENT: drawn for every segment
     Parameter("mission.kind", "1", "choice(saw-tooth, spiral)", "choice(saw-tooth: 2, spiral: 1)",
               "the paper combines wings-level and spiral motion; field work is mostly transects",
@@ -126,9 +128,16 @@ _WATER: tuple[Parameter, ...] = (
     Parameter("water.thermocline_m", "m", "200", "uniform(60, 250)", "its decay depth below that"),
     Parameter("water.latitude", "degree_north", "36.8", "uniform(20, 65)",
               "gravity at the pressure gauge, inertial period and Ekman turning"),
+    Parameter("water.longitude", "degree_east", "-122.4", "uniform(-38, -32)",
+              "coordinates, and the composition of the salt; with any latitude from 20 to 65 it is "
+              "the open Atlantic, without land; paper: off Monterey Bay, in deep water"),
     Parameter("water.bottom_below_m", "m", "none", "loguniform(20, 2000)",
               "bottom below the deepest turning depth; the DVL sees 110 m"),
 )  # fmt: skip
+
+
+ADDED: Mapping[str, str] = {"water.longitude": "-121.8", "mission.start_day": "0"}
+"""What parameters were, in effect, in stores that were made before they existed"""
 
 
 def parameter_table(vehicle: Vehicle) -> dict[str, Parameter]:

@@ -163,7 +163,7 @@ class Run:
         for number, line in enumerate(_whole_lines(path), 1):
             try:
                 found.append(json.loads(line))
-            except ValueError as error:
+            except (ValueError, RecursionError) as error:
                 raise StoreError(
                     f"{path} is damaged in line {number} ({error}); take that line out"
                 ) from error

@@ -152,7 +152,7 @@ def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
         )
         return None
     say("flying the paper's test in three currents")
-    from factory.generation.bulk import generate
+    from factory.generation.generate import generate
     from factory.recipe.recipe import make_recipe
 
     path = run.folder / PAPER_TEST_STORE

@@ -27,6 +27,8 @@ from learn.networks.predictor import free_run
 from learn.training.optimisers.base import FullBatchOptimiser, MinibatchOptimiser
 from learn.training.optimisers.registry import OPTIMISERS
 from learn.training.schedule import Clock, TrainingConfig, step_size
+from twin.bounded import check_archive
+from twin.cli.console import one_line
 from twin.errors import InputError, StoreError
 from twin.preload import preload_triton
 from twin.records.whole import whole_file
@@ -324,9 +326,7 @@ class Trainer:
         if self.checkpoint is None or not self.checkpoint.exists():
             return None
         check_records(self.checkpoint)
-        saved: dict[str, Any] = torch.load(
-            self.checkpoint, map_location=self.device, weights_only=True
-        )
+        saved = _read_checkpoint(self.checkpoint, self.device)
         theirs, ours = saved["identity"], self._identity()
         if theirs != ours:
             raise StoreError(
@@ -355,6 +355,31 @@ def check_records(checkpoint: Path) -> None:
             f"checkpoint {checkpoint} is damaged ({damaged}); remove it to train this network from "
             "its start"
         )
+
+
+def _read_checkpoint(path: Path, device: torch.device | str) -> dict[str, Any]:
+    """What `Trainer._save` wrote: tensors and plain values. No other object is ever loaded.
+
+    Raises:
+      StoreError: the file is damaged or no checkpoint.
+    """
+    remedy = "remove it to start over"
+    try:
+        check_archive(path, f"checkpoint {path}", StoreError)
+    except StoreError as error:
+        raise StoreError(f"{error}; {remedy}") from error
+    needed = {"identity", "history", "best", "best_state", "bad"}
+    try:
+        saved = torch.load(path, map_location=device, weights_only=True)
+        missing = needed - set(saved)
+    except Exception as error:  # the reader of torch raises many kinds
+        line = one_line(str(error)).split(". ")[0]
+        raise StoreError(
+            f"checkpoint {path} cannot be read ({type(error).__name__}: {line}); {remedy}"
+        ) from error
+    if missing:
+        raise StoreError(f"checkpoint {path} lacks {', '.join(sorted(missing))}; {remedy}")
+    return dict(saved)
 
 
 def mean_squared_error(network: Network, sequences: Sequences) -> float:

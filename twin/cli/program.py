@@ -26,7 +26,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from twin.cli.console import Console, one_line
+from twin.cli.console import Console, discard, one_line
 from twin.cli.endings import Endings
 from twin.cli.runnable import Runnable
 from twin.errors import InputError, TwinError, unknown_name
@@ -151,13 +151,19 @@ class Program:
         from twin.cli.options import parse_options
 
         chosen = by_name[first].load()
-        options = parse_options(chosen, prog=f"{self.name} {first}", words=rest)
+        try:
+            options = parse_options(chosen, prog=f"{self.name} {first}", words=rest)
+        except BrokenPipeError:  # of the help text, by `| head`
+            discard(sys.stdout)
+            return None
         if options is None:
+            Console("").finish()
             return None
         console.json = bool(getattr(options, "json", False))
         # With --json the answer owns standard output: a library that prints must not spoil it.
         aside = contextlib.redirect_stdout(sys.stderr) if console.json else contextlib.nullcontext()
-        with aside:
+        with aside, warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_, **__: console.warn(str(message))
             return options.run(console)
 
 

@@ -52,8 +52,9 @@ class Simulate(JsonOption):
     GEBCO.nc (latitude, longitude, elevation in m) about --start. docs/physics.md explains them"""
     start: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[,TIME]")] = None
     """where and when it begins: degrees north and east, and UTC, such as
-    49,-16,2003-08-01T00:00. Gridded currents, density and the store use it;
-    default: Monterey Bay without a date, and the store says neither"""
+    49,-16,2003-08-01T00:00. Gridded currents, density and the store use it; default: where a
+    gridded current's file is read, else 36.8,-122.4,2020-01-01T00:00, off Monterey Bay, and the
+    store says which of place and date are defaults"""
     duration: float | None = None
     """seconds to simulate; default: what the mission says"""
     hydrodynamics: Literal["coefficients", "ellipsoid"] = "coefficients"

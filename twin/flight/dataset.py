@@ -22,6 +22,7 @@ from twin.records.attributes import (
     START_TIME,
     TITLE,
 )
+from twin.records.flight_file import FLIGHT_TITLE
 from twin.records.logs import start_times
 from twin.records.schema import MISSION, TIME
 from twin.records.store import is_derived, write_netcdf, write_zarr
@@ -257,7 +258,7 @@ def _about(flight: Flight) -> dict[str, Any]:
     kind = "logs" if store.logged else "simulated missions"
     about = {
         "Conventions": "CF-1.11",
-        TITLE: f"Flight of underwater gliders by their flight model, from {kind}",
+        TITLE: f"{FLIGHT_TITLE}, from {kind}",
         COMMENT: "On the samples of the store. NED frame with its origin at each mission's start; "
         "body axes forward, starboard, down.",
         SOURCE: f"flight model of vehicle {flight.calibration.vehicle.name}; velocities by the "

@@ -26,6 +26,7 @@ import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from twin.bounded import parse_json, read_text
 from twin.errors import InputError, unknown_name
 from twin.identify.calibration import REFERENCE_TEMPERATURE, Calibration
 from twin.identify.pitch import pump_of
@@ -206,10 +207,7 @@ def read_figures(path: Path, calibration: Calibration) -> Calibration:
     Raises:
       InputError: no such file, no figure in it, an unknown name in JSON, or a value that is none.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+    text = read_text(path, "figures")
     if path.suffix == ".json":
         kind, given = "gliderflight", _json(path, text)
         known = to_gliderflight(calibration)
@@ -235,10 +233,7 @@ POSITIVE = ("mass", "rho0", "glider_length", "hd_b", "volmax", "speed", "Cd0", "
 
 
 def _json(path: Path, text: str) -> Figures:
-    try:
-        loaded = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path} is not JSON: {error}") from error
+    loaded = parse_json(text, str(path))
     if not isinstance(loaded, dict):
         raise InputError(f"{path} must be a JSON object of numbers")
     return {str(name): _number(path, str(name), value) for name, value in loaded.items()}

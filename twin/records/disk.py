@@ -12,7 +12,7 @@ import errno
 import fcntl
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 WRITING = ".writing-"
@@ -51,16 +51,22 @@ def sync_folder(path: Path) -> None:
 
 
 def sync_tree(folder: Path) -> None:
-    """Return when a folder is on the disk with everything in it; raises OSError.
+    """Return when a folder is on the disk with everything in it; raises OSError."""
+    sync_all([*files_below(folder)], [Path(place) for place, _, _ in os.walk(folder)])
+
+
+def sync_all(files: Sequence[Path], folders: Collection[Path]) -> None:
+    """Return when these files have their content and these folders their names on the disk; raises
+    OSError.
 
     Many at once, which a disk takes together: 150 files 0.04 s instead of 1.3 s.
     """
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(SYNCS_AT_ONCE) as threads:
-        for _ in threads.map(sync_file, files_below(folder)):
+        for _ in threads.map(sync_file, files):
             pass
-        for _ in threads.map(sync_folder, [Path(place) for place, _, _ in os.walk(folder)]):
+        for _ in threads.map(sync_folder, folders):
             pass
 
 

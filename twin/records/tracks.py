@@ -16,13 +16,16 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.bounded import check_archive, check_dataset
 from twin.errors import InputError, unknown_name
 from twin.records.attributes import TITLE, is_missions
 from twin.records.schema import MISSION, TIME
@@ -125,6 +128,7 @@ def _read_dataset(path: Path, mission: int) -> list[NamedTrack]:
     except (OSError, ValueError) as error:
         raise InputError(f"track file {path.name} cannot be read: {error}") from error
     with dataset:
+        check_dataset(dataset, path, f"track file {path.name}")
         if is_missions(dataset.attrs):
             raise InputError(
                 f"{path} is a store of missions, not a file of dead-reckoned tracks; `learn "
@@ -167,10 +171,11 @@ def write_track_dataset(
 
 
 def _read_npz(path: Path, mission: int) -> list[NamedTrack]:
+    check_archive(path, f"track file {path.name}")
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: np.asarray(file[name], float) for name in file.files}
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError, EOFError, MemoryError, BadZipFile, zlib.error) as error:
         raise InputError(f"track file {path.name} cannot be read: {error}") from error
     return _collect(arrays, mission, path)
 

@@ -63,7 +63,7 @@ def whole_folder(
         yield content
         write_checksums(content)
         sync_tree(content)
-        _take_place(content, target, hidden / REPLACED)
+        take_place(content, target, hidden / REPLACED)
 
 
 @contextlib.contextmanager
@@ -238,7 +238,7 @@ def _hidden(target: Path) -> tuple[Path, int]:
         os.close(descriptor)
 
 
-def _take_place(content: Path, target: Path, aside: Path) -> None:
+def take_place(content: Path, target: Path, aside: Path) -> None:
     """Give complete content its name; `aside` is where the old content may wait."""
     if target.exists() and any(target.iterdir()):
         content.chmod(stat.S_IMODE(target.stat().st_mode))

@@ -12,7 +12,15 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.og1.terms import COORDINATES, EPOCH, FILL, N_MEASUREMENTS, bounds
+from factory.exporting.og1.terms import (
+    COORDINATES,
+    DVL_MODE_FILL,
+    DVL_MODES,
+    EPOCH,
+    FILL,
+    N_MEASUREMENTS,
+    bounds,
+)
 
 Array = NDArray[np.float64]
 
@@ -112,6 +120,17 @@ def flags(meanings: Mapping[int, str]) -> dict[str, Any]:
         "flag_values": np.array(list(meanings), np.int8),
         "flag_meanings": " ".join(meanings.values()),
     }
+
+
+def dvl_mode(values: Array, long_name: str) -> Og1Variable:
+    """What the Doppler log's velocity is relative to, as codes."""
+    attributes = {
+        "long_name": long_name,
+        **flags(DVL_MODES),
+        "coordinates": COORDINATES,
+        "sensor": "SENSOR_DVL",
+    }
+    return Og1Variable(values, attributes, fill=DVL_MODE_FILL, kind="i1")
 
 
 def time_attributes(long_name: str) -> dict[str, Any]:

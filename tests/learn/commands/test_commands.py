@@ -454,7 +454,7 @@ def test_without_runs_the_newest_is_bad_input(tmp_path, monkeypatch):
 
 
 def test_a_factory_store_brings_the_papers_test(tmp_path, monkeypatch, capsys):
-    from factory.generation.bulk import generate
+    from factory.generation.generate import generate
     from factory.recipe.recipe import make_recipe
 
     monkeypatch.chdir(tmp_path)

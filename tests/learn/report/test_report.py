@@ -322,6 +322,27 @@ def test_the_model_card_has_its_head_and_says_what_it_is_not(judged, tmp_path):
     assert "trained on samples of what they are judged on" in model_card(run, judged.figures, "all")
 
 
+def test_the_model_card_shows_what_stores_say_as_text(judged, tmp_path):
+    hostile = "x|y <script>alert(1)</script>\n# `no` [head](http://x)"
+    settings = {
+        "store": hostile,
+        "features": [hostile],
+        "members": 2,
+        "division": "missions",
+        "network": {"kind": "elman", "layers": 3, "hidden": 50, "delays": 5},
+        "training": {"optimiser": "scg", "seed": hostile},
+    }
+    run = Run(tmp_path / "a\n```\n<b>", {"settings": settings, "store": {"preset": hostile}})
+    card = model_card(run, judged.figures, "test")
+    outside = "".join(card.split("\n```")[::2])
+    assert "<script>" not in card
+    assert "<b>" not in outside
+    assert "\n# `no`" not in card
+    assert "](http" not in card.replace(r"\](http", "")
+    assert card.count("\n```\n") == 2
+    assert r"x\|y &lt;script&gt;alert(1)&lt;/script&gt; # \`no\` \[head\](http://x)" in card
+
+
 def test_showcase_keeps_the_longest(judged):
     showcase = Showcase(most=1)
     for shown in judged.shown:

@@ -4,6 +4,9 @@ import dataclasses
 import itertools
 import json
 import math
+import os
+import pickle
+import zipfile
 
 import numpy as np
 import pytest
@@ -289,3 +292,33 @@ def test_an_ensemble_has_mean_and_spread(predictors, small_store):
     assert not Ensemble((predictors[0],)).predict(missions)[0][1].any()
     with pytest.raises(InputError, match="at least one"):
         Ensemble(())
+
+
+class Run:
+    """Pickles to a call of `os.mkdir`: what loads it as a pickle runs it."""
+
+    def __init__(self, path):
+        self.path = str(path)
+
+    def __reduce__(self):
+        return os.mkdir, (self.path,)
+
+
+@pytest.mark.parametrize("hostile", ["pickle", "call", "other", "text", "bomb"])
+def test_a_hostile_checkpoint_is_refused_and_never_run(surge, tmp_path, hostile):
+    path, ran = tmp_path / "checkpoint.pt", tmp_path / "ran"
+    if hostile == "pickle":
+        path.write_bytes(pickle.dumps(Run(ran)))
+    elif hostile == "call":
+        torch.save({"identity": Run(ran)}, path)
+    elif hostile == "other":
+        torch.save([1, 2], path)
+    elif hostile == "text":
+        path.write_text("PK")
+    else:
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("archive/data/0", bytes(300 * 2**20))
+    with pytest.raises(StoreError, match=r"checkpoint .*; remove it to start over") as raised:
+        trainer(surge, dataclasses.replace(ADAM, epochs=1), checkpoint=path).run()
+    assert "\n" not in str(raised.value)
+    assert not ran.exists()

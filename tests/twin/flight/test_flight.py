@@ -133,7 +133,8 @@ def test_the_file_says_what_it_holds(flight, tmp_path: Path) -> None:
 
 def test_all_figures_have_data(flight, tmp_path: Path) -> None:
     for draw in FIGURES.values():
-        assert all(axes.has_data() for axes in draw(flight).axes)
+        drawn = draw(flight_dataset(flight))
+        assert all(axes.has_data() for axes in drawn.axes if axes.axison)
     written, missing = write_figures(flight, tmp_path / "plots")
     assert [path.stem for path in written] == list(FIGURES)
     assert missing == []
