@@ -158,10 +158,9 @@ def _joined(
 ) -> Any:
     """A signal of missions, end to end; with dask it is not read yet."""
     array = lazy[name].variable.transpose(MISSION, TIME)
-    if array.chunks is None:
+    rows: Any = [array.data[mission] for mission in missions] if array.chunks is not None else None
+    if rows is None:
         rows = store.rows(name, list(missions))
-    else:
-        rows = [array.data[mission] for mission in missions]
     parts = [row[:length] for row, length in zip(rows, lengths, strict=True)]
     return np.concatenate(parts)
 

@@ -42,6 +42,7 @@ from twin.records.place import (
     unix_milliseconds,
 )
 from twin.records.schema import MISSION, TIME, VARIABLES
+from twin.records.trajectory import sample_times
 from twin.version import __version__
 
 if TYPE_CHECKING:
@@ -195,9 +196,9 @@ def _start(rows: Sequence[DiveRow]) -> dict[str, Any]:
 def _where_and_when(rows: Sequence[DiveRow], longest: int, period: float) -> dict[str, Any]:
     """Time and place of the samples, (mission, time)."""
     counts = [len(row.positions.latitude) for row in rows]
-    arrays = {
+    arrays: dict[str, list[NDArray[Any]]] = {
         DATETIME: [
-            unix_milliseconds(row.segment.start, period * np.arange(count))
+            unix_milliseconds(row.segment.start, sample_times(count, period))
             for row, count in zip(rows, counts, strict=True)
         ],
         LATITUDE: [row.positions.latitude for row in rows],
