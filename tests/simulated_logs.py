@@ -65,4 +65,6 @@ def simulated_log(folder: Path, vehicle: Vehicle, *, yos: int = 2, sensors: str 
     saved = simulated_flight(folder, vehicle, yos=yos, sensors=sensors)
     files = EXPORTERS["og1"].export(open_exportable(saved), [0], folder / "og1", lambda: None)
     dataset, _ = import_logs("og1", files, period=PERIOD)
+    # what the vehicle did, as most logs have it, and not what it was asked for
+    dataset = dataset.drop_vars([n for n in dataset.data_vars if str(n).startswith("commanded_")])
     return write_store(dataset, folder / "log.zarr")

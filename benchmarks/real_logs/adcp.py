@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from benchmarks.real_logs.equal import Method, common, rmse_rows
 from benchmarks.real_logs.folds import FoldJob, fit_fold, jobs
 from benchmarks.real_logs.published import published_rows
 from benchmarks.real_logs.ridge import ridge
@@ -29,7 +30,6 @@ LEAST_DEPTH = 5.0
 """[m] shallower the inverse solution is pulled to the constraint at the surface"""
 FACTORY = "fm_hspeed_ms"
 """[m/s] horizontal speed by the factory's model"""
-VEHICLE = "graver-2005"
 LEAST_DIVES = 4
 MOST_FOLDS = 12
 """Above so many dives they are held out in blocks instead of one by one."""
@@ -99,9 +99,7 @@ def fold_jobs(deployment: Deployment, networks: Pretrained | None) -> list[AdcpJ
         AdcpJob(
             fold=fold, rows=tuple(rows), times=times, level=level, networks=networks, seed=number
         )
-        for number, fold in enumerate(
-            jobs(deployment, rows, VEHICLE, count=min(len(rows), MOST_FOLDS))
-        )
+        for number, fold in enumerate(jobs(deployment, rows, count=min(len(rows), MOST_FOLDS)))
     ]
 
 
@@ -164,35 +162,24 @@ def rows_of(deployment: Deployment, held: Sequence[Held]) -> list[Row]:
     """Rows of one deployment from all its folds."""
     if not held:
         return []
-    rows = published_rows(TASK, deployment.name)
-    factory = _factory(deployment)
-    if factory is not None:
-        rows.append(factory)
     dives = sum(len(part.errors["twin"]) for part in held)
     scheme = "leave one dive out" if dives == len(held) else f"{len(held)} blocks held out"
-    best: tuple[float, list[Array]] | None = None
-    for name, (title, kind, note) in TITLES.items():
-        pieces = [e for part in held for e in part.errors.get(name, {}).values()]
-        if not pieces:
-            continue
-        every = np.concatenate(pieces)
-        every = every[np.isfinite(every)]
-        value = rmse(every)
-        if best is None or value < best[0]:
-            best = (value, pieces)
-        rows.append(
-            Row(
-                task=TASK,
-                data=deployment.name,
-                method=title,
-                kind=kind,  # type: ignore[arg-type]
-                value=value,
-                samples=int(every.size),
-                note=f"{note}; {scheme}; bias {1e3 * every.mean():+.1f} mm/s",
-            )
+    methods = []
+    factory = _factory(deployment)
+    if factory:
+        methods.append(
+            Method(name="factory model", kind="public method", note="as logged", errors=factory)
         )
-    assert best is not None
-    rows.append(_floor(deployment, best[1]))
+    for name, (title, kind, note) in TITLES.items():
+        errors = {row: e for part in held for row, e in part.errors.get(name, {}).items()}
+        if errors:
+            methods.append(
+                Method(name=title, kind=kind, note=f"{note}; {scheme}", errors=errors)  # type: ignore[arg-type]
+            )
+    rows = [*published_rows(TASK, deployment.name), *rmse_rows(TASK, deployment.name, methods)]
+    equal = common(methods)
+    best = min(equal, key=lambda one: rmse(np.concatenate(list(one.errors.values()))))
+    rows.append(_floor(deployment, list(best.errors.values())))
     return rows
 
 
@@ -214,33 +201,18 @@ def _floor(deployment: Deployment, pieces: Sequence[Array]) -> Row:
     )
 
 
-def _factory(deployment: Deployment) -> Row | None:
-    """The factory's flight model at the same samples."""
+def _factory(deployment: Deployment) -> dict[int, Array]:
+    """Errors [m/s] of the factory's flight model at the same samples, by row."""
     times, level = truth_of(deployment)
-    tables = tables_with(deployment, FACTORY)
-    errors = []
-    for log in deployment.logs():
-        if log.index not in times:
-            continue
-        clock = deployment.clock(log)
-        for table in tables:
-            time, speed = table.columns["time"], table.columns[FACTORY]
+    errors = {}
+    for table in tables_with(deployment, FACTORY):
+        time, speed = table.columns["time"], table.columns[FACTORY]
+        for log in deployment.logs():
+            clock = deployment.clock(log)
             use = (time >= clock[0]) & (time <= clock[-1]) & np.isfinite(speed)
-            if use.sum() > 1:
+            if log.index in times and use.sum() > 1:
                 order = np.argsort(time[use])
-                found = np.interp(
-                    times[log.index], (time[use] - clock[0])[order], speed[use][order]
-                )
-                errors.append(found - level[log.index])
-    if not errors:
-        return None
-    every = np.concatenate(errors)
-    return Row(
-        task=TASK,
-        data=deployment.name,
-        method="factory flight model",
-        kind="public method",
-        value=rmse(every),
-        samples=int(every.size),
-        note="as logged",
-    )
+                since = (time[use] - clock[0])[order]
+                found = np.interp(times[log.index], since, speed[use][order])
+                errors[log.index] = found - level[log.index]
+    return errors

@@ -29,6 +29,8 @@ class RealLogs(JsonOption):
     """processes [default: the CPUs that this process may use]"""
     out: Path | None = None
     """folder for a page with the tables and charts beside published figures"""
+    keep: Path | None = None
+    """file for the rows as JSON, from which the tables of docs/real.md are made"""
     no_networks: bool = False
     """leave the networks out, and with them the simulation that they are trained on"""
 
@@ -60,6 +62,11 @@ class RealLogs(JsonOption):
                 console.table(table(chosen), title=task, digits=3)
                 console.say()
         console.say(f"{seconds:.0f} s")
+        if self.keep is not None:
+            from benchmarks.real_logs.markdown import keep
+
+            keep(rows, self.keep)
+            console.say(f"rows: {self.keep}")
         page = None
         if self.out is not None:
             from benchmarks.real_logs.page import build_page

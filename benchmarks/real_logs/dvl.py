@@ -1,7 +1,8 @@
 """DVL: speed through the water of a Slocum against its Doppler velocity log.
 
-The twin is identified on the depth rate alone; the speed that is scored is never seen. Scored is
-every finite sample of the truth table, at its own time.
+Every method is tuned on the depth rate alone; the speed that is scored is never seen. Scored is
+every finite sample of the truth table, at its own time, in dives that all methods know. Where the
+truth's author corrected the pitch, each method stands with and without that correction.
 """
 
 from __future__ import annotations
@@ -11,13 +12,15 @@ import math
 
 import numpy as np
 
+from benchmarks.real_logs.equal import Method, rmse_rows
 from benchmarks.real_logs.public import fit_steady, kinematic
 from benchmarks.real_logs.published import published_rows
-from benchmarks.real_logs.row import Row, rmse
+from benchmarks.real_logs.row import Kind, Row, rmse
 from benchmarks.real_logs.source import Deployment, at_times, tables_with
 from benchmarks.real_logs.surge_networks import ZERO_SHOT, Pretrained, level_of
 from learn.navigation.dead_reckoning import Array
-from twin.identify import Calibration, Log, density_of, estimate, identify, load_calibration
+from twin.identify import Log, density_of, estimate, identify, load_calibration
+from twin.identify.start import start_vehicle
 
 TASK = "speed through the water"
 SPEED = "U_dvl_ms"
@@ -25,7 +28,6 @@ CORRECTED_PITCH = "pitch_rad_corrected"
 MOST_PITCH_RESIDUAL = math.radians(0.5)
 """[rad] RMSE beyond which corrected and logged pitch are no straight line of each other"""
 LEAST_SAMPLES = 100
-VEHICLE = "graver-2005"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,73 +95,57 @@ def rows_of(job: DvlJob) -> list[Row]:
     if truth is None or truth.time.size < LEAST_SAMPLES:
         return []
     logs = deployment.logs()
-    rows = published_rows(TASK, deployment.name)
-    nominal = load_calibration(
-        VEHICLE, pitch_scale=truth.pitch_scale, pitch_offset=truth.pitch_offset
-    )
-    pitch = f"pitch {truth.pitch_scale:.3f} logged {truth.pitch_offset:+.4f} rad as its author"
-    if (truth.pitch_scale, truth.pitch_offset) == (1.0, 0.0):
-        pitch = "pitch as logged"
+    methods = []
+    for corrected in (True, False) if truth.pitch_scale != 1.0 else (False,):
+        methods += _methods(job, logs, truth, corrected=corrected)
+    return [*published_rows(TASK, deployment.name), *rmse_rows(TASK, deployment.name, methods)]
 
-    def row(method: str, kind: str, speeds: list[Array], note: str) -> Row:
-        error = score(deployment, logs, speeds, truth)
-        missed = int((~np.isfinite(error)).sum())
-        if missed:
-            note += f"; {missed} samples outside dives are not scored"
-        error = error[np.isfinite(error)]
-        bias = float(error.mean()) if error.size else math.nan
-        return Row(
-            task=TASK,
-            data=deployment.name,
-            method=method,
-            kind=kind,  # type: ignore[arg-type]
-            value=rmse(error),
-            samples=int(error.size),
-            note=f"{note}; bias {1e3 * bias:+.1f} mm/s",
-        )
+
+def _methods(job: DvlJob, logs: list[Log], truth: Truth, *, corrected: bool) -> list[Method]:
+    """Every method with the pitch that the author of the truth found, or with the logged one."""
+    deployment = job.deployment
+    pitch, title = "pitch as logged", "pitch as logged"
+    nominal = load_calibration(start_vehicle(deployment.store))
+    if corrected:
+        pitch = f"pitch {truth.pitch_scale:.3f} logged {truth.pitch_offset:+.4f} rad as its author"
+        title = "corrected pitch"
+        nominal = nominal.replace(pitch_scale=truth.pitch_scale, pitch_offset=truth.pitch_offset)
+    methods = []
+
+    def put(name: str, kind: Kind, speeds: list[Array], note: str) -> None:
+        errors = score(deployment, logs, speeds, truth)
+        methods.append(Method(name=f"{name}, {title}", kind=kind, note=note, errors=errors))
 
     pitches = [nominal.true_pitch(log.pitch) for log in logs]
     simple = [kinematic(log, p).speed for log, p in zip(logs, pitches, strict=True)]
-    rows.append(row("w/sin(pitch + 3 deg)", "public method", simple, pitch))
+    put("w/sin(pitch + 3 deg)", "public method", simple, pitch)
     steady = fit_steady(logs, nominal)
     speeds = [
         steady.bridged(log, p, density_of(log, nominal)).speed
         for log, p in zip(logs, pitches, strict=True)
     ]
-    rows.append(
-        row(
-            "steady flight model", "public method", speeds, f"two parameters on depth rate; {pitch}"
-        )
-    )
-    found = _identified(logs, nominal)
-    note = f"depth rate only; {pitch}"
-    rows.append(row("twin, flight model", "twin", _speeds(logs, found), note))
-    if truth.pitch_scale != 1.0:
-        plain = load_calibration(VEHICLE)
-        note = "depth rate only; pitch as logged"
-        speeds = _speeds(logs, _identified(logs, plain))
-        rows.append(row("twin, flight model, raw pitch", "twin", speeds, note))
+    put("steady flight model", "public method", speeds, f"two parameters on depth rate; {pitch}")
+    known = ("pitch_offset",) if corrected else ()
+    found = identify(logs, nominal, fixes=False, known=known).calibration
+    speeds = [estimate(log, found).speed for log in logs]
+    put("twin", "twin", speeds, f"depth rate only; {pitch}")
     for kind in job.networks or {}:
         assert job.networks is not None
         speeds = [
             np.hypot(level_of(log, found, job.networks, kind), log.depth_rate) for log in logs
         ]
-        rows.append(row(ZERO_SHOT[kind], "network", speeds, "trained on simulation only"))
-    return rows
+        put(ZERO_SHOT[kind], "network", speeds, f"trained on simulation only; {pitch}")
+    return methods
 
 
-def _identified(logs: list[Log], nominal: Calibration) -> Calibration:
-    return identify(logs, nominal, fixes=False).calibration
-
-
-def _speeds(logs: list[Log], calibration: Calibration) -> list[Array]:
-    return [estimate(log, calibration).speed for log in logs]
-
-
-def score(deployment: Deployment, logs: list[Log], speeds: list[Array], truth: Truth) -> Array:
-    """Estimate less truth [m/s] at every truth sample; NaN outside the rows."""
-    found = np.full(truth.time.size, np.nan)
+def score(
+    deployment: Deployment, logs: list[Log], speeds: list[Array], truth: Truth
+) -> dict[int, Array]:
+    """Estimate less truth [m/s] at the truth samples of each dive, by row."""
+    errors = {}
     for log, speed in zip(logs, speeds, strict=True):
-        values = at_times(deployment.clock(log), speed, truth.time)
-        found = np.where(np.isfinite(values), values, found)
-    return found - truth.speed
+        clock = deployment.clock(log)
+        inside = (truth.time >= clock[0]) & (truth.time <= clock[-1])
+        if inside.any():
+            errors[log.index] = at_times(clock, speed, truth.time[inside]) - truth.speed[inside]
+    return errors

@@ -11,7 +11,8 @@ import numpy as np
 from benchmarks.real_logs.public import SteadyModel, fit_steady
 from benchmarks.real_logs.source import Deployment
 from twin.errors import InputError
-from twin.identify import Calibration, identify, load_calibration, load_logs
+from twin.identify import Calibration, Log, identify, load_calibration, load_logs
+from twin.identify.start import start_vehicle
 
 BLOCKS = 4
 """Held-out blocks: of 24 segments 6 at a time."""
@@ -20,8 +21,10 @@ MOST_ROWS = 24
 RUN = 6
 """Consecutive dives taken together when a long deployment is thinned: currents are compared from
 one dive to the next."""
+LEAST_LATER = 3
+"""Dives of a half below which later dives are not foretold by earlier ones."""
 LEAST_ROWS = 4
-"""Dives of a deployment below which nothing is held out."""
+"""Dives of a deployment below which none is held out."""
 
 
 def blocks(rows: Sequence[int], count: int = BLOCKS) -> list[tuple[int, ...]]:
@@ -41,11 +44,17 @@ def thinned(rows: Sequence[int], most: int = MOST_ROWS) -> list[int]:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fitted:
-    """What was tuned without the block's dives."""
+    """What was tuned without the block's dives, or on them where `seen`."""
 
     block: tuple[int, ...]
     calibration: Calibration
+    blind: Calibration
+    """The same without the fixes, depth rate alone, where the job asks for it"""
     steady: SteadyModel
+    seen: bool = False
+    """Too few dives to hold one out: tuned on the block itself"""
+    later: bool = False
+    """Tuned on the first half of the dives; the block is the second"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -55,37 +64,65 @@ class FoldJob:
     store: Path
     block: tuple[int, ...]
     train: tuple[int, ...]
-    vehicle: str
-    fixes: bool = True
+    later: bool = False
+    """The train is the first half of the dives, the block the second"""
+    blind: bool = False
+    """Identify without the fixes too"""
 
 
-def jobs(
-    deployment: Deployment, rows: Sequence[int], vehicle: str, count: int = BLOCKS
-) -> list[FoldJob]:
-    """One job per block."""
+def later_job(deployment: Deployment, rows: Sequence[int]) -> list[FoldJob]:
+    """One job that is tuned on the first half of the dives and judged on the second; none for
+    too few."""
+    half = len(rows) // 2
+    if len(rows) < 2 * LEAST_LATER:
+        return []
+    train = tuple(thinned(rows[:half]))
+    return [FoldJob(store=deployment.store, block=tuple(rows[half:]), train=train, later=True)]
+
+
+def jobs(deployment: Deployment, rows: Sequence[int], count: int = BLOCKS) -> list[FoldJob]:
+    """One job per block; one with the dives themselves where they are too few to hold any out."""
+    if len(rows) < LEAST_ROWS:
+        return [FoldJob(store=deployment.store, block=tuple(rows), train=tuple(rows))]
     return [
         FoldJob(
             store=deployment.store,
             block=block,
             train=tuple(thinned([r for r in rows if r not in block])),
-            vehicle=vehicle,
         )
         for block in blocks(rows, count)
     ]
 
 
 def fit_fold(job: FoldJob) -> Fitted:
-    """Identify on the training rows; errors as `identify`."""
+    """Identify on the training rows, as `twin identify` does; errors as `identify`."""
     logs = load_logs(job.store, list(job.train))
-    found = identify(logs, load_calibration(job.vehicle), fixes=job.fixes)
+    nominal = load_calibration(start_vehicle(job.store))
+    found = identify(logs, nominal)
+    blind = found
+    if job.blind and found.current_change is not None:
+        blind = identify(logs, nominal, fixes=False)
     return Fitted(
-        block=job.block, calibration=found.calibration, steady=fit_steady(logs, found.nominal)
+        block=job.block,
+        calibration=found.calibration,
+        blind=blind.calibration,
+        steady=fit_steady(logs, found.nominal),
+        seen=job.block == job.train,
+        later=job.later,
     )
+
+
+def own_trim(log: Log, calibration: Calibration) -> Calibration:
+    """The calibration with the trim of one dive, fitted to its depth rate."""
+    try:
+        return identify([log], calibration, parameters=["neutral_density"], fixes=False).calibration
+    except InputError:  # too little steady flight
+        return calibration
 
 
 def fold_of(fitted: Sequence[Fitted], row: int) -> Fitted:
     """The fold that holds a row out."""
     for fold in fitted:
-        if row in fold.block:
+        if row in fold.block and not fold.later:
             return fold
     raise InputError(f"row {row} is in no fold")

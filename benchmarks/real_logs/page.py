@@ -45,7 +45,7 @@ def build_page(
         for data in dict.fromkeys(row.data for row in mine if row.kind == "published"):
             chosen = [r for r in mine if r.data == data and math.isfinite(r.value)]
             name = f"{task} {data}".replace(" ", "-")
-            caption = f"{data}: {task}. Hollow: as published."
+            caption = f"{data}: {task}. Hollow: as published, on other samples."
             page.figure(name, chart(chosen), caption)
         for unit in dict.fromkeys(row.unit for row in mine):
             page.table(table([row for row in mine if row.unit == unit]), first=False)

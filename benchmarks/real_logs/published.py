@@ -24,7 +24,7 @@ def published_rows(task: str, deployment: str) -> list[Row]:
         Row(
             task=task,
             data=deployment,
-            method=entry["method"],
+            method=f"{entry['method']}, on other samples",
             kind="published",
             value=entry["value"],
             unit=entry["unit"],

@@ -135,7 +135,16 @@ def run_benchmark(
     return sorted(rows, key=lambda row: order.get(row.task, len(order)))
 
 
-TASKS = (dvl.TASK, adcp.TASK, fixes.RATE, fixes.TRACK, "skipped")
+TASKS = (
+    dvl.TASK,
+    adcp.TASK,
+    fixes.RATE,
+    fixes.RATE_GLIDING,
+    fixes.RATE_LATER,
+    fixes.RATE_FACTORY,
+    fixes.TRACK,
+    "skipped",
+)
 """Order of the tables."""
 
 
@@ -182,9 +191,6 @@ def _fixes(
         except TwinError as error:
             rows.append(failed(fixes.RATE, deployment, str(error)))
             continue
-        if not jobs:
-            why = f"{len(deployment.rows)} dives: too few to hold some out"
-            rows.append(failed(fixes.RATE, deployment, why))
         work += [(deployment, job) for job in jobs]
     results = pool.run(
         fit_fold, [job for _, job in work], lambda part: progress(part * SHARES["fixes"])

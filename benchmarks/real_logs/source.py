@@ -85,7 +85,7 @@ def gather(
             continue
         say(f"importing {folder.name}")
         try:
-            found += imported(folder, PREFIXES[word], work)
+            found += imported(logs_folder(folder), PREFIXES[word], work)
         except TwinError as error:
             skipped.append(Skipped(folder.name, str(error)))
     if not found:
@@ -97,10 +97,18 @@ def gather(
     return found, skipped
 
 
+def logs_folder(folder: Path) -> Path:
+    """The folder itself, or its folder `raw` where it holds nothing else."""
+    raw = folder / "raw"
+    lone = raw.is_dir() and not any(path.suffix in TABLES for path in folder.iterdir())
+    return raw if lone else folder
+
+
 def imported(folder: Path, kind: str, work: Path) -> list[Deployment]:
     """The deployments of one folder; errors as `import_logs`."""
     dataset, report = import_logs(kind, [folder])
-    store = work / f"{folder.name}.zarr"
+    named = folder.parent if folder.name == "raw" else folder
+    store = work / f"{named.name}.zarr"
     write_store(dataset, store, overwrite=True)
     with LogStore(store) as logs:
         names = np.array(logs.deployments)

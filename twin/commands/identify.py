@@ -51,7 +51,8 @@ class Identify(JsonOption):
     """flight: attitude as logged, with inertia; steady: forces in balance, off inflections; twin:
     flight, then full rollouts of the MuJoCo twin on the logged actuator positions"""
     parameters: tuple[str, ...] = ()
-    """what to estimate; all that the log may determine when not given"""
+    """what to estimate; when not given, all that the log may determine, and a pitch offset where it
+    predicts left-out dives better"""
     known: tuple[str, ...] = ()
     """values that are known and not to be estimated, such as mass=70 lift_ratio=48"""
     missions: str = "all"
@@ -65,7 +66,7 @@ class Identify(JsonOption):
     pitch_scale: float | None = None
     """known error of the pitch sensor: true pitch = scale * measured + offset"""
     pitch_offset: float | None = None
-    """known offset of the pitch sensor [deg]"""
+    """known offset of the pitch sensor [deg]; it is then not estimated, unless --parameters asks"""
 
     def run(self, console: Console) -> int:
         """Fit, report, write."""
@@ -104,6 +105,9 @@ class Identify(JsonOption):
             nominal = read_figures(self.start, nominal)
         known = parse_known(self.known)
         nominal = with_known(nominal, known)
+        given = set(known)
+        if self.pitch_offset is not None and "pitch_offset" not in self.parameters:
+            given.add("pitch_offset")
         logs = load_logs(self.store, parse_rows(self.missions))
         with console.progress(total=1.0, label="identify", unit="") as progress:
             done = 0.0
@@ -117,7 +121,7 @@ class Identify(JsonOption):
                 logs,
                 nominal,
                 parameters=self.parameters or None,
-                known=tuple(known),
+                known=tuple(given),
                 model="steady" if self.model == "steady" else "flight",
                 fixes=not self.no_fixes,
                 progress=report,
@@ -159,11 +163,10 @@ class Identify(JsonOption):
             console.say(f"figures of {kind}: {self.export}")
         if self.plot is not None:
             from twin.identify.figure import residual_figure
+            from twin.records.whole import whole_file
 
-            try:
-                residual_figure(found, logs).savefig(self.plot)
-            except OSError as error:
-                raise InputError(f"cannot write plot {self.plot}: {error}") from error
+            with whole_file(self.plot) as place:
+                residual_figure(found, logs).savefig(place)
             console.say(f"plot: {self.plot}")
         if refined is not None:
             console.answer(**refined.describe())

@@ -82,13 +82,13 @@ class Simulate(JsonOption):
         from twin.errors import SimulationUnstable
         from twin.physics.quiet import quiet_mujoco
         from twin.physics.simulation import Simulation
-        from twin.records.store import prepare_target
+        from twin.records.store import check_target
 
         scenario = self._scenario()
         suite = self._suite()
         check_plot_path(self.plot)
         if self.out is not None:
-            prepare_target(self.out, overwrite=self.overwrite)
+            check_target(self.out, overwrite=self.overwrite)
         try:
             with quiet_mujoco():
                 simulation = Simulation(scenario)
@@ -218,19 +218,17 @@ class Simulate(JsonOption):
 
         assert self.out is not None
         attributes = {**trajectory.provenance, **provenance_of(scenario)}
-        write_store(mission_dataset([trajectory], attributes=attributes), self.out, overwrite=True)
+        dataset = mission_dataset([trajectory], attributes=attributes)
+        write_store(dataset, self.out, overwrite=self.overwrite)
 
     def _draw(self, trajectory: Trajectory) -> None:
-        from twin.errors import InputError
         from twin.plot import overview_figure
+        from twin.records.whole import whole_file
 
         assert self.plot is not None
         figure = overview_figure(trajectory)
-        try:
-            self.plot.parent.mkdir(parents=True, exist_ok=True)
-            figure.savefig(self.plot)
-        except (OSError, ValueError) as error:
-            raise InputError(f"cannot write plot {self.plot}: {error}") from error
+        with whole_file(self.plot) as place:
+            figure.savefig(place)
 
     def _report(self, console: Console, scenario: Scenario, trajectory: Trajectory) -> None:
         from twin.records.summary import summarise

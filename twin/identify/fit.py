@@ -16,6 +16,7 @@ from scipy.optimize import least_squares
 from twin.errors import InputError
 from twin.identify.answer import Estimate, Identification
 from twin.identify.calibration import Calibration
+from twin.identify.choice import LEAST_DEVIATIONS, LEAST_DIVES, LEAST_GAIN, gain_of
 from twin.identify.logged import Log
 from twin.identify.problem import LEAST_PAIRS, Problem
 from twin.identify.speed import FlightModel
@@ -66,7 +67,8 @@ def identify(
     Args:
       logs: missions of one vehicle, of one sample period.
       nominal: vehicle file to start from, with the sensors' known errors.
-      parameters: names to estimate, all that the logs may determine by default.
+      parameters: names to estimate; by default all that the logs may determine, and a pitch offset
+        where left-out dives are predicted better with it (`twin.identify.choice`).
       known: names whose nominal value is known; not estimated.
       model: "flight", with inertia; "steady", forces in balance. Both are compared with the log
         where pump and pitch rest: an inflection says more about the pump than about the hull.
@@ -95,7 +97,10 @@ def identify(
             lacking = _lacking(parameter, logs, problem, asked=parameters is not None)
         if lacking:
             notes[parameter.name] = lacking
-    free = tuple(p for p in wanted if p.name not in notes)
+    judged = tuple(p for p in wanted if p.name not in notes and p.channel == "dives")
+    if parameters is not None:
+        judged = ()
+    free = tuple(p for p in wanted if p.name not in notes and p not in judged)
     if not free:
         reasons = ", ".join(f"{name}: {why}" for name, why in notes.items())
         raise InputError(f"nothing is left to estimate ({reasons or 'no parameter asked for'})")
@@ -114,8 +119,17 @@ def identify(
     for name in loose:
         notes[name] = "the log does not determine it"
     kept = tuple(p for p in free if p.name not in loose)
+    offsets = dict(zip(free, x, strict=True))
+    for candidate in judged:
+        tight = Problem(logs, nominal, kept, model, fixes)
+        at = np.array([offsets[p] for p in kept])
+        tight.reweight(at)
+        notes[candidate.name] = _unsupported(tight, at, candidate)
+        if not notes[candidate.name]:
+            offsets[candidate] = 0.0
+            kept = tuple(p for p in PARAMETERS if p in (*kept, candidate))
     final = Problem(logs, nominal, kept, model, fixes)
-    x = np.array([x[free.index(p)] for p in kept])
+    x = np.array([offsets[p] for p in kept])
     x, covariance, (scale, time) = _solve(final, x, PASSES, lambda part: report(0.65 + 0.35 * part))
     return _result(final, x, covariance, wanted, notes, before, scale, time)
 
@@ -159,6 +173,19 @@ def _lacking(parameter: Parameter, logs: Sequence[Log], problem: Problem, *, ask
     if channel == "request" and not asked:
         return "estimated on request only"
     return ""
+
+
+def _unsupported(problem: Problem, x: Array, candidate: Parameter) -> str:
+    """Why left-out dives do not support a parameter; empty when they do."""
+    if len(problem.logs) < LEAST_DIVES:
+        return f"{len(problem.logs)} dives: from {LEAST_DIVES} on, left-out dives judge it"
+    gain = gain_of(problem, x, candidate)
+    if gain.supported:
+        return ""
+    return (
+        f"it takes {100.0 * max(gain.share, 0.0):.1f} % off the squared error of left-out dives; "
+        f"needed are {100.0 * LEAST_GAIN:g} % and {LEAST_DEVIATIONS:g} deviations"
+    )
 
 
 def _too_shallow(logs: Sequence[Log], nominal: Calibration) -> str:

@@ -11,12 +11,14 @@ deviations hold (`tests/twin/test_identify_recovery.py`).
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.identify.blocks import PRIOR
 from twin.identify.calibration import Calibration
 from twin.identify.logged import Log
 from twin.identify.speed import FlightModel, horizontal, motion_of, steady_parts
@@ -62,6 +64,13 @@ class Problem:
             self.pairs = []
         self.weights = [np.full(int(mask.sum()), 100.0) for mask in self.masks]  # 1 / (1 cm/s)
         self.pair_weights = np.full(2 * len(self.pairs), 1.0 / LEAST_CURRENT_CHANGE)
+
+    def with_parameter(self, parameter: Parameter) -> Problem:
+        """The same with one parameter more, the last, and the weights of now."""
+        wider = copy.copy(self)
+        wider.parameters = (*self.parameters, parameter)
+        wider.centres = np.append(self.centres, parameter.get(self.nominal))
+        return wider
 
     def calibration(self, x: Array) -> Calibration:
         """The calibration at these offsets."""
@@ -128,6 +137,14 @@ class Problem:
             there = self.weighted(calibration, motions if turns else self.motions(calibration))
             columns.append((there - base) / STEP)
         return np.concatenate([np.stack(columns, axis=1), np.eye(len(x))])
+
+    @property
+    def blocks(self) -> NDArray[np.int_]:
+        """The mission of each residual; a change of current is the later one's."""
+        parts = [np.full(int(mask.sum()), k) for k, mask in enumerate(self.masks)]
+        parts.append(np.repeat(np.array(self.pairs, int), 2))
+        parts.append(np.full(len(self.parameters), PRIOR))
+        return np.concatenate(parts)
 
     @property
     def lowest(self) -> Array:

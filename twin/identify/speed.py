@@ -113,10 +113,12 @@ def motion_of(
         )
     x = np.clip((log.depth + 0.5 * vehicle.hull_diameter) / vehicle.hull_diameter, 0.0, 1.0)
     immersion = np.maximum(x * x * (3.0 - 2.0 * x), LEAST_IMMERSION)
+    # nose down, as a Seaglider waits at the surface, the tail is out of the water for longer
+    tail = vehicle.hull_length * np.maximum(-np.sin(pitch), 0.0)
     return fly(
         vehicle,
         period=log.period,
-        net_mass=np.where(log.depth < AFLOAT, 0.0, net),
+        net_mass=np.where(log.depth < AFLOAT + tail, 0.0, net),
         immersion=immersion,
         roll=log.roll,
         pitch=pitch,

@@ -33,10 +33,12 @@ class Parameter:
     """Smallest value there can be, in `unit`, of one that is not logarithmic."""
     channel: str | None = None
     """What it needs: "temperature" or "fixes" in the log, "pressure" enough to tell hulls apart,
-    the position of a part ("rotation", "fin"), or the user's "request". Lift, induced
-    drag and pitch offset all turn into drag and trim when a log holds one pitch, and then take up
-    what the model lacks: with a current between fixes lift can be told, the others are estimated
-    when asked for (docs/real.md)."""
+    the position of a part ("rotation", "fin"), "dives" that are predicted better with it when they
+    are left out, or the user's "request". Lift, induced drag and pitch offset all turn into drag
+    and trim when a log holds one pitch, and then take up what the model lacks. With a current
+    between fixes lift can be told; left-out dives tell a pitch offset. They do not tell lift and
+    induced drag: what predicts depth rates better made the speed worse where a Doppler log told it
+    (docs/real.md)."""
     get: Callable[[Calibration], float]
     set: Callable[[Calibration, float], Calibration]
 
@@ -195,7 +197,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         unit="degree",
         meaning="true pitch less the sensor's",
         spread=1.0,  # alignment of an attitude sensor in the hull
-        channel="request",
+        channel="dives",
         get=lambda c: c.pitch_offset / DEGREE,
         set=lambda c, x: c.replace(pitch_offset=x * DEGREE),
     ),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import textwrap
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -64,6 +65,20 @@ def _logged(store: MissionStore, mission: int) -> str:
     if says_simulated(store.attributes):
         parts.append("simulated")
     return ", ".join(parts)
+
+
+def missions_caption(store: MissionStore, missions: Sequence[int], vehicle: str | None) -> str:
+    """As `mission_caption`, of dives of a log, and whose flight model tells their velocities."""
+    first, last = missions[0], missions[-1]
+    text = mission_caption(store, first)
+    if last != first:
+        rows = log_rows(store)
+        text = f"{rows[first].deployment}, missions {first} to {last}"
+        moments = [rows[k].start for k in (first, last)]
+        if np.isfinite(moments).all():
+            begin, end = (datetime.datetime.fromtimestamp(m, datetime.UTC) for m in moments)
+            text += f", {begin:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M} UTC"
+    return text if vehicle is None else f"{text}, flight model {vehicle}"
 
 
 def place(latitude: float, longitude: float) -> str:

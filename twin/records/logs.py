@@ -31,9 +31,6 @@ from twin.water.current.origin import HIGHEST_LATITUDE
 Array = NDArray[np.float64]
 
 NANOSECONDS = 1e9
-CURRENTS = (("vehicle_dac_north", "vehicle_dac_east"), ("dac_north", "dac_east"))
-"""Depth-averaged currents that a store may have, the better ones first: as the vehicle or its
-basestation reported them, from a flight model, or the import's, from depth rate and pitch."""
 FOLLOWS_WITHIN = 3600.0
 """[s] between the end of a dive and the start of the next for their currents to be alike."""
 OVERLAP = 1.0
@@ -177,14 +174,6 @@ class LogStore(MissionStore):
         names = ("start_latitude", "start_longitude", "end_latitude", "end_longitude")
         a, b, c, d = (float(self.number(name)[mission]) for name in names)
         return (a, b), (c, d)
-
-    def current(self, mission: int) -> tuple[float, float]:
-        """Depth-averaged current [m/s] of a dive, north and east; NaN when the store has none."""
-        for names in CURRENTS:
-            north, east = (float(self.number(name)[mission]) for name in names)
-            if np.isfinite(north) and np.isfinite(east):
-                return north, east
-        return np.nan, np.nan
 
     def positions(self, mission: int) -> tuple[Array, Array, str]:
         """Latitude and longitude [degree] of a dive's samples, and how they were found.

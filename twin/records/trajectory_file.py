@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.bounded import check_dataset
 from twin.errors import InputError, StoreError
 from twin.records.attributes import N_SAMPLES, SCHEMA, SIMULATED_ATTRIBUTES
 from twin.records.place import (
@@ -29,9 +30,11 @@ from twin.records.store import (
     read_trajectory,
     signal_names,
     stored_columns,
+    write_netcdf,
     write_store,
 )
 from twin.records.trajectory import Trajectory
+from twin.records.whole import whole_file
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -68,7 +71,7 @@ def save_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: bool
       path: ends in .zarr or .nc.
 
     Raises:
-      InputError: another ending. StoreError: something is in the way, or the disk refuses.
+      InputError: another ending. WriteError: something is in the way, or the disk refuses.
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -77,13 +80,8 @@ def save_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: bool
     dataset = mission_dataset([trajectory], attributes=_plain(trajectory))
     if ending == ".zarr":
         return write_store(dataset, path, overwrite=overwrite)
-    if path.exists() and not (overwrite and path.is_file()):
-        raise StoreError(f"{path} already exists: use overwrite=True or another name")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        dataset.to_netcdf(path, engine="netcdf4")
-    except OSError as error:
-        raise StoreError(f"cannot write {path}: {error.strerror or error}") from error
+    with whole_file(path, overwrite=overwrite) as place:
+        write_netcdf(dataset, place)
     return path
 
 
@@ -102,6 +100,7 @@ def open_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
         raise StoreError(f"no file at {path}; `trajectory.save({str(path)!r})` writes one")
     try:
         with xr.open_dataset(path, engine="netcdf4", decode_times=False) as dataset:
+            check_dataset(dataset, path, f"file {path}", StoreError)
             return _read(dataset.load(), path, mission)
     except (OSError, ValueError) as error:
         if isinstance(error, StoreError):

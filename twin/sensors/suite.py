@@ -85,6 +85,8 @@ class SensorSuite(Mapping[str, Sensor]):
         Raises:
           InputError: a sensor that is not registered here, or a setting that it has not.
         """
+        if not isinstance(settings, Mapping):
+            raise InputError(f"sensor settings are {settings!r}: give a table of sensors")
         sensors = {}
         for name, values in settings.items():
             if name not in SENSORS:
@@ -92,6 +94,8 @@ class SensorSuite(Mapping[str, Sensor]):
                     f"{unknown_name('sensor', name, SENSORS)}; import the module that registers "
                     "it, or install the distribution that brings it"
                 )
+            if not isinstance(values, Mapping):
+                raise InputError(f"settings of sensor {name!r} are {values!r}: give a table")
             known = [field.name for field in dataclasses.fields(cast(Any, SENSORS[name]))]
             for key in values:
                 if key not in known:

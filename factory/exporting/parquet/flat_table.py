@@ -13,7 +13,6 @@ import numpy as np
 from factory.exporting.base import Advance, no_progress
 from factory.stores.generated import GeneratedStore
 from factory.stores.stored_flight import StoredFlight
-from twin.errors import InputError
 from twin.records.attributes import COMMENT, HISTORY, PLATFORM, SCENARIO, TITLE
 from twin.records.logs import LogStore
 from twin.records.place import ATTRIBUTES, DATETIME, LATITUDE, LONGITUDE
@@ -31,7 +30,7 @@ def export_parquet(
 
     Raises:
       ModuleNotFoundError: pyarrow is not installed.
-      InputError: the disk refuses.
+      OSError: the disk refuses.
       StoreError: no such mission, or its data cannot be read.
     """
     pa, pq = import_module("pyarrow"), import_module("pyarrow.parquet")
@@ -58,28 +57,24 @@ def export_parquet(
         metadata = {key: str(attributes[key]) for key in ("units", "long_name", "signal_group")}
         fields.append(pa.field(name, pa.float32(), metadata=metadata))
     schema = pa.schema(fields, metadata=_about(run))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with pq.ParquetWriter(path, schema, compression="zstd") as writer:
-            for mission in missions:
-                samples = int(run.samples[mission])
-                where = sample_coordinates(run, mission)
-                columns = [
-                    np.full(samples, mission, np.int32),
-                    [run.splits[mission]] * samples,
-                    np.arange(samples) * run.period,
-                    where[DATETIME].astype("datetime64[ms]"),
-                    where[LATITUDE],
-                    where[LONGITUDE],
-                ]
-                if isinstance(run, LogStore):
-                    columns += _logged(run, mission)
-                columns += [run.row(name, mission)[:samples] for name in names]
-                arrays = [pa.array(c, f.type) for c, f in zip(columns, fields, strict=True)]
-                writer.write_table(pa.table(arrays, schema=schema))
-                advance()
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+    with pq.ParquetWriter(path, schema, compression="zstd") as writer:
+        for mission in missions:
+            samples = int(run.samples[mission])
+            where = sample_coordinates(run, mission)
+            columns = [
+                np.full(samples, mission, np.int32),
+                [run.splits[mission]] * samples,
+                np.arange(samples) * run.period,
+                where[DATETIME].astype("datetime64[ms]"),
+                where[LATITUDE],
+                where[LONGITUDE],
+            ]
+            if isinstance(run, LogStore):
+                columns += _logged(run, mission)
+            columns += [run.row(name, mission)[:samples] for name in names]
+            arrays = [pa.array(c, f.type) for c, f in zip(columns, fields, strict=True)]
+            writer.write_table(pa.table(arrays, schema=schema))
+            advance()
     return path
 
 

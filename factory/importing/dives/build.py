@@ -76,6 +76,12 @@ def build(
     Raises:
       InputError: no log holds a dive.
     """
+    for log in logs:
+        if not log.channels:
+            tally.add("left out", log.deployment, 1, "no signal has a value")
+    logs = [log for log in logs if log.channels]
+    if not logs:
+        raise InputError(f"{summarise(files)}: no signal has a value")
     rows: list[DiveRow] = []
     lacking: dict[str, list[str]] = {}
     deepened: list[DeploymentLog] = []

@@ -127,7 +127,10 @@ def test_provenance_is_enough_to_rebuild_vehicle_and_sensors(field_store: Path) 
     assert settings["integrator"] == "discrete"
     assert settings["timestep_s"] == 0.1
     assert {"mujoco", "numba", "numpy", "python", "glider-twin"} <= set(settings["versions"])
-    assert re.match(r"\d{4}-\d\d-\d\dT.*Z: factory\.generate$", run.dataset.attrs["history"])
+    assert re.match(
+        rf"factory generate of glider-twin [\d.]+, recipe {run.recipe.digest}$",
+        run.dataset.attrs["history"],
+    )
 
 
 def test_the_reader_of_single_missions_reads_it(paper_store: Path) -> None:

@@ -382,8 +382,8 @@ class Grid(Current):
 def parse_time(time: str) -> np.datetime64:
     """UTC time as datetime64[ns] from ISO 8601, with or without a trailing Z."""
     try:
-        value: Any = np.datetime64(time.strip().removesuffix("Z"), "ns")
-    except ValueError:
+        value: Any = np.datetime64(str(time).strip().removesuffix("Z"), "ns")
+    except (ValueError, OverflowError):
         value = np.datetime64("NaT", "ns")
     if np.isnat(value):
         raise CurrentError(

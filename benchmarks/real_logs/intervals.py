@@ -1,0 +1,54 @@
+"""Intervals: how sure an error is, by bootstrap over the dives that it was measured on.
+
+Samples of one dive share water, trim and whatever a method lacks on that day. Whole dives are drawn
+with replacement, and the figure is worked out for each draw (Efron and Tibshirani 1993).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from learn.navigation.dead_reckoning import Array
+
+DRAWS = 2000
+SEED = 20221123
+"""Intervals are the same in every run."""
+CENTRAL = (2.5, 97.5)
+"""[%] the interval that is stated: 95 %"""
+LEAST_DIVES = 4
+"""Dives below which none is stated."""
+
+Interval = tuple[float, float]
+UNKNOWN: Interval = (float("nan"), float("nan"))
+
+
+def rmse_interval(dives: Sequence[Array]) -> Interval:
+    """95 % interval of the RMSE over all samples; NaN for too few dives.
+
+    Args:
+      dives: errors of each dive, finite.
+    """
+    known = [dive for dive in dives if dive.size]
+    squares = np.array([float(np.sum(dive**2)) for dive in known])
+    counts = np.array([dive.size for dive in known], float)
+    if len(known) < LEAST_DIVES:
+        return UNKNOWN
+    drawn = _draws(len(known))
+    found = np.sqrt(squares[drawn].sum(axis=1) / counts[drawn].sum(axis=1))
+    low, high = np.percentile(found, CENTRAL)
+    return float(low), float(high)
+
+
+def median_interval(errors: Array) -> Interval:
+    """95 % interval of the median over dives, one error each; NaN for too few."""
+    if errors.size < LEAST_DIVES:
+        return UNKNOWN
+    low, high = np.percentile(np.median(errors[_draws(errors.size)], axis=1), CENTRAL)
+    return float(low), float(high)
+
+
+def _draws(dives: int) -> np.ndarray:
+    """Numbers of the dives of each draw, (draws, dives)."""
+    return np.random.default_rng(SEED).integers(0, dives, (DRAWS, dives))

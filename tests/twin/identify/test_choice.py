@@ -1,0 +1,96 @@
+"""A pitch offset is estimated where left-out dives are predicted better with it, and only there."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin.identify import identify, load_calibration, load_logs
+from twin.identify.blocks import PRIOR
+from twin.identify.choice import LEAST_GAIN, Gain, left_out
+from twin.vehicle.vehicle import load_vehicle
+
+_SPEC = importlib.util.spec_from_file_location(
+    "identify_logs", Path(__file__).with_name("identify_logs.py")
+)
+simulated = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(simulated)
+
+OFFSET = 2.5
+PITCHES = ((20.0, 28.0), (28.0, 20.0), (24.0, 34.0), (34.0, 24.0))
+
+
+@pytest.fixture(scope="module")
+def runs():
+    vehicle = simulated.changed(load_vehicle("glider"), drag=1.2, neutral_density=1025.2)
+    return [simulated.flown(vehicle, k, pitch=pitch, yos=1) for k, pitch in enumerate(PITCHES)]
+
+
+@pytest.mark.parametrize("offset", [0.0, OFFSET])
+def test_a_pitch_offset_is_chosen_where_there_is_one(tmp_path, runs, offset):
+    """The same four dives, with a sensor that is straight and one that is mounted askew."""
+    moved = [simulated.add_pitch_offset(run, offset) for run in runs]
+    store = simulated.stored(tmp_path / "log.zarr", moved)
+    for run in moved:
+        simulated.add_pitch_offset(run, -offset)
+    found = identify(load_logs(store), load_calibration("glider"), fixes=False)
+    estimate = found["pitch_offset"]
+    assert estimate.determined == (offset > 0.0)
+    assert estimate.value == pytest.approx(offset, abs=0.4)
+    assert list(found.determined) == [e.name for e in found.estimates if e.determined]
+    if not estimate.determined:
+        assert "left-out dives" in estimate.note
+
+
+def test_an_offset_that_is_asked_for_or_known_is_not_judged(tmp_path, runs):
+    logs = load_logs(simulated.stored(tmp_path / "log.zarr", runs[:1]))
+    names = ["neutral_density", "drag"]
+    nominal = load_calibration("glider")
+    asked = identify(logs, nominal, parameters=[*names, "pitch_offset"], fixes=False)
+    assert "left-out" not in asked["pitch_offset"].note
+    known = identify(logs, nominal, known=["pitch_offset"], fixes=False)
+    assert known["pitch_offset"].note == "given as known"
+    few = identify(logs, nominal, fixes=False)
+    assert few["pitch_offset"].note.startswith("1 dives: from 4 on")
+
+
+def regression(seed, dives=9, length=50, columns=3):
+    rng = np.random.default_rng(seed)
+    design = rng.normal(size=(dives * length, columns))
+    truth = rng.normal(size=columns)
+    blocks = np.repeat(np.arange(dives), length)
+    return design, design @ truth + rng.normal(size=dives * length), blocks
+
+
+def test_one_step_is_the_whole_fit_to_the_other_dives():
+    """For linear residuals, with what was known before: ridge regression without the dive."""
+    design, values, blocks = regression(0)
+    jacobian = np.concatenate([-design, np.eye(3)])
+    residual = np.concatenate([values, np.zeros(3)])
+    found = left_out(jacobian, residual, np.concatenate([blocks, np.full(3, PRIOR)]))
+    for dive in range(9):
+        train, held = blocks != dive, blocks == dive
+        matrix = design[train].T @ design[train] + np.eye(3)
+        x = np.linalg.solve(matrix, design[train].T @ values[train])
+        assert found[dive] == pytest.approx(np.sum((values[held] - design[held] @ x) ** 2))
+
+
+def test_a_column_of_noise_is_not_worth_it():
+    gains = []
+    for seed in range(20):
+        design, values, blocks = regression(seed)
+        noise = np.random.default_rng(100 + seed).normal(size=(len(values), 1))
+        without = left_out(-design, values, blocks)
+        with_it = left_out(-np.concatenate([design, noise], axis=1), values, blocks)
+        gains.append(1.0 - with_it.sum() / without.sum())
+    assert np.mean(gains) < 0.0
+    assert max(gains) < LEAST_GAIN
+
+
+@pytest.mark.parametrize(
+    ("share", "deviations", "supported"),
+    [(0.17, 9.0, True), (0.01, 9.0, False), (0.3, 1.5, False), (-0.2, -3.0, False)],
+)
+def test_a_gain_must_be_large_and_sure(share, deviations, supported):
+    assert Gain(share=share, deviations=deviations).supported == supported
