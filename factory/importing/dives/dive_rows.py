@@ -80,10 +80,10 @@ NUMBERS: dict[str, tuple[str, str]] = {
     "surface_drift_north": ("m s-1", "drift at the surface before the dive, north"),
     "surface_drift_east": ("m s-1", "drift at the surface before the dive, east"),
     "magnetic_variation": ("degree", "magnetic variation that was applied, east positive"),
-    "vehicle_dac_north": ("m s-1", "depth-averaged current that the vehicle reported, north"),
-    "vehicle_dac_east": ("m s-1", "depth-averaged current that the vehicle reported, east"),
-    "dac_north": ("m s-1", "depth-averaged current by the fixes and w/tan(pitch + 3 deg), north"),
-    "dac_east": ("m s-1", "depth-averaged current by the fixes and w/tan(pitch + 3 deg), east"),
+    "vehicle_dac_north": ("m s-1", "depth-averaged northward current by the vehicle"),
+    "vehicle_dac_east": ("m s-1", "depth-averaged eastward current by the vehicle"),
+    "dac_north": ("m s-1", "depth-averaged northward current"),
+    "dac_east": ("m s-1", "depth-averaged eastward current"),
     "thruster_fraction": ("1", "part of the row's time with the thruster on"),
 }
 """Units and meaning of the per-row numbers."""
