@@ -81,7 +81,7 @@ def timeseries(store: str | Path | xr.Dataset, missions: Sequence[int] | None = 
     names = found.signals()
     lengths = [int(found.samples[mission]) for mission in chosen]
     variables = {
-        name: (TIME, _joined(found, lazy, name, chosen, lengths), dict(found.dataset[name].attrs))
+        name: (TIME, _joined(found, lazy, name, chosen, lengths), _attributes(found, name))
         for name in names
     }
     said = LOGGED if found.logged else FLOWN
@@ -147,6 +147,15 @@ def _open(store: str | Path | xr.Dataset) -> MissionStore:
     if source is None:
         raise InputError("timeseries: give the path of a store, or what twin.open_store gave")
     return MissionStore(source)
+
+
+def _attributes(store: MissionStore, name: str) -> dict[str, Any]:
+    """Of a signal; flags are of its own type, which stores cannot say."""
+    attributes = dict(store.dataset[name].attrs)
+    if "flag_values" in attributes:
+        kind = store.dataset[name].dtype
+        attributes["flag_values"] = np.asarray(attributes["flag_values"], kind)
+    return attributes
 
 
 def _joined(
