@@ -128,6 +128,7 @@ def fly(
         bottom_depth=bottom,
         floor=floor if floor.size else None,
         latitude=parameters.number("water.latitude"),
+        longitude=parameters.number("water.longitude"),
         density=scenario.density,
         current=None if water is None else water.compile(simulation.duration, scenario.origin),
     )

@@ -167,4 +167,5 @@ def build_density(parameters: Parameters) -> DensityProfile | None:
         decay_depth=value("water.thermocline_m"),
         max_depth=math.ceil(parameters.deepest_m) + DEEP_MARGIN_M,
         latitude=value("water.latitude"),
+        longitude=value("water.longitude"),
     )

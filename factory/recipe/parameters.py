@@ -59,7 +59,7 @@ _MISSION: tuple[Parameter, ...] = (
               "each with its climb; field gliders surface after one or a few",
               per_segment=True),
     Parameter("mission.max_depth_m", "m", "loguniform(40, 500)", "uniform(60, 300)",
-              "lower turning depth", "logarithmic, so that inflections are frequent",
+              "lower turning depth", "paper: logarithmic, so that inflections are frequent",
               per_segment=True),
     Parameter("mission.min_depth_m", "m", "uniform(5, 25)", "uniform(5, 25)",
               "upper turning depth", "below the overshoot of an inflection", per_segment=True),

@@ -81,7 +81,7 @@ def timeseries(store: str | Path | xr.Dataset, missions: Sequence[int] | None = 
     names = found.signals()
     lengths = [int(found.samples[mission]) for mission in chosen]
     variables = {
-        name: (TIME, _joined(found, lazy, name, chosen, lengths), dict(found.dataset[name].attrs))
+        name: (TIME, _joined(found, lazy, name, chosen, lengths), _attributes(found, name))
         for name in names
     }
     said = LOGGED if found.logged else FLOWN
@@ -149,6 +149,15 @@ def _open(store: str | Path | xr.Dataset) -> MissionStore:
     return MissionStore(source)
 
 
+def _attributes(store: MissionStore, name: str) -> dict[str, Any]:
+    """Of a signal; flags are of its own type, which stores cannot say."""
+    attributes = dict(store.dataset[name].attrs)
+    if "flag_values" in attributes:
+        kind = store.dataset[name].dtype
+        attributes["flag_values"] = np.asarray(attributes["flag_values"], kind)
+    return attributes
+
+
 def _joined(
     store: MissionStore,
     lazy: xr.Dataset,
@@ -158,10 +167,9 @@ def _joined(
 ) -> Any:
     """A signal of missions, end to end; with dask it is not read yet."""
     array = lazy[name].variable.transpose(MISSION, TIME)
-    if array.chunks is None:
+    rows: Any = [array.data[mission] for mission in missions] if array.chunks is not None else None
+    if rows is None:
         rows = store.rows(name, list(missions))
-    else:
-        rows = [array.data[mission] for mission in missions]
     parts = [row[:length] for row, length in zip(rows, lengths, strict=True)]
     return np.concatenate(parts)
 

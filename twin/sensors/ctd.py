@@ -106,7 +106,7 @@ class Ctd(Sensor):
         import gsw
 
         from twin.sensors.kernels import thermal_kernel
-        from twin.water.density import DEFAULT_LONGITUDE, DensityProfile
+        from twin.water.density import DensityProfile
 
         water = surroundings.density or DensityProfile.constant()
         temperature, salinity = (signal(signals, name) for name in self.reads_if_there[:2])
@@ -124,7 +124,7 @@ class Ctd(Sensor):
         conductivity = _rounded(conductivity, self.conductivity_resolution)
         gauge = signal(signals, "measured_pressure")
         practical = gsw.SP_from_C(conductivity * MILLISIEMENS_PER_CM, shown, gauge)
-        absolute = gsw.SA_from_SP(practical, gauge, DEFAULT_LONGITUDE, latitude)
+        absolute = gsw.SA_from_SP(practical, gauge, surroundings.longitude, latitude)
         density = gsw.rho_t_exact(absolute, shown, gauge)
         made = (shown, practical, density, conductivity)
         return dict(zip((v.name for v in self.writes), made, strict=True))

@@ -185,6 +185,7 @@ class SensorSuite(Mapping[str, Sensor]):
         drawn: Mapping[str, float] | None = None,
         bottom_depth: ArrayLike | None = None,
         latitude: float = 36.8,
+        longitude: float = -121.8,
         density: DensityProfile | None = None,
         current: NDArray[np.float64] | None = None,
         floor: NDArray[np.float64] | None = None,
@@ -194,7 +195,8 @@ class SensorSuite(Mapping[str, Sensor]):
         truth: the arrays of `reads`, shape (n,), every `dt` [s], beside others; they are not
         changed, and a sensor without errors returns them themselves. rng_seed: the mission's seed,
         left as it was. drawn: the mission's constants, by default `draw(rng_seed)`. bottom_depth
-        [m]: a number or shape (n,); None puts the bottom out of the DVL's reach. latitude [deg].
+        [m]: a number or shape (n,); None puts the bottom out of the DVL's reach. latitude,
+        longitude [deg].
         density: default constant. current: compiled current field for the DVL's water cells.
         floor: compiled sea floor for the altimeter's beam.
         Raises InputError for a missing or misshapen signal, for a wrong dt, latitude or bottom,
@@ -204,6 +206,7 @@ class SensorSuite(Mapping[str, Sensor]):
         drawn = self.draw(rng_seed) if drawn is None else drawn
         surroundings = Surroundings(
             latitude=latitude,
+            longitude=longitude,
             density=density,
             bottom_depth=bottom_depth,
             floor=floor,

@@ -42,6 +42,7 @@ from twin.records.place import (
     unix_milliseconds,
 )
 from twin.records.schema import MISSION, TIME, VARIABLES
+from twin.records.trajectory import sample_times
 from twin.version import __version__
 
 if TYPE_CHECKING:
@@ -79,10 +80,10 @@ NUMBERS: dict[str, tuple[str, str]] = {
     "surface_drift_north": ("m s-1", "drift at the surface before the dive, north"),
     "surface_drift_east": ("m s-1", "drift at the surface before the dive, east"),
     "magnetic_variation": ("degree", "magnetic variation that was applied, east positive"),
-    "vehicle_dac_north": ("m s-1", "depth-averaged current that the vehicle reported, north"),
-    "vehicle_dac_east": ("m s-1", "depth-averaged current that the vehicle reported, east"),
-    "dac_north": ("m s-1", "depth-averaged current by the fixes and w/tan(pitch + 3 deg), north"),
-    "dac_east": ("m s-1", "depth-averaged current by the fixes and w/tan(pitch + 3 deg), east"),
+    "vehicle_dac_north": ("m s-1", "depth-averaged northward current by the vehicle"),
+    "vehicle_dac_east": ("m s-1", "depth-averaged eastward current by the vehicle"),
+    "dac_north": ("m s-1", "depth-averaged northward current"),
+    "dac_east": ("m s-1", "depth-averaged eastward current"),
     "thruster_fraction": ("1", "part of the row's time with the thruster on"),
 }
 """Units and meaning of the per-row numbers."""
@@ -195,9 +196,9 @@ def _start(rows: Sequence[DiveRow]) -> dict[str, Any]:
 def _where_and_when(rows: Sequence[DiveRow], longest: int, period: float) -> dict[str, Any]:
     """Time and place of the samples, (mission, time)."""
     counts = [len(row.positions.latitude) for row in rows]
-    arrays = {
+    arrays: dict[str, list[NDArray[Any]]] = {
         DATETIME: [
-            unix_milliseconds(row.segment.start, period * np.arange(count))
+            unix_milliseconds(row.segment.start, sample_times(count, period))
             for row, count in zip(rows, counts, strict=True)
         ],
         LATITUDE: [row.positions.latitude for row in rows],

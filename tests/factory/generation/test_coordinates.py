@@ -6,6 +6,7 @@ import json
 import shutil
 from pathlib import Path
 
+import gsw
 import numpy as np
 import pytest
 import xarray as xr
@@ -121,3 +122,22 @@ def test_a_store_without_them_still_opens_and_replays(paper_store: Path, tmp_pat
         assert "latitude" not in run
         assert run.parameters(0).number("water.longitude") == pytest.approx(-121.8)
         assert replay_mission(run, 0).identical
+
+
+def test_the_density_is_that_of_temperature_and_salinity_where_the_mission_is(
+    field_store: Path,
+) -> None:
+    """TEOS-10 with the composition of the salt at the mission's own place."""
+    data = xr.open_zarr(field_store)
+    for mission in range(data.sizes["mission"]):
+        one = data.isel(mission=mission, time=slice(0, int(data["n_samples"][mission])))
+        place = float(one["start_longitude"]), float(one["start_latitude"])
+        pressure = gsw.p_from_z(-one["true_depth"].values.astype(float), place[1])
+        absolute = gsw.SA_from_SP(one["true_salinity"].values, pressure, *place)
+        conservative = gsw.CT_from_t(absolute, one["true_temperature"].values, pressure)
+        expected = gsw.rho(absolute, conservative, pressure)
+        error = np.abs(one["true_density"].values - expected)
+        # depths are linear between the metres of the profile, densities kept to 1e-4
+        assert error.max() < 3e-4
+        conductivity = one["measured_conductivity"].values
+        assert np.isfinite(conductivity).all()

@@ -230,7 +230,7 @@ def test_an_export_says_what_is_nominal_and_refuses_what_it_cannot_hold(tmp_path
         assert "its place and date are nominal" in file.comment
     early = saved("b.zarr", sensors="ideal", start={**PLACE, "time": "1999-01-01"})
     with pytest.raises(StoreError, match="no dates before 2001-09-09"):
-        EXPORTERS["og1"].export(open_exportable(early), [0], tmp_path / "og1")
+        EXPORTERS["og1"].export(open_exportable(early), [0], tmp_path / "early")
     with pytest.raises(StoreError, match="flown without sensors"):
         open_exportable(saved("c.zarr"))
 

@@ -129,6 +129,22 @@ def test_what_cannot_be_asked_is_told(simulated: Path, tmp_path: Path) -> None:
         twin.timeseries(path)
 
 
+@pytest.mark.skipif(
+    importlib.util.find_spec("compliance_checker") is None,
+    reason="compliance-checker is not installed (extra `test`)",
+)
+def test_a_series_passes_the_cf_check(logged: Path, tmp_path: Path) -> None:
+    from compliance_checker.runner import CheckSuite, ComplianceChecker
+
+    path, report = tmp_path / "series.nc", tmp_path / "report.txt"
+    twin.timeseries(logged, [0]).to_netcdf(path)
+    CheckSuite.load_all_available_checkers()
+    passed, _ = ComplianceChecker.run_checker(
+        str(path), ["cf:1.11"], verbose=0, criteria="lenient", output_filename=str(report)
+    )
+    assert passed, report.read_text()
+
+
 @pytest.mark.skipif(NO_DASK, reason="dask is not installed")
 def test_with_dask_nothing_is_read_before_it_is_asked_for(simulated: Path) -> None:
     series = twin.timeseries(simulated)
