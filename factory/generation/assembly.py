@@ -25,7 +25,7 @@ FAILURES = "failures"
 
 def open_tree(job: Job) -> ShardedStore:
     """The store that grows."""
-    layout, plan = job.layout, job.ready().plan
+    layout, plan = job.layout, job.recipe.plan
     return ShardedStore(
         job.site.tree,
         missions=len(plan),

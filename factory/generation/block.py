@@ -56,7 +56,7 @@ def fly_block(job: Job, number: int) -> BlockDone:
 
 
 def _fly_block(job: Job, number: int) -> BlockDone:
-    recipe, site = job.ready(), job.site
+    recipe, site = job.recipe, job.site
     flown: list[FlownMission] = []
     signals: list[Signals] = []
     for mission in job.layout.missions_of_block(number):

@@ -63,7 +63,7 @@ def complete(job: Job) -> tuple[dict[str, FileSum], int]:
     Raises:
       StoreError: a shard is missing. OSError: the disk refuses.
     """
-    recipe, target = job.ready(), open_tree(job)
+    recipe, target = job.recipe, open_tree(job)
     table = columns(recipe)
     found = _survey(job, table)
     used = [column for column in table if column.name in found.used]

@@ -92,7 +92,6 @@ def generate(
     store = Path(out)
     workers = check_workers(workers, executor)
     job = Job(recipe, Site(store, recipe.digest))
-    job.ready()
     with told(store):
         check_target(recipe, store, resume=resume, overwrite=overwrite)  # before a lock is made
         with locked(store):
@@ -145,7 +144,7 @@ def waiting_blocks(job: Job, blocks: list[int] | None = None) -> tuple[list[int]
 
 def _fly(job: Job, workers: int, executor: Executor | None, watch: Watcher | None) -> list[int]:
     """Fly what is missing and assemble the shards; the missions flown now."""
-    recipe, layout = job.ready(), job.layout
+    recipe, layout = job.recipe, job.layout
     blocks, shards = waiting_blocks(job)
     flown = [mission for block in blocks for mission in layout.missions_of_block(block)]
     if watch is not None:

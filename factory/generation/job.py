@@ -2,52 +2,54 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
+import json
 import threading
+from typing import Any
 
 from factory.generation.layout import Layout
 from factory.generation.site import Site
-from factory.recipe.recipe import Recipe, versions
-from twin.errors import StoreError
-
-_READY: dict[str, Recipe] = {}
-"""Recipes of this process by their hashes: each is planned and compiled once."""
-_MOST_READY = 4
-
+from factory.recipe.recipe import Recipe, read_recipe
 
 ALONE = threading.RLock()
 """Held by what flies or assembles: MuJoCo's warnings, numba's tables and staging folders are those
 of the whole process, whose executor may have threads"""
+_READY: dict[str, Recipe] = {}
+"""Recipes of this process by their hashes: each is planned and compiled once. Forked workers have
+those of their parent."""
+_MOST_READY = 4
 
 
-@dataclasses.dataclass(frozen=True)
 class Job:
-    """A recipe and the place of its store; picklable."""
+    """A recipe and the place of its store.
 
-    recipe: Recipe
-    site: Site
+    It travels to other processes as text, so that whatever a recipe holds, a sensor of a plugin
+    too, is made there by the same registered kinds.
+    """
+
+    def __init__(self, recipe: Recipe, site: Site):
+        self.site, self.recipe = site, recipe
+        while len(_READY) >= _MOST_READY:
+            del _READY[next(iter(_READY))]
+        _READY[site.recipe] = recipe
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _arrived, (self._text, self.site)
+
+    @functools.cached_property
+    def _text(self) -> str:
+        return json.dumps(self.recipe.document())
 
     @functools.cached_property
     def layout(self) -> Layout:
         """Blocks and shards."""
-        return Layout(len(self.ready().plan))
+        return Layout(len(self.recipe.plan))
 
-    def ready(self) -> Recipe:
-        """The recipe, with everything that it derives made once in a process.
 
-        Raises:
-          StoreError: on this machine it is another one, since libraries differ.
-        """
-        found = _READY.get(self.site.recipe)
-        if found is None:
-            if self.recipe.digest != self.site.recipe:
-                here = ", ".join(f"{name} {number}" for name, number in versions().items())
-                raise StoreError(
-                    f"recipe {self.site.recipe[:12]} is not of this machine, which has {here}: "
-                    "install the same versions wherever one store is made"
-                )
-            while len(_READY) >= _MOST_READY:
-                del _READY[next(iter(_READY))]
-            found = _READY[self.site.recipe] = self.recipe
-        return found
+def _arrived(text: str, site: Site) -> Job:
+    """The job in another process.
+
+    Raises:
+      StoreError: libraries have other versions here, so that it would make other bytes.
+    """
+    return Job(_READY.get(site.recipe) or read_recipe(json.loads(text)), site)

@@ -159,7 +159,6 @@ def finish(out: str | Path) -> tuple[Summary, Recipe]:
         raise StoreError(f"{store} was begun with {len(places)} recipes: {places[0].parent.parent}")
     recipe = recipe_begun(places[0])
     job = Job(recipe, Site(store, recipe.digest))
-    job.ready()
     with told(store):
         if check_target(recipe, store, resume=True, overwrite=False):
             failed = failures_in(store)
@@ -206,7 +205,7 @@ def _ready(job: Job, shard: int) -> bool:
 
 def _tell(job: Job, block: int, failures: Sequence[int], watch: Watcher | None) -> None:
     if watch is not None:
-        durations = job.ready().plan.durations_s
+        durations = job.recipe.plan.durations_s
         for row, mission in enumerate(job.layout.missions_of_block(block)):
             watch(durations[mission] / HOUR, failures[row] if failures else 0)
 

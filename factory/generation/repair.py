@@ -116,7 +116,7 @@ class _Wreck:
         finally:
             target.close()
         flown = [self._mission(mission) for mission in missions]
-        leave_shard(self.job, shard, files, rows(self.job.ready(), flown), _failures(flown))
+        leave_shard(self.job, shard, files, rows(self.job.recipe, flown), _failures(flown))
 
     def compare(self, files: dict[str, FileSum]) -> None:
         """Raise StoreError when the new store is not what the old one's list says."""
@@ -139,12 +139,12 @@ class _Wreck:
 
     def _fly(self, mission: int) -> tuple[FlownMission, Signals]:
         if mission not in self.flown:
-            self.flown[mission] = fly_whole(self.job.ready(), mission)
+            self.flown[mission] = fly_whole(self.job.recipe, mission)
         return self.flown[mission]
 
     def _mission(self, mission: int) -> FlownMission:
         """A mission's bookkeeping, drawn again; flown where its attempts are not known."""
-        recipe = self.job.ready()
+        recipe = self.job.recipe
         failures = None if self.attempts is None else self._failures_of(mission)
         if self.attempts is None or failures is None:
             return self._fly(mission)[0]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
 import math
@@ -60,10 +59,6 @@ class Recipe:
     current: str | Mapping[str, Any] | None = None
     """one current for all missions, as `twin simulate --current` takes it, or its description as
     stores hold it; None: drawn"""
-
-    def __getstate__(self) -> dict[str, Any]:
-        # what is derived is derived again: plans of many missions are large
-        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
 
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:
