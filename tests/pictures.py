@@ -29,8 +29,12 @@ PLAN = Mission(
     segments=(SawTooth(max_depth_m=40, pitch_deg=35, heading_deg=40, yos=1),),
 )
 DURATION = 300.0
-PLACED = {"start_latitude": 49.9, "start_longitude": -5.9}
-"""Where it began: south-west of Cornwall"""
+PLACED = {
+    "start_latitude": 49.9,
+    "start_longitude": -5.9,
+    "start_time": "2003-08-01T00:00:00",
+}
+"""Where and when it began: south-west of Cornwall"""
 
 
 def short_scenario() -> Scenario:

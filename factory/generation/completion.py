@@ -31,8 +31,8 @@ from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.sharded import BESIDE, DTYPE, ArrayMeta, flag_attributes
 from twin.version import __version__
 
-RECIPE_COPY = "recipe/zarr.json"
-"""The recipe once more, as attributes of a group: either copy is enough to repair a store"""
+RECIPE_COPY = "recipe"
+"""Group whose attributes are the recipe once more: either copy is enough to repair a store"""
 FAILURE = "failure"
 """Dimension of the attempts that failed and were replaced."""
 FAILED_MISSION, FAILED_ATTEMPT = "failure_mission", "failure_attempt"
@@ -81,8 +81,7 @@ def complete(job: Job) -> tuple[dict[str, FileSum], int]:
     for name in COORDINATES:
         said = {} if name == DATETIME else FLOWN
         signals[name] = (COORDINATE_DTYPES[name], {**ATTRIBUTES[name], **said})
-    document = {"zarr_format": 3, "node_type": "group", "attributes": recipe.document()}
-    files[RECIPE_COPY] = job.site.tree.put(RECIPE_COPY, json.dumps(document).encode())
+    files |= target.write_group(RECIPE_COPY, recipe.document())
     files |= target.finish(signals, arrays, store_attributes(recipe))
     return files, found.failures
 

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zarr
 from numpy.typing import NDArray
 
 from factory.generation.assembly import leave_shard, open_tree
@@ -43,7 +42,7 @@ from twin.records import attributes as names
 from twin.records.checksums import FileSum, damaged_files, has_checksums, read_checksums
 from twin.records.place import COORDINATE_DTYPES, COORDINATES
 from twin.records.schema import VARIABLES
-from twin.records.sharded import DTYPE, METADATA, fill_value
+from twin.records.sharded import DTYPE, METADATA, fill_value, read_rows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,14 +178,14 @@ class _Wreck:
         """An array that is no signal; None where it is damaged."""
         if self.sums is None or any(key.startswith(f"{name}/") for key in self.damaged):
             return None
-        return np.asarray(zarr.open_array(self.path / name, mode="r")[...])
+        return read_rows(self.path, name)
 
     def _row(self, name: str, mission: int) -> NDArray[Any] | None:
         """A signal of a mission, padding included; None where it cannot be decoded."""
         if f"{name}/{METADATA}" in self.damaged:
             return None
         try:
-            return np.asarray(zarr.open_array(self.path / name, mode="r")[mission])
+            return read_rows(self.path, name, mission)
         except Exception:  # whatever a decoder raises
             return None
 
@@ -194,7 +193,7 @@ class _Wreck:
 def _recipe(path: Path) -> Recipe:
     """The recipe, from whichever of its two copies is sound."""
     wrong = ""
-    for key in (METADATA, RECIPE_COPY):
+    for key in (METADATA, f"{RECIPE_COPY}/{METADATA}"):
         try:
             return read_recipe(_unpacked(json.loads((path / key).read_bytes())["attributes"]))
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -244,7 +243,7 @@ def lost(store: str | Path) -> list[str] | None:
             f"store {path} has no list of checksums, an older glider-twin wrote it: `factory "
             "verify` checks what it says, and what is damaged must be made again"
         )
-    if (path / RECIPE_COPY).is_file() or _generated(path):
+    if (path / RECIPE_COPY / METADATA).is_file() or _generated(path):
         return None
     return [str(damage) for damage in damaged_files(path)]
 

@@ -325,7 +325,6 @@ class Trainer:
     def _load(self) -> dict[str, Any] | None:
         if self.checkpoint is None or not self.checkpoint.exists():
             return None
-        check_records(self.checkpoint)
         saved = _read_checkpoint(self.checkpoint, self.device)
         theirs, ours = saved["identity"], self._identity()
         if theirs != ours:
@@ -368,6 +367,7 @@ def _read_checkpoint(path: Path, device: torch.device | str) -> dict[str, Any]:
         check_archive(path, f"checkpoint {path}", StoreError)
     except StoreError as error:
         raise StoreError(f"{error}; {remedy}") from error
+    check_records(path)
     needed = {"identity", "history", "best", "best_state", "bad"}
     try:
         saved = torch.load(path, map_location=device, weights_only=True)

@@ -218,19 +218,16 @@ UNIT334 = SHARED / "slocum_unit334_2023"
 
 @pytest.mark.skipif(not UNIT334.is_dir(), reason=f"no public logs at {UNIT334}")
 def test_the_water_over_a_slocum_rises_as_often_as_it_sinks(tmp_path: Path) -> None:
-    """Fitted on the depth rate and the fixes of the same log, the pitch sensor's offset too."""
+    """Identified on the same log without options: the pitch sensor's offset is found."""
     from factory.importing import import_logs
     from twin.identify import identify, load_calibration, load_logs
+    from twin.identify.start import start_vehicle
 
     pytest.importorskip("pyarrow")
     dataset, _ = import_logs("slocum", [UNIT334])
     path = write_store(dataset, tmp_path / "unit334.zarr")
-    names = ["neutral_density", "drag", "lift_ratio", "thermal_expansion", "thermal_lag"]
-    found = identify(
-        load_logs(path),
-        load_calibration("slocum-200"),
-        parameters=[*names, "heading_offset", "pitch_offset"],
-    )
+    found = identify(load_logs(path), load_calibration(start_vehicle(path)))
+    assert "pitch_offset" in found.determined
     summary = estimate_flight(path, found.calibration).summary()
     assert abs(summary.w_mean_dive - summary.w_mean_climb) < 0.003
     assert summary.w_deviation < 0.01
