@@ -123,10 +123,11 @@ class GeneratedStore(MissionStore):
         Raises:
           StoreError: it is damaged, or this program would make another store of it.
         """
-        known = {**ADDED, **self.settings["distributions"]}
+        own = self.settings["distributions"]
+        older = {name: text for name, text in ADDED.items() if name not in own}
         document = {
-            SETTINGS: {**self.settings, "distributions": known},
-            CHANGES: self.json(CHANGES),
+            SETTINGS: {**self.settings, "distributions": {**older, **own}},
+            CHANGES: {**older, **self.json(CHANGES)},
             VEHICLE_MJCF: self.attributes[VEHICLE_MJCF],
         }
         try:

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import xarray as xr
 import zarr
-from factory.generation.bulk import generate
 
+from factory.generation.generate import generate
 from factory.inspect.replay import replay_mission
 from factory.recipe.recipe import make_recipe
 from factory.stores.generated import GeneratedStore
