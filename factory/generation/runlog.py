@@ -35,6 +35,8 @@ def note(store: Path, recipe: Recipe, command: str) -> None:
     }
     with log_of(store).open("a", encoding="utf-8") as file:
         file.write(json.dumps(entry) + "\n")
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def _processor() -> str:

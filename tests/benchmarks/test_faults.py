@@ -23,7 +23,7 @@ def test_no_fault_loses_anything(name):
 
 @pytest.mark.parametrize("name", sorted({*WRITERS} - {*EVERY}))
 def test_a_kill_leaves_the_old_content_or_the_new(name):
-    found = inject(name, 400 if name in ("simulate", "import", "save") else 60, (Fault.KILL,))
+    found = inject(name, 400 if name in ("simulate", "import", "save", "generate") else 60, (Fault.KILL,))
     assert found["lost"] == [], found["trace"]
     assert found["survived"] == found["injected"] >= 1
 
