@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from unchanged import KEPT, PRESETS, SEED, array_hashes, differences, expected_hashes
 
-from factory.generation.bulk import generate
+from factory.generation.generate import generate
 from factory.recipe.recipe import make_recipe
 
 HOURS = (1, 10)

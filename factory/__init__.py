@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from factory.facade import generate as generate
     from factory.facade import import_logs as import_logs
     from factory.facade import parameters as parameters
-    from factory.generation.bulk import Summary as Summary
+    from factory.generation.generate import Summary as Summary
     from factory.recipe.presets import PRESETS as PRESETS
     from factory.stores.generated import GeneratedStore as GeneratedStore
     from factory.stores.generated import open_missions as open  # noqa: F401
@@ -26,7 +26,7 @@ _PLACES = {
     "PRESETS": "factory.recipe.presets:PRESETS",
     "LogStore": "twin.records.logs:LogStore",
     "GeneratedStore": "factory.stores.generated:GeneratedStore",
-    "Summary": "factory.generation.bulk:Summary",
+    "Summary": "factory.generation.generate:Summary",
     "generate": "factory.facade:generate",
     "import_logs": "factory.facade:import_logs",
     "open": "factory.stores.generated:open_missions",

@@ -14,6 +14,11 @@ PROGRAM = Program(
             loader="factory.commands.generate:Generate",
         ),
         Command(
+            name="finish",
+            summary="complete a store that was made in parts, or say which are missing",
+            loader="factory.commands.finish:Finish",
+        ),
+        Command(
             name="info",
             summary="what a store holds: preset, missions, splits, drawn values, failures",
             loader="factory.commands.info:Info",
@@ -22,6 +27,11 @@ PROGRAM = Program(
             name="verify",
             summary="read every chunk; check padding, ranges and kinematics",
             loader="factory.commands.verify:Verify",
+        ),
+        Command(
+            name="repair",
+            summary="make a damaged store whole again, bit for bit",
+            loader="factory.commands.repair:Repair",
         ),
         Command(
             name="replay",

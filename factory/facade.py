@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from factory.generation.bulk import Summary
-from factory.generation.bulk import generate as _generate
+from factory.generation.generate import Summary
+from factory.generation.generate import generate as _generate
 from factory.recipe.parameter import Parameter
 from factory.recipe.recipe import make_recipe
 
@@ -97,15 +97,14 @@ def import_logs(
       What was done to the logs.
 
     Raises:
-      InputError: a file cannot be used; the message names it and says why. StoreError: something
-        is in the way of the store.
+      InputError: a file cannot be used; the message names it and says why. WriteError: something
+        is in the way of the store, or the disk refuses.
     """
     from factory.importing.import_run import import_logs as read
-    from twin.records.store import prepare_target, write_store
+    from twin.records.store import check_target, write_store
 
     target = Path(out)
-    if target.exists() and not overwrite:
-        prepare_target(target, overwrite=False)  # refuses before anything is read
+    check_target(target, overwrite=overwrite)  # refuses before anything is read
     dataset, report = read(kind, files, **options)
     write_store(dataset, target, overwrite=overwrite)
     return report

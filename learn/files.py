@@ -1,21 +1,65 @@
-"""Files: JSON written whole or not at all, and output paths checked before long work."""
+"""Files: JSON written whole or not at all, sealed where a changed byte must be found, and output
+paths checked before long work."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from twin.bounded import parse_json, read_text
 from twin.errors import InputError, StoreError
+from twin.records.whole import whole_file
+
+SEAL = "sha256"
+"""Entry of a sealed file: the SHA-256 of its text without this entry"""
 
 
 def write_json(path: Path, figures: Mapping[str, Any]) -> None:
-    """Write what JSON can hold so that a kill leaves the old file or the new one."""
-    half = path.with_name(path.name + ".part")
-    half.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    half.replace(path)
+    """Write what JSON can hold so that a kill leaves the old file or the new one.
+
+    Raises:
+      WriteError: the disk refuses.
+    """
+    with whole_file(path) as place:
+        place.write_text(_text(figures), encoding="utf-8")
+
+
+def write_sealed(path: Path, figures: Mapping[str, Any]) -> None:
+    """Write JSON with the SHA-256 of its own text, by which `check_seal` finds a changed byte.
+
+    Raises:
+      WriteError: the disk refuses.
+    """
+    plain = {name: value for name, value in figures.items() if name != SEAL}
+    write_json(path, {**plain, SEAL: _sha256(_text(plain).encode())})
+
+
+def check_seal(path: Path, found: Mapping[str, Any], remedy: str) -> None:
+    """Make sure that a JSON file is, byte for byte, what `write_sealed` wrote.
+
+    Args:
+      found: what was read from it.
+      remedy: what makes the file again, for the error.
+
+    Raises:
+      StoreError: it is not.
+    """
+    plain = {name: value for name, value in found.items() if name != SEAL}
+    seal = _sha256(_text(plain).encode())
+    if path.read_bytes() != _text({**plain, SEAL: seal}).encode():
+        raise StoreError(f"{path} is damaged: its {SEAL} is not that of its text; {remedy}")
+
+
+def _text(figures: Mapping[str, Any]) -> str:
+    return json.dumps(figures, indent=2) + "\n"
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
 
 
 def read_json(path: Path, remedy: str) -> dict[str, Any]:
@@ -28,8 +72,8 @@ def read_json(path: Path, remedy: str) -> dict[str, Any]:
       StoreError: it is no JSON object.
     """
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
+        found = parse_json(read_text(path, "file", StoreError), str(path), StoreError)
+    except StoreError as error:
         raise StoreError(f"{path} is damaged ({error}); {remedy}") from error
     if not isinstance(found, dict):
         raise StoreError(f"{path} is damaged (no JSON object); {remedy}")

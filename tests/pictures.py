@@ -29,6 +29,12 @@ PLAN = Mission(
     segments=(SawTooth(max_depth_m=40, pitch_deg=35, heading_deg=40, yos=1),),
 )
 DURATION = 300.0
+PLACED = {
+    "start_latitude": 49.9,
+    "start_longitude": -5.9,
+    "start_time": "2003-08-01T00:00:00",
+}
+"""Where and when it began: south-west of Cornwall"""
 
 
 def short_scenario() -> Scenario:
@@ -37,7 +43,9 @@ def short_scenario() -> Scenario:
 
 
 def measured(trajectory: Trajectory) -> Trajectory:
-    """The trajectory with plausible sensors; GPS only at the surface, a DVL in two modes."""
+    """The trajectory with a place and plausible sensors; GPS only at the surface, a DVL in two
+    modes, a CTD.
+    """
     generator = np.random.default_rng(0)
     signals = dict(trajectory.signals)
     count = len(trajectory.time)
@@ -50,7 +58,11 @@ def measured(trajectory: Trajectory) -> Trajectory:
         signals[f"measured_onboard_{name}"] = signals[f"true_{name}"] * 1.1
         fix = np.where(signals["true_depth"] < 1.0, signals[f"true_{name}"] + 3.0, np.nan)
         signals[f"measured_gps_{name}"] = fix
-    return Trajectory(time=trajectory.time, signals=signals, states=trajectory.states)
+    signals["measured_temperature"] = 16.0 - 0.1 * signals["true_depth"]
+    signals["measured_salinity"] = 35.0 + 0.01 * signals["true_depth"]
+    return Trajectory(
+        time=trajectory.time, signals=signals, states=trajectory.states, provenance=dict(PLACED)
+    )
 
 
 def dead_reckoned(trajectory: Trajectory) -> tuple[NamedTrack, ...]:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import netCDF4
+import numpy as np
+
 import twin
 from factory.exporting import EXPORTERS
 from factory.importing.import_run import import_logs
@@ -64,5 +67,9 @@ def simulated_log(folder: Path, vehicle: Vehicle, *, yos: int = 2, sensors: str 
     """A store of logs of `vehicle`, made from an OG1.0 file."""
     saved = simulated_flight(folder, vehicle, yos=yos, sensors=sensors)
     files = EXPORTERS["og1"].export(open_exportable(saved), [0], folder / "og1", lambda: None)
+    with netCDF4.Dataset(files[0], "a") as file:  # a real vehicle knows its place by fixes alone
+        file["DEPLOYMENT_LATITUDE"][...] = np.nan
     dataset, _ = import_logs("og1", files, period=PERIOD)
+    # what the vehicle did, as most logs have it, and not what it was asked for
+    dataset = dataset.drop_vars([n for n in dataset.data_vars if str(n).startswith("commanded_")])
     return write_store(dataset, folder / "log.zarr")

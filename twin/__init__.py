@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from twin.plot.registry import figure as figure
     from twin.plot.registry import figure_names as figure_names
     from twin.records.store import open_store as open_store
+    from twin.records.timeseries import timeseries as timeseries
     from twin.records.trajectory import Trajectory as Trajectory
     from twin.records.trajectory_file import open_trajectory as open_trajectory
     from twin.sensors.suite import SensorSuite as SensorSuite
@@ -118,6 +119,7 @@ _PLACES = {
     "parse_floor": "twin.water.floor:parse_floor",
     "simulate": "twin.facade:simulate",
     "simulate_many": "twin.physics.simulation:simulate_many",
+    "timeseries": "twin.records.timeseries:timeseries",
     "trim": "twin.physics.settle:trim",
     "vehicle_names": "twin.vehicle.vehicle:vehicle_names",
 }

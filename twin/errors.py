@@ -12,9 +12,18 @@ from typing import Any
 
 
 class TwinError(Exception):
-    """Base of every error that the three packages raise on purpose."""
+    """Base of every error that the three packages raise on purpose.
+
+    The middle of a message that quotes a giant text is left out.
+    """
 
     exit_code = 1
+
+    def __init__(self, *args: Any) -> None:
+        if args and isinstance(args[0], str) and len(args[0]) > MOST_LETTERS:
+            half = MOST_LETTERS // 2
+            args = (f"{args[0][:half]} [...] {args[0][-half:]}", *args[1:])
+        super().__init__(*args)
 
 
 class InputError(TwinError, ValueError):
@@ -64,6 +73,10 @@ class StoreError(InputError):
     """A store is missing, damaged, of another schema, or in the way."""
 
 
+class WriteError(StoreError):
+    """The disk refuses, or something that is not ours is in the way; nothing was changed."""
+
+
 class LayoutError(TwinError):
     """MuJoCo's C structs are not laid out as the native callbacks need."""
 
@@ -95,6 +108,8 @@ def unknown_name(kind: str, name: str, allowed: Iterable[str]) -> str:
     return f"unknown {kind} {name!r}{hint} (allowed: {listed})"
 
 
+MOST_LETTERS = 2000
+"""Characters of a message; the longest list of allowed names has half as many"""
 MOST_NAMES = 45
 """Names that a message lists in full"""
 NEAREST = 6

@@ -245,6 +245,7 @@ def _measure(
         bottom_depth=bottom,
         floor=floor,
         latitude=scenario.place.latitude_deg,
+        longitude=scenario.place.longitude_deg,
         density=scenario.density,
         current=None if current is None else program,
     )

@@ -94,6 +94,11 @@ def from_tangent_plane(
     )
 
 
+def wrap_longitude(longitude: Array) -> Array:
+    """Longitudes [degree] of any turn within -180..180."""
+    return np.asarray(np.mod(longitude + 180.0, 360.0) - 180.0)
+
+
 def turn(x: Array, y: Array, variation_deg: Array | float) -> tuple[Array, Array]:
     """North and east of vectors given as magnetic east `x` and magnetic north `y`.
 

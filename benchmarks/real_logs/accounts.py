@@ -70,15 +70,19 @@ class Account:
 
 
 def raw_slocum(paths: Sequence[Path], caches: Path) -> Raw:
-    """By dbdreader alone."""
+    """By dbdreader alone; it refuses compressed files that are cut, which lz4 unpacks here."""
     import dbdreader
 
     times, fixes = [np.zeros(0)], [np.zeros((0, 3))]
     for path in paths:
         if path.suffix.lower() in (".cac", ".ccc"):
             continue
+        plain = path
+        if path.suffix.lower()[2:] == "cd":
+            plain = Path(tempfile.mkdtemp()) / f"{path.stem}.{path.suffix[1]}bd"
+            plain.write_bytes(whole_blocks(path.read_bytes()))
         try:
-            file = dbdreader.DBD(str(path), cacheDir=str(caches))
+            file = dbdreader.DBD(str(plain), cacheDir=str(caches))
         except Exception:  # what cannot be opened here is refused there, and counted
             continue
         with np.errstate(all="ignore"), contextlib.suppress(dbdreader.DbdError):  # a cut file
@@ -91,6 +95,21 @@ def raw_slocum(paths: Sequence[Path], caches: Path) -> Raw:
                 fixes.append(np.stack([latitude[0][a], latitude[1][a], longitude[1][b]], axis=1))
         file.close()
     return Raw(np.unique(np.concatenate(times)), np.concatenate(fixes))
+
+
+def whole_blocks(packed: bytes) -> bytes:
+    """What the blocks of a compressed file hold, up to one that is cut."""
+    import lz4.block
+
+    plain, at = bytearray(), 0
+    while at + 2 <= len(packed):
+        size = int.from_bytes(packed[at : at + 2], "big")
+        try:
+            plain += lz4.block.decompress(packed[at + 2 : at + 2 + size], uncompressed_size=1 << 15)
+        except lz4.block.LZ4BlockError:
+            break
+        at += 2 + size
+    return bytes(plain)
 
 
 def raw_arrays(paths: Sequence[Path], kind: str) -> Raw:

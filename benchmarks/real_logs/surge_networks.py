@@ -24,7 +24,7 @@ from benchmarks.real_logs.samples import (
     level_speed,
     sample,
 )
-from factory.generation.bulk import generate
+from factory.generation.generate import generate
 from factory.recipe.recipe import make_recipe
 from learn.data.dataset import Sequences
 from learn.data.normalisation import Normalisation, fit_normalisation

@@ -38,6 +38,7 @@ class Distributions(JsonOption):
                     "parameter": name,
                     "distribution": distribution.text(),
                     "unit": table[name].unit,
+                    "what": table[name].long_name,
                     "why": table[name].why,
                 }
                 for name, distribution in distributions.items()

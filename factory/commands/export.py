@@ -32,6 +32,8 @@ class Export(JsonOption):
         Path | None,
         tyro.conf.arg(help=f"{TARGETS} [default: the store's name with {ENDINGS}]"),
     ] = None
+    overwrite: bool = False
+    """replace an earlier export"""
     mission: tuple[int, ...] | None = None
     """only these missions [default: all]"""
     vehicle: str | None = None
@@ -56,7 +58,9 @@ class Export(JsonOption):
         out = self.out or exporter.default_path(self.store)
         with console.progress(total=len(missions), label="export", unit=what) as progress:
             options = ExportOptions(vehicle=self.vehicle, metadata=self.metadata)
-            written = exporter.export(run, missions, out, progress.update, options)
+            written = exporter.export(
+                run, missions, out, progress.update, options, overwrite=self.overwrite
+            )
         size = sum(path.stat().st_size for path in written)
         console.say(f"wrote {len(missions)} {what} to {out} ({size / 1e6:.1f} MB)")
         console.answer(store=self.store, to=self.to, out=out, missions=missions, bytes=size)

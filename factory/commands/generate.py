@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shlex
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +14,8 @@ from typing import TYPE_CHECKING
 from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
+    from factory.generation.generate import Summary, Watcher
+    from factory.generation.parts import Part
     from factory.recipe.recipe import Recipe
 
 DEFAULT_OUT = Path("data/missions.zarr")
@@ -34,6 +38,9 @@ class Generate(JsonOption):
     """the store"""
     workers: int | None = None
     """processes [default: the CPUs that this process may use]"""
+    scheduler: str | None = None
+    """address of a dask scheduler, tcp://HOST:PORT, whose workers fly the missions instead; they
+    must see --out under the same path (needs the extra: pip install "glider-twin[cluster]")"""
     set: tuple[str, ...] = ()
     """replace distributions: NAME=DISTRIBUTION ..., such as mission.pitch_deg="uniform(15,35)";
     `factory distributions` lists them"""
@@ -48,68 +55,75 @@ class Generate(JsonOption):
     current: str | None = None
     """one current for all missions instead of drawn ones, as in `twin simulate`, such as
     grid:FILE.nc,lat=49,lon=-16,time=2000-01-05"""
+    shard: str | None = None
+    """i/n: fly part i of n (0 to n - 1) and stop; many such commands may run at once, on machines
+    that share --out, and `factory finish` completes the store [default: the task of a Slurm job
+    array, where this is one]"""
     resume: bool = False
     """complete a store that an earlier run left incomplete; start it if there is none"""
     overwrite: bool = False
-    """replace an existing store"""
+    """replace an existing store, once the new one is complete"""
 
     def run(self, console: Console) -> int:
         """Generate, with progress, and summarise."""
         import_numpy_with_one_thread()
-        from factory.generation.bulk import generate
+        from factory.generation.parts import parse_part, slurm_part
 
+        part = slurm_part() if self.shard is None else parse_part(self.shard)
         recipe = self._recipe()
         history = shlex.join([console.prog, *sys.argv[1:]])
         try:
-            with console.progress(total=recipe.plan.hours, label="generate", unit="h") as progress:
-
-                def watch(hours: float, failures: int) -> None:
-                    progress.update(hours)
-                    if failures:
-                        progress.note(f"a mission failed {failures} times and was replaced")
-
-                summary = generate(
-                    recipe,
-                    self.out,
-                    workers=self.workers,
-                    resume=self.resume,
-                    overwrite=self.overwrite,
-                    history=history,
-                    watch=watch,
-                )
+            if part is not None:
+                return self._part(recipe, part, history, console)
+            summary = self._all(recipe, history, console)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(
-                f"finished missions are kept in {self.out}; the same command with --resume "
-                "(without --overwrite) goes on from there"
+                f"finished blocks of missions are kept beside {self.out}; the same command with "
+                "--resume goes on from there"
             ) from None
         if summary.flown == 0:
             console.note(f"store {self.out} was already complete")
-        raw = raw_bytes(recipe)
+        show_summary(recipe, summary, console)
+        return 0
+
+    def _all(self, recipe: Recipe, history: str, console: Console) -> Summary:
+        from factory.generation.cluster import dask_executor
+        from factory.generation.generate import generate
+
+        with contextlib.ExitStack() as stack:
+            executor = None
+            if self.scheduler is not None:
+                executor = stack.enter_context(dask_executor(self.scheduler))
+            watch = stack.enter_context(_watching(recipe.plan.hours, console))
+            return generate(
+                recipe,
+                self.out.absolute() if executor else self.out,
+                workers=self.workers,
+                executor=executor,
+                resume=self.resume,
+                overwrite=self.overwrite,
+                history=history,
+                watch=watch,
+            )
+
+    def _part(self, recipe: Recipe, part: Part, history: str, console: Console) -> int:
+        from factory.generation.parts import generate_part, hours_of
+        from twin.errors import InputError
+
+        for name in ("overwrite", "workers", "scheduler"):
+            if getattr(self, name):
+                raise InputError(
+                    f"--{name} does not go with --shard: a part is flown by one process and only "
+                    "adds what is missing"
+                )
+        with _watching(hours_of(recipe, part), console) as watch:
+            flown, missions = generate_part(recipe, self.out, part, history=history, watch=watch)
         console.answer(
-            out=summary.store,
-            preset=recipe.preset,
-            seed=recipe.seed,
-            missions=summary.missions,
-            hours=summary.hours,
-            flown=summary.flown,
-            failed=summary.failed,
-            wall_s=summary.wall_s,
-            times_real_time=summary.times_real_time,
-            stored_bytes=summary.stored_bytes,
-            float32_bytes=raw,
+            out=self.out, part=part.index, parts=part.count, missions=missions, flown=flown
         )
-        console.pairs(
-            {
-                "store": str(summary.store),
-                "missions": f"{summary.missions} ({_splits(recipe)})",
-                "simulated": f"{summary.hours:.4g} h",
-                "failed and replaced": summary.failed,
-                "time": f"{summary.wall_s:.1f} s, {summary.times_real_time:,.0f} times real time",
-                "size": f"{summary.stored_bytes / 1e6:.1f} MB, "
-                f"{summary.stored_bytes / 1e6 / summary.hours:.2f} MB per simulated hour, "
-                f"{100 * summary.stored_bytes / raw:.0f} % of float32 uncompressed",
-            },
-            title=f"preset {recipe.preset}, seed {recipe.seed}",
+        console.note(
+            f"part {part.index} of {part.count}: {missions} missions, {flown} flown now; when all "
+            f"parts have run: factory finish {self.out}"
         )
         return 0
 
@@ -129,6 +143,50 @@ class Generate(JsonOption):
             sensors=self.sensors,
             current=self.current,
         )
+
+
+def show_summary(recipe: Recipe, summary: Summary, console: Console) -> None:
+    """What a run did, as a table and as JSON."""
+    raw = raw_bytes(recipe)
+    console.answer(
+        out=summary.store,
+        preset=recipe.preset,
+        seed=recipe.seed,
+        missions=summary.missions,
+        hours=summary.hours,
+        flown=summary.flown,
+        failed=summary.failed,
+        wall_s=summary.wall_s,
+        times_real_time=summary.times_real_time,
+        stored_bytes=summary.stored_bytes,
+        float32_bytes=raw,
+    )
+    console.pairs(
+        {
+            "store": str(summary.store),
+            "missions": f"{summary.missions} ({_splits(recipe)})",
+            "simulated": f"{summary.hours:.4g} h",
+            "failed and replaced": summary.failed,
+            "time": f"{summary.wall_s:.1f} s, {summary.times_real_time:,.0f} times real time",
+            "size": f"{summary.stored_bytes / 1e6:.1f} MB, "
+            f"{summary.stored_bytes / 1e6 / summary.hours:.2f} MB per simulated hour, "
+            f"{100 * summary.stored_bytes / raw:.0f} % of float32 uncompressed",
+        },
+        title=f"preset {recipe.preset}, seed {recipe.seed}",
+    )
+
+
+@contextlib.contextmanager
+def _watching(hours: float, console: Console) -> Iterator[Watcher]:
+    """A progress bar over so many hours, and what tells it of a mission."""
+    with console.progress(total=hours, label="generate", unit="h") as progress:
+
+        def watch(flown: float, failures: int) -> None:
+            progress.update(flown)
+            if failures:
+                progress.note(f"a mission failed {failures} times and was replaced")
+
+        yield watch
 
 
 def import_numpy_with_one_thread() -> None:

@@ -62,12 +62,11 @@ class ImportLogs(JsonOption):
         from factory.importing.reading.each_file import UNREADABLE
         from factory.importing.repairs.dive_rules import DiveRules
         from twin.errors import InputError
-        from twin.records.store import prepare_target, write_store
+        from twin.records.store import check_target, write_store
 
         if not self.min_depth > 0.0:
             raise InputError(f"--min-depth must be positive, not {self.min_depth:g}")
-        if self.out.exists() and not self.overwrite:
-            prepare_target(self.out, overwrite=False)
+        check_target(self.out, overwrite=self.overwrite)
         dataset, report = import_logs(
             self.kind,
             self.files,

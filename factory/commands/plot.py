@@ -38,6 +38,7 @@ class Plot(JsonOption):
         from factory.stores.generated import open_missions
         from twin.errors import InputError
         from twin.records.logs import LogStore
+        from twin.records.whole import whole_file
 
         if self.out is not None and self.out.suffix.lower() not in FORMATS:
             raise InputError(f"--out {self.out}: the ending must be one of {', '.join(FORMATS)}")
@@ -46,13 +47,13 @@ class Plot(JsonOption):
         run.check_arrays()
         pages = _pages(run, out) if isinstance(run, LogStore) else {out: store_page(run)}
         for path, figure in pages.items():
-            try:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                figure.savefig(path)
-            except (OSError, ValueError) as error:
-                raise InputError(f"cannot write plot {path}: {error}") from error
+            with whole_file(path) as place:
+                figure.savefig(place)
             console.say(f"wrote {path}")
-        console.answer(store=self.store, out=next(iter(pages)), pages=list(pages))
+        answer: dict[str, object] = {}
+        if isinstance(run, LogStore):
+            answer["current_error_m_s"] = _current_errors(run)
+        console.answer(store=self.store, out=next(iter(pages)), pages=list(pages), **answer)
         return 0
 
 
@@ -67,3 +68,14 @@ def _pages(logs: LogStore, out: Path) -> dict[Path, Figure]:
         path = out if len(names) == 1 else out.with_name(f"{out.stem}-{word}{out.suffix}")
         pages[path] = deployment_page(logs, name)
     return pages
+
+
+def _current_errors(logs: LogStore) -> dict[str, dict[str, float]]:
+    """Errors [m/s] of the depth-averaged currents of each deployment that has a profiler."""
+    from factory.inspect.logs_page import current_errors
+
+    found = {
+        name: current_errors(logs, logs.missions_of(name))
+        for name in dict.fromkeys(logs.deployments)
+    }
+    return {name: errors for name, errors in found.items() if errors}

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from twin.cli.console import Console, JsonOption
 
+if TYPE_CHECKING:
+    from factory.inspect.verify import Report
+
 
 @dataclass(frozen=True, kw_only=True)
 class Verify(JsonOption):
-    """Read every chunk; check metadata, padding, finite values and ranges; of simulated missions
-    also parameters and kinematics, of logs the order of dives, fixes and depth.
+    """Compare every file with its checksum and read every chunk; check metadata, padding, finite
+    values and ranges; of simulated missions also parameters and kinematics, of logs the order of
+    dives, fixes and depth.
     """
 
     store: Annotated[Path, tyro.conf.Positional]
@@ -22,18 +27,16 @@ class Verify(JsonOption):
 
     def run(self, console: Console) -> int:
         """Verify; exit code 1 when something is wrong."""
-        from factory.inspect.verify import MAX_NAMED, verify_store
-        from factory.inspect.verify_logs import verify_logs
-        from factory.stores.generated import open_missions
-        from twin.records.logs import LogStore
+        from factory.inspect.verify import MAX_NAMED, Report, check_files
 
-        run = open_missions(self.store)
-        what = "dives" if isinstance(run, LogStore) else "missions"
-        with console.progress(total=len(run), label="verify", unit=what) as progress:
-            if isinstance(run, LogStore):
-                report = verify_logs(run, watch=progress.update)
-            else:
-                report = verify_store(run, watch=progress.update)
+        files = check_files(self.store)
+        try:
+            what, report = self._read(console)
+        except Exception:  # whatever damaged files make readers raise: the files are named
+            if not files.problems:
+                raise
+            what, report = "missions read", Report(0, 0, ())
+        report = dataclasses.replace(report, checks=(files, *report.checks))
         console.table(
             [{"check": c.name, "done": c.done, "problems": len(c.problems)} for c in report.checks]
         )
@@ -51,3 +54,22 @@ class Verify(JsonOption):
             problems={check.name: check.problems for check in report.checks},
         )
         return 0 if report.ok else 1
+
+    def _read(self, console: Console) -> tuple[str, Report]:
+        """What the missions are called, and what reading them shows."""
+        from factory.inspect.verify import Report, verify_store
+        from factory.inspect.verify_logs import verify_logs
+        from factory.stores.generated import open_missions
+        from factory.stores.stored_flight import is_flight
+        from twin.records.logs import LogStore
+        from twin.records.reader import MissionStore
+
+        with MissionStore(self.store) as reader:
+            if is_flight(reader.attributes):
+                return "missions", Report(len(reader), 0, ())  # its files say all
+        run = open_missions(self.store)
+        what = "dives" if isinstance(run, LogStore) else "missions"
+        with console.progress(total=len(run), label="verify", unit=what) as progress:
+            if isinstance(run, LogStore):
+                return what, verify_logs(run, watch=progress.update)
+            return what, verify_store(run, watch=progress.update)

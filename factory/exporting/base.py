@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.errors import InputError
+from twin.records.checksums import is_listed
+from twin.records.whole import whole_file, whole_folder
 
 if TYPE_CHECKING:
     from twin.records.reader import MissionStore
@@ -44,9 +46,10 @@ Writer = Callable[..., "list[Path]"]
 """Takes a `MissionStore`, missions, a path, an `Advance` and, where the format `takes_options`,
 `ExportOptions`.
 
-It writes the chosen missions of the store to a file or into a folder and returns what it wrote.
+It writes the chosen missions of the store to a file that is not there, or into an empty folder,
+and returns what it wrote. File or folder become the user's when it returns.
 
-It raises `StoreError` for data that cannot be read and `InputError` when the disk refuses.
+It raises `StoreError` for data that cannot be read and `OSError` when the disk refuses.
 """
 
 
@@ -101,13 +104,18 @@ class Exporter:
         path: Path,
         advance: Advance = no_progress,
         options: ExportOptions | None = None,
+        *,
+        overwrite: bool = False,
     ) -> list[Path]:
-        """Write, after the store and the missions were checked.
+        """Write, after the store and the missions were checked; whole or not at all.
+
+        Args:
+          overwrite: take the place of an earlier export, which stays until the new one is whole.
 
         Raises:
           StoreError: no such mission, or its data cannot be read.
-          InputError: an option that the format does not take, a package is missing, or the disk
-            refuses.
+          InputError: an option that the format does not take, or a package is missing.
+          WriteError: something is in the way, or the disk refuses.
         """
         options = options or ExportOptions()
         if options.given and not self.takes_options:
@@ -115,10 +123,14 @@ class Exporter:
         run.check_arrays()
         for mission in missions:
             run.check_mission(mission)
+        more = (options,) if self.takes_options else ()
         try:
-            if self.takes_options:
-                return self.write(run, missions, path, advance, options)
-            return self.write(run, missions, path, advance)
+            if self.target == "file":
+                with whole_file(path, overwrite=overwrite) as place:
+                    written = self.write(run, missions, place, advance, *more)
+            else:
+                with whole_folder(path, overwrite=overwrite, ours=_is_export) as place:
+                    written = self.write(run, missions, place, advance, *more)
         except ModuleNotFoundError as error:
             if self.extra is None:
                 raise
@@ -126,3 +138,11 @@ class Exporter:
                 f"the {self.name} export needs the package {error.name}, which is not installed: "
                 f'pip install "glider-twin[{self.extra}]"'
             ) from error
+        return [path / one.relative_to(place) for one in written]
+
+
+def _is_export(folder: Path) -> bool:
+    """Whether a folder is an earlier export, without anything that a user put beside it."""
+    from twin.records.store import is_complete  # numpy, which help texts do without
+
+    return is_listed(folder) and not is_complete(folder)

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from factory.flight.bounds import check_afloat, check_possible
+from factory.flight.mission_place import origin
 from factory.flight.mission_water import (
     bottom_depth,
     build_current,
     build_density,
     build_floor,
-    origin,
 )
 from factory.flight.vehicle_errors import (
     ballast_of,
@@ -128,6 +128,7 @@ def fly(
         bottom_depth=bottom,
         floor=floor if floor.size else None,
         latitude=parameters.number("water.latitude"),
+        longitude=parameters.number("water.longitude"),
         density=scenario.density,
         current=None if water is None else water.compile(simulation.duration, scenario.origin),
     )

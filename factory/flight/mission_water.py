@@ -21,7 +21,7 @@ from twin.water.current import (
     Uniform,
 )
 from twin.water.current.log_layer import VON_KARMAN
-from twin.water.current.origin import Origin, coriolis
+from twin.water.current.origin import coriolis
 from twin.water.density import REFERENCE_DENSITY, DensityProfile
 from twin.water.floor import RoughFloor
 
@@ -36,11 +36,6 @@ BOTTOM_ROUGHNESS_M = 1e-3
 """[m] of the log layer, sand"""
 DEEP_MARGIN_M = 100.0
 """[m] of density profile below the deepest turning depth: overshoots and down-currents"""
-
-
-def origin(parameters: Parameters) -> Origin:
-    """Where the mission is."""
-    return Origin(latitude_deg=parameters.number("water.latitude"))
 
 
 def build_current(parameters: Parameters) -> Current | None:
@@ -172,4 +167,5 @@ def build_density(parameters: Parameters) -> DensityProfile | None:
         decay_depth=value("water.thermocline_m"),
         max_depth=math.ceil(parameters.deepest_m) + DEEP_MARGIN_M,
         latitude=value("water.latitude"),
+        longitude=value("water.longitude"),
     )

@@ -43,7 +43,6 @@ def fly_mission(
     """
     failures: list[FailedAttempt] = []
     for attempt in range(MAX_ATTEMPTS):
-        parameters = None
         try:
             parameters = recipe.parameters(mission, attempt)
             seed = sensor_seed(recipe.seed, mission, attempt)
@@ -56,8 +55,6 @@ def fly_mission(
                     attempt=attempt,
                     reason=reason(error),
                     time_s=getattr(error, "time_s", None),
-                    values={} if parameters is None else parameters.values,
-                    segments=() if parameters is None else parameters.segments,
                 )
             )
             continue

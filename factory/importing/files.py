@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import filecmp
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -36,6 +37,7 @@ def expand(importer: Importer, paths: Sequence[Path], tally: Tally) -> list[Path
             raise InputError(f"no file {path}")
     unique = list({path.resolve(): path for path in files}.values())
     tally.add("left out", "files", len(files) - len(unique), "named twice")
+    unique = _without_copies(unique, tally)
     if not unique:
         raise InputError(
             f"no files to import; name {importer.name} logs or a folder that holds them"
@@ -56,6 +58,25 @@ def expand(importer: Importer, paths: Sequence[Path], tally: Tally) -> list[Path
     if wrong:
         _check_contents(importer, wrong[0])
     return usable
+
+
+def _without_copies(paths: list[Path], tally: Tally) -> list[Path]:
+    """The files less those of the name and the bytes of one before them, counted."""
+    seen: dict[tuple[str, int], list[Path]] = {}
+    kept = []
+    for path in paths:
+        size = path.stat().st_size
+        alike = seen.setdefault((path.name, size), [])
+        try:
+            copy = size > 0 and any(filecmp.cmp(path, one, shallow=False) for one in alike)
+        except OSError:
+            copy = False  # who reads it says why it cannot be read
+        if copy:
+            tally.add("left out", "files", 1, f"a copy of another one: {path.name}")
+        else:
+            alike.append(path)
+            kept.append(path)
+    return kept
 
 
 def _inside(importer: Importer, folder: Path, tally: Tally) -> list[Path]:

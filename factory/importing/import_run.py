@@ -17,8 +17,9 @@ from factory.importing.formats.base import (
     WrongFormat,
 )
 from factory.importing.formats.registry import IMPORTERS, likely_kind
+from factory.importing.reading.each_file import UNREADABLE
 from factory.importing.reading.payload import parse_payload
-from factory.importing.reading.tally import ImportReport, Tally
+from factory.importing.reading.tally import ImportReport, Tally, summarise
 from factory.importing.repairs.dive_rules import DiveRules
 from twin.errors import InputError
 from twin.records.attributes import DEPLOYMENT_METADATA
@@ -79,6 +80,8 @@ def import_logs(
         logs = _read(importer, paths, options, tally)
     except WrongFormat as error:
         raise _explained(error, importer) from error
+    except InputError as error:
+        raise _with_left_out(error, tally) from error
     _expect_mapped(options, tally)
     read = {name for log in logs for name in log.files}
     own = [log.period for log in logs if log.period is not None]
@@ -92,7 +95,7 @@ def import_logs(
         held=importer.held,
         lacks=importer.lacks,
     )
-    said = _beside(paths)
+    said = _beside(paths) or (logs[0].said if len(logs) == 1 else None)
     if said is not None:
         dataset.attrs[DEPLOYMENT_METADATA] = said
     return dataset, report
@@ -121,6 +124,14 @@ def _read(
             f"these {importer.name} logs need the package {error.name}, which is not installed: "
             f'pip install "glider-twin[{importer.extra}]"'
         ) from error
+
+
+def _with_left_out(error: InputError, tally: Tally) -> InputError:
+    """The error with the files that could not be read before: what is missing may be in them."""
+    left_out = [e.detail for e in tally.entries() if e.subject == UNREADABLE]
+    if not left_out:
+        return error
+    return InputError(f"{error}; left out before: {summarise(left_out, 2)}")
 
 
 def _expect_mapped(options: ReadOptions, tally: Tally) -> None:

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from factory.generation.checkpoint import Checkpoint
+from factory.generation.manifest import missions_kept
+from factory.generation.target import unfinished_settings
 from factory.stores.generated import GeneratedStore
 from twin.errors import StoreError
 from twin.records.attributes import DURATION, SPLITS
@@ -31,9 +32,11 @@ def unfinished(path: Path) -> Unfinished | None:
     """What an unfinished store holds so far; None when the store is complete or no store."""
     if not is_unfinished(path):
         return None
-    checkpoint = Checkpoint(path)
-    return Unfinished(
-        store=path, settings=checkpoint.settings(), missions_kept=checkpoint.count_missions()
+    for site, settings in unfinished_settings(path):
+        return Unfinished(store=path, settings=settings, missions_kept=missions_kept(site))
+    raise StoreError(
+        f"store {path} was begun by an older glider-twin and is incomplete: `factory generate "
+        "--overwrite` starts again"
     )
 
 

@@ -8,12 +8,23 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
 from twin.plot import style
+from twin.plot.graticule import box_around
+from twin.plot.map import (
+    Currents,
+    arrow_scale,
+    draw_arrows,
+    draw_base,
+    draw_key,
+    draw_locator,
+    joined,
+)
 from twin.records.attributes import DIVE_DURATION
 from twin.records.logs import LogStore
+from twin.records.place import METHODS
 
 Array = NDArray[np.float64]
 
@@ -23,10 +34,10 @@ HEIGHTS = (3.5, 1.9, 1.25, 1.25, 1.25)
 """[in] of map, depth, and three rows of figures of dives"""
 NO_MAP = 0.6
 """[in] of the line that says that there is no map"""
-ROUND_SPEEDS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
-"""[m/s] lengths that the key of the arrows may have"""
 HEADROOM = 1.12
 """Of axes that begin at 0, above the largest value"""
+ERROR_HEADROOM = 1.25
+"""Likewise, for a line of text"""
 DIVE, CLIMB = style.PALETTE["blue"], style.PALETTE["vermillion"]
 
 
@@ -43,7 +54,7 @@ def deployment_page(logs: LogStore, deployment: str) -> Figure:
             _headline(logs, deployment, missions), fontsize=9.0, fontweight="bold", x=0.01,
             ha="left",
         )  # fmt: skip
-        _draw_map(top.add_subplot(), logs, missions)
+        _draw_map(top, logs, missions)
         _draw_depths(middle.add_subplot(), logs, missions)
         _draw_figures(bottom.subplots(3, 2, sharex=True), logs, missions)
         bottom.align_ylabels()
@@ -63,84 +74,123 @@ def _headline(logs: LogStore, deployment: str, missions: list[int]) -> str:
     )
 
 
-def _draw_map(axes: Axes, logs: LogStore, missions: list[int]) -> None:
-    """Fixes and dives in longitude and latitude, arrows for the currents."""
+def _draw_map(figure: SubFigure, logs: LogStore, missions: list[int]) -> None:
+    """Fixes and dives on the map, arrows for the currents; beside it the key."""
     fixes = {k: logs.fixes(k) for k in missions}
     places = np.array([fix for pair in fixes.values() for fix in pair])
     known = np.isfinite(places).all(axis=1)
-    axes.set_title("GPS fixes and dives")
     if not known.any():
+        axes = figure.add_subplot()
+        axes.set_title(MAP_TITLE)
         axes.text(0.5, 0.5, "no GPS fixes", transform=axes.transAxes, ha="center", va="center")
         axes.set_axis_off()
         return
+    grid = figure.add_gridspec(2, 2, width_ratios=[3.1, 1.0], height_ratios=[1.0, 1.5])
+    axes = figure.add_subplot(grid[:, 0])
+    axes.set_title(MAP_TITLE)
+    longitude = joined(np.where(known, places[:, 1], np.nan))
+    turns = dict(zip(missions, (longitude - places[:, 1]).reshape(-1, 2), strict=True))
+    box = box_around(places[:, 0], longitude, SHAPE)
+    draw_base(axes, box)
+    reckoned = False
     for k in missions:
-        latitude, longitude, _ = logs.positions(k)
-        if np.isfinite(latitude).any():
-            la, lo = style.thin(latitude, longitude, most=POINTS)
+        latitude, along, how = logs.positions(k)
+        if np.isfinite(latitude).any() and np.isfinite(turns[k]).any():
+            turn = turns[k][np.isfinite(turns[k])][0]
+            la, lo = style.thin(latitude, joined(along) + turn, most=POINTS)
             axes.plot(lo, la, color=style.GUIDE, lw=0.8, zorder=1)
+            reckoned |= how != METHODS["straight_line"]
         (a, b), (c, d) = fixes[k]
         if np.isfinite([a, b, c, d]).all():
-            axes.plot([b, d], [a, c], color=DIVE, lw=1.0, ls=(0, (3, 2)), zorder=2.5)
-    axes.plot(places[known, 1], places[known, 0], ".", ms=3.5, color=style.COMMAND, label="fix")
+            ends = [b + turns[k][0], d + turns[k][1]]
+            axes.plot(ends, [a, c], color=DIVE, lw=1.0, ls=(0, (3, 2)), zorder=2.5)
+    axes.plot(longitude[known], places[known, 0], ".", ms=3.5, color=style.COMMAND, label="fix")
     first = int(np.argmax(known))
     last = len(known) - 1 - int(np.argmax(known[::-1]))
     for index, marker, label in ((first, "o", "start"), (last, "s", "end")):
         axes.plot(
-            places[index, 1], places[index, 0], marker, ms=6, mfc="white", mec=style.COMMAND,
+            longitude[index], places[index, 0], marker, ms=6, mfc="white", mec=style.COMMAND,
             mew=1.2, ls="none", label=label, zorder=4,
         )  # fmt: skip
     axes.plot([], [], color=DIVE, lw=0.8, ls=(0, (3, 2)), label="dive, fix to fix")
-    if any(logs.positions(k)[2] == "on-board track" for k in missions):
-        axes.plot([], [], color=style.GUIDE, lw=0.8, label="on-board track")
-    middle = float(np.mean(places[known, 0]))
-    axes.set_aspect(1.0 / np.cos(np.radians(middle)), adjustable="datalim")
-    axes.margins(0.08)
-    axes.set_xlabel("longitude [°]")
-    axes.set_ylabel("latitude [°]")
-    _draw_currents(axes, logs, missions)
-    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
+    if reckoned:
+        axes.plot([], [], color=style.GUIDE, lw=0.8, label="dive, corrected at the fixes")
+    currents = _currents(logs, missions, turns)
+    arrows = [(one, arrow_scale(currents)) for one in currents]
+    for one, scale in arrows:
+        draw_arrows(axes, one, scale)
+    draw_locator(figure.add_subplot(grid[0, 1]), box)
+    draw_key(figure.add_subplot(grid[1, 1]), axes, arrows, "depth-averaged current")
 
 
-def _draw_currents(axes: Axes, logs: LogStore, missions: list[int]) -> None:
-    """Depth-averaged current of each dive at the middle of its fixes, with a key."""
-    rows = []
-    for k in missions:
-        start, end = logs.fixes(k)
-        current = logs.current(k)
-        ends = [fix for fix in (start, end) if np.isfinite(fix).all()]
-        if ends and np.isfinite(current).all():
-            place = np.mean(ends, axis=0)
-            rows.append((place[1], place[0], current[1], current[0]))
-    if not rows:
-        return
-    longitude, latitude, east, north = np.array(rows).T
-    speeds = np.hypot(east, north)
-    typical = max(float(np.percentile(speeds, 90)), ROUND_SPEEDS[0])
-    # in degrees, so that the map's limits can make room for the tips
-    shrink = np.cos(np.radians(float(np.mean(latitude))))
-    limits = axes.dataLim
-    length = max(limits.width * shrink, limits.height, LEAST_MAP) / ARROWS_ACROSS / typical
-    along, up = length * east / shrink, length * north
-    arrows = axes.quiver(
-        longitude, latitude, along, up, color=CLIMB, angles="xy", scale_units="xy", scale=1.0,
-        width=0.0028, zorder=3,
-    )  # fmt: skip
-    axes.update_datalim(np.column_stack([longitude + along, latitude + up]))
-    axes.autoscale_view()
-    key = max((s for s in ROUND_SPEEDS if s <= 1.5 * typical), default=ROUND_SPEEDS[0])
-    axes.quiverkey(
-        arrows, 1.11, 0.38, key * length / shrink, f"{key:g} m/s", labelpos="S", coordinates="axes",
-        fontproperties={"size": 7.5},
-    )  # fmt: skip
-    axes.text(
-        1.01, 0.44, "depth-averaged current", transform=axes.transAxes, fontsize=7.5, color=CLIMB
-    )
+def _currents(logs: LogStore, missions: list[int], turns: dict[int, Array]) -> tuple[Currents, ...]:
+    """Each kind of depth-averaged current at the middles of its dives."""
+    found = []
+    for kind, colour in ((OURS, OURS_COLOUR), (THEIRS, THEIRS_COLOUR)):
+        rows = []
+        for k, (north, east) in zip(missions, averaged(logs, missions, kind), strict=True):
+            ends = [
+                np.add(fix, (0.0, turn)) for fix, turn in zip(logs.fixes(k), turns[k], strict=True)
+            ]
+            ends = [fix for fix in ends if np.isfinite(fix).all()]
+            if ends and np.isfinite(north) and np.isfinite(east):
+                rows.append((*np.mean(ends, axis=0), north, east))
+        if rows:
+            latitude, longitude, north, east = np.array(rows).T
+            found.append(
+                Currents(latitude=latitude, longitude=longitude, north=north, east=east,
+                         name=_called(logs, kind), colour=colour)
+            )  # fmt: skip
+    return tuple(found)
 
 
-LEAST_MAP = 1e-3
-"""[degree of latitude] that arrows are measured against at least, where all fixes are one"""
-ARROWS_ACROSS = 14.0
-"""Arrows of the typical speed that would fit side by side"""
+def averaged(logs: LogStore, missions: list[int], kind: str) -> Array:
+    """Depth-averaged currents of dives, north and east [m/s], (dives, 2); NaN without.
+
+    Args:
+      kind: OURS, from depth rate, pitch and the fixes; THEIRS, as the vehicle or its base station
+        reported them; or PROFILER, the mean of a current profiler over the dive.
+    """
+    if kind == PROFILER:
+        return np.array(
+            [[_mean(logs.signal(f"true_current_{name}", k)) for name in AXES] for k in missions]
+        )
+    prefix = {OURS: "dac", THEIRS: "vehicle_dac"}[kind]
+    return np.stack([logs.number(f"{prefix}_{name}")[missions] for name in AXES], axis=1)
+
+
+def current_errors(logs: LogStore, missions: list[int]) -> dict[str, float]:
+    """Root mean square of the error vector [m/s] of each kind of current, against the profiler.
+
+    On the dives that all kinds know; empty without a profiler.
+    """
+    truth = averaged(logs, missions, PROFILER)
+    kinds = {kind: averaged(logs, missions, kind) for kind in (OURS, THEIRS)}
+    kinds = {kind: values for kind, values in kinds.items() if np.isfinite(values).any()}
+    common = np.isfinite([truth, *kinds.values()]).all(axis=(0, 2))
+    if not common.any():
+        return {}
+    return {
+        _called(logs, kind): float(np.sqrt(np.mean(np.sum((values - truth)[common] ** 2, axis=1))))
+        for kind, values in kinds.items()
+    }
+
+
+def _called(logs: LogStore, kind: str) -> str:
+    """Whose current it is."""
+    if kind == THEIRS:
+        return BASE_STATION if "seaglider" in logs.source else VEHICLE
+    return kind
+
+
+OURS, THEIRS, PROFILER = "ours", "theirs", "profiler"
+"""Kinds of depth-averaged currents that a store of logs may have"""
+BASE_STATION, VEHICLE = "base station's", "vehicle's own"
+OURS_COLOUR, THEIRS_COLOUR = style.PALETTE["green"], style.PALETTE["vermillion"]
+AXES = ("north", "east")
+MAP_TITLE = "GPS fixes and dives"
+SHAPE = 1.45
+"""Width over height of the map"""
 
 
 def _dates(logs: LogStore, mission: int) -> Array:
@@ -187,7 +237,15 @@ def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> No
         ("vertical speed, median", "[cm/s]", (("sink", "dive", DIVE), ("rise", "climb", CLIMB))),
         ("pitch, median", "[°]", (("pitch_down", "dive", DIVE), ("pitch_up", "climb", CLIMB))),
         ("speed between fixes", "[m/s]", (("over_ground", "over ground", DIVE),)),
-        ("current, depth average", "[m/s]", (("current", "", CLIMB),)),
+        (
+            "current",
+            "[m/s]",
+            (
+                ("current_ours", "ours", OURS_COLOUR),
+                ("current_theirs", _called(logs, THEIRS), THEIRS_COLOUR),
+                ("current_profiler", PROFILER, style.COMMAND),
+            ),
+        ),
     )
     for axes, (title, unit, entries) in zip(grid.flat, panels, strict=True):
         shown = [e for e in entries if np.isfinite(columns[e[0]]).any()]
@@ -198,7 +256,10 @@ def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> No
                       va="center", color=style.GUIDE)  # fmt: skip
             axes.set_yticks([])
         elif len(shown) > 1:
-            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, borderaxespad=0.1)
+            axes.legend(
+                loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=len(shown), borderaxespad=0.1,
+                columnspacing=1.0,
+            )  # fmt: skip
         if shown and all(np.nanmin(columns[e[0]]) >= 0.0 for e in shown):
             axes.set_ylim(
                 0.0, HEADROOM * max(float(np.nanmax(columns[e[0]])) for e in shown) or 1.0
@@ -206,6 +267,14 @@ def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> No
         axes.set_title(title)
         axes.set_ylabel(unit)
         axes.margins(x=0.03)
+    errors = current_errors(logs, missions)
+    if errors:
+        text = ", ".join(f"{name} {value:.3f}" for name, value in errors.items())
+        grid[-1, -1].set_ylim(top=ERROR_HEADROOM * grid[-1, -1].get_ylim()[1])
+        grid[-1, -1].text(
+            0.99, 0.94, f"error against the profiler [m/s]: {text}", ha="right", va="top",
+            transform=grid[-1, -1].transAxes, fontsize=6.5,
+        )  # fmt: skip
     for axes in grid[-1]:
         axes.set_xlabel("dive [number]")
         axes.xaxis.get_major_locator().set_params(integer=True)
@@ -216,7 +285,8 @@ def dive_figures(logs: LogStore, missions: list[int]) -> dict[str, Array]:
 
     Returns:
       deepest [m], duration [min], sink and rise [cm/s] and pitch_down, pitch_up [degree] as
-      medians over descent and climb, over_ground [m/s] between the fixes, current [m/s].
+      medians over descent and climb, over_ground [m/s] between the fixes, current_ours,
+      current_theirs and current_profiler [m/s] as in `averaged`.
     """
     names = "deepest", "sink", "rise", "pitch_down", "pitch_up"
     found: dict[str, list[float]] = {name: [] for name in names}
@@ -233,13 +303,20 @@ def dive_figures(logs: LogStore, missions: list[int]) -> dict[str, Array]:
             found[angle].append(_median(pitch[there]))
     duration = logs.number(DIVE_DURATION)[missions]
     moved = [logs.number(f"displacement_{axis}")[missions] for axis in ("north", "east")]
-    currents = np.array([logs.current(k) for k in missions])
     return {
         **{name: np.array(values) for name, values in found.items()},
         "duration": duration / 60.0,
         "over_ground": np.hypot(*moved) / duration,
-        "current": np.hypot(*currents.T),
+        **{
+            f"current_{kind}": np.hypot(*averaged(logs, missions, kind).T)
+            for kind in (OURS, THEIRS, PROFILER)
+        },
     }
+
+
+def _mean(values: Array) -> float:
+    values = values[np.isfinite(values)]
+    return float(np.mean(values)) if values.size else float("nan")
 
 
 def _median(values: Array) -> float:

@@ -8,8 +8,9 @@ import numpy as np
 
 from factory.flight.fly import fly
 from factory.generation.attempts import REPLACED, reason
+from factory.inspect.verify import drawn_otherwise
 from factory.recipe.recipe import differences, versions
-from factory.recipe.sampling import Parameters, sensor_seed
+from factory.recipe.sampling import sensor_seed
 from factory.stores.generated import GeneratedStore
 from twin.errors import StoreError
 from twin.physics.quiet import quiet_mujoco
@@ -46,8 +47,15 @@ def replay_mission(run: GeneratedStore, mission: int) -> Comparison:
     """
     _check_physics(run)
     run.check_mission(mission)
+    recipe = run.recipe
+    other = drawn_otherwise(run, recipe, mission, run.parameters(mission))
+    if other:
+        raise StoreError(
+            f"store {run.path}: mission {mission} is not of this recipe: {other}; `factory verify` "
+            "finds all such missions"
+        )
     flight = fly(
-        run.parameters(mission),
+        recipe.parameters(mission, run.attempt(mission)),
         run.vehicle,
         run.suite,
         sensor_seed(run.seed, mission, run.attempt(mission)),
@@ -105,12 +113,8 @@ def replay_failure(run: GeneratedStore, mission: int, attempt: int) -> tuple[str
             f"mission (attempt): {listing}"
         )
     failure = known[mission, attempt]
-    parameters = Parameters(
-        duration_s=float(run.array("duration")[mission]),
-        values=failure.values,
-        segments=failure.segments,
-    )
     try:
+        parameters = run.recipe.parameters(mission, attempt)
         seed = sensor_seed(run.seed, mission, attempt)
         with quiet_mujoco():
             fly(parameters, run.vehicle, run.suite, seed, current=run.given_current)

@@ -5,8 +5,11 @@ The limits are wide: what they catch is damage, wrong units and wrong signs, not
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +17,10 @@ from numpy.typing import NDArray
 from factory.recipe.kinds.surface import SURFACE
 from factory.recipe.plan import HOUR
 from factory.recipe.presets import PRESETS
-from factory.recipe.recipe import sha256
+from factory.recipe.recipe import Recipe, sha256
+from factory.recipe.sampling import Parameters, sensor_seed
 from factory.stores.generated import GeneratedStore
-from twin.errors import StoreError
+from twin.errors import StoreError, TwinError
 from twin.frames import euler_to_matrix
 from twin.physics.part_signals import simulated_signals
 from twin.records.attributes import (
@@ -28,10 +32,10 @@ from twin.records.attributes import (
     VEHICLE_MJCF,
     VEHICLE_SHA256,
 )
+from twin.records.checksums import damaged_files, has_checksums, read_checksums
 from twin.records.limits import simulated_limits
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.sharded import SHARD_MISSIONS
 
 Array = NDArray[np.float64]
 Block = Mapping[str, NDArray[np.float32]]
@@ -44,6 +48,8 @@ VELOCITY_TOLERANCE = 1e-4
 """[m/s] over ground = through the water + current; rounding makes 2e-6"""
 TURN_TOLERANCE = 0.2
 """[rad] attitude changes against the rates, summed over a mission; inflections make 0.03"""
+MISSIONS_AT_ONCE = 16
+"""Missions that are read and checked together: some 100 MB of hours of all signals"""
 MAX_NAMED = 20
 """Problems of one check that are named; the others are counted."""
 
@@ -77,8 +83,22 @@ class Report:
         return not any(check.problems for check in self.checks)
 
 
+def check_files(store: Path) -> Check:
+    """Compare every file of a store with its list of checksums.
+
+    Stores of versions before 0.2 have no list: nothing is checked of them.
+    """
+    check = Check("files")
+    if has_checksums(store):
+        check.problems += [str(damage) for damage in damaged_files(store)]
+        with contextlib.suppress(StoreError):  # a damaged list is a problem already
+            check.done = len(read_checksums(store))
+    return check
+
+
 def verify_store(run: GeneratedStore, watch: Callable[[int], None] | None = None) -> Report:
-    """Read and check everything; `watch` is called with the number of missions just read."""
+    """Read and check all that the store says; `check_files` compares its files. `watch` is called
+    with the number of missions just read."""
     names = run.signals()
     checks = {
         name: Check(name)
@@ -106,8 +126,8 @@ def check_missions(
     `watch` is called with the number of missions just read; returned are the bytes read.
     """
     bytes_read = 0
-    for first in range(0, len(stored), SHARD_MISSIONS):
-        missions = range(first, min(first + SHARD_MISSIONS, len(stored)))
+    for first in range(0, len(stored), MISSIONS_AT_ONCE):
+        missions = range(first, min(first + MISSIONS_AT_ONCE, len(stored)))
         block = read_block(stored, names, missions, checks["chunks"])
         bytes_read += sum(values.nbytes for values in block.values())
         for row, mission in enumerate(missions):
@@ -186,8 +206,15 @@ def _check_parameters(run: GeneratedStore, check: Check) -> None:
             abs(run.hours - hours) < 1.0 / HOUR,
             lambda: f"the missions last {run.hours:g} h, not {hours:g} h",
         )
+    try:
+        recipe = run.recipe
+    except TwinError as error:
+        check.problems.append(str(error))
+        return
     for mission in range(len(run)):
         parameters = run.parameters(mission)
+        other = drawn_otherwise(run, recipe, mission, parameters)
+        check.expect(not other, lambda m=mission, o=other: f"mission {m}: {o}")  # type: ignore[misc]
         drawn = [(name, value, False) for name, value in parameters.values.items()]
         drawn += [
             (name, value, segment["mission.kind"] == SURFACE.name)
@@ -203,6 +230,29 @@ def _check_parameters(run: GeneratedStore, check: Check) -> None:
                     f"mission {m}: {n} = {v} cannot be drawn from {run.distributions[n].text()}"
                 ),
             )
+
+
+def drawn_otherwise(run: GeneratedStore, recipe: Recipe, mission: int, stored: Parameters) -> str:
+    """What of a mission is not what its seed, number and attempt give; empty when all is."""
+    attempt = run.attempt(mission)
+    try:
+        drawn = recipe.parameters(mission, attempt)
+    except TwinError as error:
+        return f"attempt {attempt} cannot be drawn: {error}"
+    pairs: dict[str, tuple[Any, Any]] = {
+        n: (stored.values.get(n), value) for n, value in drawn.values.items()
+    }
+    if len(stored.segments) != len(drawn.segments):
+        pairs["segments"] = len(stored.segments), len(drawn.segments)
+    for i, (one, other) in enumerate(zip(stored.segments, drawn.segments, strict=False)):
+        pairs |= {f"segment {i} {n}": (one.get(n), value) for n, value in other.items()}
+    constants = recipe.suite.draw(sensor_seed(recipe.seed, mission, attempt))
+    kept = run.sensor_constants(mission)
+    pairs |= {f"sensor {n}": (kept.get(n), value) for n, value in constants.items()}
+    for name, (had, has) in pairs.items():
+        if had != has and not (had != had and has != has):
+            return f"{name} is {had}, and seed {recipe.seed} and attempt {attempt} give {has}"
+    return ""
 
 
 def _check_mission(

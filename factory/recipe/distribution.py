@@ -26,6 +26,8 @@ Interval = tuple[float, float]
 
 MAX_REDRAWS = 1000
 """Draws of one value before its exclusions are called impossible."""
+MOST_TEXT = 10_000
+"""Characters of a distribution: a choice among a thousand words"""
 
 
 class Distribution(abc.ABC):
@@ -171,8 +173,13 @@ class Choice(Distribution):
     def __post_init__(self) -> None:
         if not self.options or len(set(self.options)) < len(self.options):
             raise InputError(f"{self.text()}: give options that differ, at least one")
-        if min(self.weights) < 0.0 or sum(self.weights) <= 0.0:
-            raise InputError(f"{self.text()}: weights must not be negative, nor all 0")
+        if not all(isinstance(option, str) or math.isfinite(option) for option in self.options):
+            raise InputError(f"{self.text()}: numbers among the options must be finite")
+        total = sum(self.weights)
+        if not math.isfinite(total) or min(self.weights) < 0.0 or total <= 0.0:
+            raise InputError(
+                f"{self.text()}: weights must be finite and must not be negative, nor all 0"
+            )
 
     def draw(self, rng: np.random.Generator) -> Value:
         """One option."""
@@ -195,7 +202,7 @@ class Choice(Distribution):
 
 
 _FORMS = ("uniform", "loguniform", "normal", "choice")
-_CALL = re.compile(r"^\s*([a-z]+)\s*\(([^()]*)\)\s*(?:except\s*((?:\([^()]*\)\s*,?\s*)+))?$")
+_CALL = re.compile(r"^\s*([a-z]+)\s*\(([^()]*)\)\s*(?:except\s*((?:\([^()]*\)\s*(?:,\s*)?)+))?$")
 _PAIR = re.compile(r"\(([^()]*)\)")
 
 
@@ -208,7 +215,12 @@ def parse_distribution(text: str | float | int, name: str = "value") -> Distribu
     if isinstance(text, bool) or not isinstance(text, str | int | float):
         raise InputError(f"{name} = {text!r}: give a number or a text such as 'uniform(15, 45)'")
     if not isinstance(text, str):
-        return _fixed_number(name, float(text), str(text))
+        try:
+            return _fixed_number(name, float(text), str(text))
+        except OverflowError:  # a whole number with hundreds of digits
+            return _fixed_number(name, math.inf, "a number beyond 1e308")
+    if len(text) > MOST_TEXT:
+        raise InputError(f"{name} has {len(text)} characters, at most {MOST_TEXT} are possible")
     text = text.strip()
     if text == "none":
         return Fixed(math.nan)
@@ -278,7 +290,7 @@ def _parse_choice(inner: str) -> Choice:
 
 def _check_range(distribution: Uniform | LogUniform) -> None:
     low, high = distribution.low, distribution.high
-    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+    if not (math.isfinite(high - low) and low < high):
         raise InputError(f"{distribution.text()}: give low < high, both finite")
 
 

@@ -29,6 +29,10 @@ class GivenCurrent(Current):
         """The program, the same for every mission."""
         return self.program
 
+    def begins(self, duration_s: float, origin: Origin) -> Origin:
+        """As the current itself."""
+        return current_from_dict(self.description).begins(duration_s, origin)
+
     def describe(self) -> dict[str, Any]:
         """The description."""
         return dict(self.description)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from twin.bounded import read_toml
 from twin.errors import InputError
 
 
@@ -33,13 +33,7 @@ def read_changes(path: Path | None, words: Sequence[str] = ()) -> dict[str, str 
 
 
 def _read_file(path: Path) -> dict[str, str | float]:
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"cannot read {path}: {reason}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path} is not TOML: {error}") from error
+    data = read_toml(path, "parameter file")
     changes: dict[str, str | float] = {}
     for group, table in data.items():
         if not isinstance(table, Mapping):

@@ -17,8 +17,10 @@ class Parameter:
     """distribution in presets paper and paper-test"""
     field: str
     """distribution in preset field"""
-    why: str
-    """one line: what it is and why these values"""
+    long_name: str
+    """what it is, a short noun phrase"""
+    why: str = ""
+    """one line: why these values, and conventions"""
     per_segment: bool = False
     """drawn for every segment"""
 

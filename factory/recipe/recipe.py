@@ -9,6 +9,7 @@ import platform
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -16,23 +17,25 @@ import numba
 import numpy as np
 
 from factory.recipe.distribution import Distribution, Fixed
-from factory.recipe.given_current import GivenCurrent, given_current
+from factory.recipe.given_current import GivenCurrent, given_current, stored_current
 from factory.recipe.kinds.base import propelled
 from factory.recipe.paper_test import check_paper_test, paper_test_parameters, paper_test_plan
 from factory.recipe.parameters import Table, declared, override, parameter_table
 from factory.recipe.plan import Plan, plan_missions
 from factory.recipe.presets import PRESETS
 from factory.recipe.sampling import Parameters, draw_parameters
-from twin.errors import InputError, unknown_name
+from twin.errors import InputError, StoreError, TwinError, unknown_name
 from twin.physics.mujoco_model import INTEGRATORS, compile_model
 from twin.physics.part_signals import declare_parts
 from twin.physics.scenario import SAMPLE_PERIOD
 from twin.records import attributes
 from twin.records.schema import SCHEMA_VERSION
 from twin.sensors import SUITE_PRESETS, SensorSuite
-from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 from twin.version import PHYSICS_VERSION, __version__
 
+VERSIONS = "versions"
+"""Entry of a recipe's description: versions of what can change a bit of a result"""
 DEFAULT_HOURS = 10.0
 """[h], as much as the paper's training set"""
 
@@ -53,8 +56,9 @@ class Recipe:
     """as its file says"""
     sensors: str | SensorSuite | None = None
     """sensor suite, or its name such as field+turbidity; None: the preset's"""
-    current: str | None = None
-    """one current for all missions, as `twin simulate --current` takes it; None: drawn"""
+    current: str | Mapping[str, Any] | None = None
+    """one current for all missions, as `twin simulate --current` takes it, or its description as
+    stores hold it; None: drawn"""
 
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:
@@ -119,7 +123,10 @@ class Recipe:
         """The current of all missions; None when it is drawn."""
         if self.current is None:
             return None
-        return given_current(self.current, max(self.plan.durations_s))
+        longest = max(self.plan.durations_s)
+        if isinstance(self.current, Mapping):
+            return stored_current(self.current, longest)
+        return given_current(self.current, longest)
 
     @cached_property
     def plan(self) -> Plan:
@@ -161,11 +168,63 @@ class Recipe:
             "distributions": {name: d.text() for name, d in self.distributions.items()},
             "sensors": self.suite.settings(),
             "current": None if self.given_current is None else self.given_current.describe(),
-            "versions": versions(),
+            VERSIONS: versions(),
         }
-        # as a store or journal gives it back: tuples become lists
+        # as a store gives it back: tuples become lists
         plain: dict[str, Any] = json.loads(json.dumps(description))
         return plain
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of what the bytes depend on."""
+        return sha256(json.dumps(self.describe(), sort_keys=True, separators=(",", ":")))
+
+    def document(self) -> dict[str, Any]:
+        """Everything that `read_recipe` makes the recipe of again, as JSON can hold it."""
+        return {
+            attributes.SETTINGS: self.describe(),
+            attributes.CHANGES: dict(self.changes),
+            attributes.VEHICLE_MJCF: self.vehicle.xml,
+        }
+
+
+def read_recipe(document: Mapping[str, Any], *, any_versions: bool = False) -> Recipe:
+    """The recipe of a `document`.
+
+    Args:
+      any_versions: do not mind that libraries have other versions here, which may change last bits.
+
+    Raises:
+      StoreError: the document is damaged, or would make another store here.
+      InputError: it needs a sensor, a vehicle part or a file that is not here.
+    """
+    try:
+        settings, text = document[attributes.SETTINGS], document[attributes.VEHICLE_MJCF]
+        preset = settings["preset"]
+        recipe = Recipe(
+            preset=preset,
+            hours=None if PRESETS[preset].fixed_missions else settings["hours"],
+            seed=settings["seed"],
+            changes=document[attributes.CHANGES],
+            vehicle=parse_vehicle(text, Path(f"{settings['vehicle']}.xml")),
+            sensors=SensorSuite.from_settings(settings["sensors"]),
+            current=settings["current"],
+        )
+    except (KeyError, TypeError, AttributeError) as error:
+        if isinstance(error, TwinError):
+            raise
+        raise StoreError(
+            f"the recipe cannot be read ({type(error).__name__}: {error}): it is damaged"
+        ) from error
+    here = recipe.describe()
+    if any_versions:
+        settings = {**settings, VERSIONS: here[VERSIONS]}
+    changed = differences(settings, here)
+    if changed:
+        raise StoreError(
+            f"this program would make another store of that recipe: {'; '.join(changed[:5])}"
+        )
+    return recipe
 
 
 def make_recipe(

@@ -20,47 +20,51 @@ WEIGHTS = {"saw-tooth": 6, "transect": 2, "circle": 1, "lawn-mower": 1, "spiral"
 REPLACED = {
     "mission.segment_duration_s": (
         "uniform(600, 1800)", "uniform(900, 2700)",
-        "time limit of dives and climbs and of a transect",
+        "time limit of the segment", "of dives and climbs and of a transect",
     ),
-    "mission.yos": ("none", "none", "dives with their climbs; surveys go by the clock"),
+    "mission.yos": ("none", "none", "number of dives in the segment", "surveys go by the clock"),
     "mission.max_depth_m": (
         "loguniform(25, 110)", "loguniform(25, 110)",
-        "lower turning depth, unless the sea floor comes nearer than min_altitude_m",
+        "lower turning depth", "unless the sea floor comes nearer than min_altitude_m",
     ),
     "mission.min_depth_m": (
-        "uniform(3, 8)", "uniform(3, 8)", "upper turning depth; below the overshoot",
+        "uniform(3, 8)", "uniform(3, 8)", "upper turning depth", "below the overshoot",
     ),
     "mission.pitch_deg": (
-        "uniform(8, 20)", "uniform(8, 20)", "pitch magnitude of the dive; the LRAUV's yo-yos",
+        "uniform(8, 20)", "uniform(8, 20)", "pitch magnitude of the dive",
+        "as in the LRAUV's yo-yos",
     ),
     "mission.climb_pitch_deg": (
         "uniform(8, 20)", "uniform(8, 20)", "pitch magnitude of the climb",
+        "the range that gliders use",
     ),
     "current.speed": (
         "0", "uniform(0, 0.3)",
+        "largest speed of the current",
         "sum of all amplitudes; preset paper is still water, where bottom and water track agree",
     ),
 }  # fmt: skip
-"""Distributions and reasons in place of a glider's, by name"""
+"""Distributions, names and reasons in place of a glider's, by name"""
 
 _MIN_ALTITUDE = survey_row(
     "min_altitude_m", "m", "uniform(5, 8)", "uniform(5, 8)",
-    "dives turn, and level segments rise, this far above the sea floor",
+    "least height above the sea floor", "dives turn, and level segments rise, this far above it",
 )  # fmt: skip
 
 FLOOR: tuple[Parameter, ...] = (
     Parameter("floor.depth_m", "m", "uniform(40, 100)", "uniform(35, 110)",
-              f"mean depth at launch; the floor is cut off at {SHALLOWEST_FLOOR_M:g} and 130 m"),
+              "mean depth of the sea floor at launch",
+              f"it is cut off at {SHALLOWEST_FLOOR_M:g} and 130 m"),
     Parameter("floor.slope", "1", "uniform(0, 0.004)", "uniform(0, 0.008)",
-              "mean slope; continental shelves have about 0.002"),
+              "mean slope of the sea floor", "continental shelves have about 0.002"),
     Parameter("floor.slope_direction_deg", "degree", "uniform(0, 360)", "uniform(0, 360)",
-              "toward which it gets deeper"),
+              "direction of the sea floor's slope", "toward which it gets deeper"),
     Parameter("floor.roughness_m", "m", "loguniform(0.5, 4)", "loguniform(0.5, 6)",
-              "standard deviation of the relief"),
+              "standard deviation of the sea floor's relief"),
     Parameter("floor.correlation_m", "m", "loguniform(200, 1000)", "loguniform(200, 1000)",
-              "correlation length of the relief"),
+              "correlation length of the sea floor's relief"),
     Parameter("floor.seed", "1", "uniform(0, 2147483647)", "uniform(0, 2147483647)",
-              "seed of its realisation, rounded down"),
+              "seed of the sea floor's relief", "rounded down"),
 )  # fmt: skip
 """In place of `water.bottom_below_m`"""
 
@@ -78,9 +82,9 @@ def as_survey(row: Parameter, vehicle: Vehicle) -> Parameter:
         if len(weights) == 1:
             return row
         text = f"choice({', '.join(f'{kind}: {weight}' for kind, weight in weights.items())})"
-        why = "kind of a segment; the paper's first study is of dives and climbs on a heading"
+        why = "the paper's first study is of dives and climbs on a heading"
         return dataclasses.replace(row, paper=text, field=text, why=why)
     if row.name not in REPLACED:
         return row
-    paper, field, why = REPLACED[row.name]
-    return dataclasses.replace(row, paper=paper, field=field, why=why)
+    paper, field, long_name, why = REPLACED[row.name]
+    return dataclasses.replace(row, paper=paper, field=field, long_name=long_name, why=why)

@@ -38,17 +38,27 @@ def motion_rows(vehicle: Vehicle) -> list[Parameter]:
     rows: list[Parameter] = []
     pump, turning = vehicle.steered("buoyancy"), vehicle.steered("heading")
     if pump is not None and not propelled(vehicle):  # which is neutral while its propeller turns
-        for name, end, why in (
-            ("net_mass_kg", pump.low, "how heavy the dive is (pump volume)"),
-            ("climb_net_mass_kg", pump.high, "how light the climb is"),
+        for name, end, long_name, why in (
+            (
+                "net_mass_kg",
+                pump.low,
+                "net mass of the dive",
+                "positive heavy; it sets the pumped volume",
+            ),
+            (
+                "climb_net_mass_kg",
+                pump.high,
+                "net mass of the climb",
+                "magnitude, light; it sets the pumped volume",
+            ),
         ):
             reach = abs(vehicle.net_mass_for_pump(end))
             paper, field = (_uniform(low * reach, high * reach) for low, high in NET_MASS.values())
-            rows.append(_segment(name, "kg", paper, field, why))
+            rows.append(_segment(name, "kg", paper, field, long_name, why))
     if propelled(vehicle):
         speed = _uniform(*(share * vehicle.cruise_speed for share in SPEED))
-        why = "speed through the water; the propeller turns as fast as that takes"
-        rows.append(_segment("speed_m_s", "m s-1", speed, speed, why))
+        why = "the propeller turns as fast as that takes"
+        rows.append(_segment("speed_m_s", "m s-1", speed, speed, "speed through the water", why))
     if turning is not None:
         travel = turning.quantity.scale * min(-turning.low, turning.high)
         paper, field = (
@@ -58,17 +68,17 @@ def motion_rows(vehicle: Vehicle) -> list[Parameter]:
         )
         rows.append(
             _segment("heading_change_deg", "degree", "uniform(-180, 180)", "uniform(-120, 120)",
-                     "new heading of a saw-tooth, from the last one")
+                     "change of heading", "of a saw-tooth, from the heading before")
         )  # fmt: skip
         rows.append(
             _segment("rotation_deg", "degree", paper, field,
-                     f"{turning.name} of a spiral; about 0 it is no spiral")
+                     f"{turning.name} of a spiral", "about 0 it is no spiral")
         )  # fmt: skip
     return rows
 
 
-def _segment(name: str, unit: str, paper: str, field: str, why: str) -> Parameter:
-    return Parameter(f"mission.{name}", unit, paper, field, why, per_segment=True)
+def _segment(name: str, unit: str, paper: str, field: str, long_name: str, why: str) -> Parameter:
+    return Parameter(f"mission.{name}", unit, paper, field, long_name, why, per_segment=True)
 
 
 def _uniform(low: float, high: float) -> str:
@@ -94,25 +104,29 @@ def _row(prefix: str, uncertain: Uncertainty) -> Parameter:
         uncertain.unit,
         f"{uncertain.certain:g}",
         uncertain.spread,
+        uncertain.long_name,
         uncertain.why,
     )
 
 
 def _hull_rows(vehicle: Vehicle) -> list[Parameter]:
-    squeeze = "uniform(3e-10, 7e-10)", "hull volume lost per pressure; 5e-10 is typical"
+    spread, why = "uniform(3e-10, 7e-10)", "5e-10 is typical"
     if vehicle.hull_compressibility:
         why = f"beyond the file's {vehicle.hull_compressibility:g}; +-5e-11 is what logs tell apart"
-        squeeze = "uniform(-5e-11, 5e-11)", f"hull volume lost per pressure, {why}"
+        spread = "uniform(-5e-11, 5e-11)"
+    height = 1e3 * vehicle.static_cg[2]
     rows = [
         Parameter("vehicle.cg_y_mm", "mm", "0", "uniform(-0.05, 0.05)",
-                  "CG of the fixed block to starboard; 0.05 mm lists the Sea-Wing by 0.5 deg"),
+                  "offset of the centre of gravity to starboard",
+                  "of the fixed block; 0.05 mm lists the Sea-Wing by 0.5 deg"),
         Parameter("vehicle.cg_z_mm", "mm", "0", "uniform(-0.3, 0.3)",
-                  "CG of the fixed block lower than the file says, of "
-                  f"{1e3 * vehicle.static_cg[2]:.2g} mm"),
-        Parameter("vehicle.compressibility", "Pa-1", "0", squeeze[0],
-                  f"{squeeze[1]}; sea water has 4.4e-10"),
+                  "offset of the centre of gravity downward",
+                  f"of the fixed block, beyond the {height:.2g} mm of the file"),
+        Parameter("vehicle.compressibility", "Pa-1", "0", spread, "compressibility of the hull",
+                  f"part of the volume lost per pressure: {why}; sea water has 4.4e-10"),
     ]  # fmt: skip
     if vehicle.steered("buoyancy") is not None:
-        why = "too heavy after ballasting, at the density it was ballasted for"
-        rows.insert(0, Parameter("vehicle.ballast_g", "g", "0", "uniform(-20, 20)", why))
+        why = "too heavy is positive, at the density that it was ballasted for"
+        ballast = ("vehicle.ballast_g", "g", "0", "uniform(-20, 20)")
+        rows.insert(0, Parameter(*ballast, "ballasting error", why))
     return rows

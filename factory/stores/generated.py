@@ -3,24 +3,47 @@
 from __future__ import annotations
 
 import functools
-import json
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
+from factory.generation.bookkeeping import SENSOR_PREFIX, UNUSED_CODE
+from factory.generation.completion import (
+    FAILED_ATTEMPT,
+    FAILED_MISSION,
+    FAILED_REASON,
+    FAILED_TIME,
+    FAILURE,
+)
 from factory.generation.flown_mission import FailedAttempt
-from factory.generation.shards import SENSOR_PREFIX, UNUSED_CODE
 from factory.recipe.distribution import Distribution, Fixed, Value, parse_distribution
 from factory.recipe.given_current import GivenCurrent, stored_current
 from factory.recipe.parameter import Parameter
-from factory.recipe.parameters import Table, parameter_table
+from factory.recipe.parameters import ADDED, Table, parameter_table
+from factory.recipe.recipe import Recipe, read_recipe
 from factory.recipe.sampling import Parameters
+from twin.bounded import parse_json
 from twin.errors import StoreError
-from twin.records.attributes import ATTEMPT, DURATION, FAILED_MISSIONS, SCENARIO, SENSORS, SETTINGS
+from twin.records.attributes import (
+    ATTEMPT,
+    CHANGES,
+    DURATION,
+    FAILED_MISSIONS,
+    SCENARIO,
+    SENSORS,
+    SETTINGS,
+    VEHICLE_MJCF,
+)
 from twin.records.logs import LogStore
 from twin.records.reader import MissionStore
+from twin.records.schema import MISSION
+from twin.records.store import read_array
 from twin.sensors import SensorSuite
+
+ROWS = 65_536
+"""Missions of an array that is no signal that are read at a time"""
 
 
 class GeneratedStore(MissionStore):
@@ -32,19 +55,22 @@ class GeneratedStore(MissionStore):
 
     def __init__(self, path: str | Path):
         super().__init__(path)
+        self._read: dict[str, tuple[int, NDArray[Any]]] = {}
+        """the piece of each array that was read last, and its number"""
         if self.logged:
             raise StoreError(
                 f"store {self.path} holds logs of real vehicles, which cannot be flown again; "
                 "`factory verify` checks them"
             )
         try:
-            self.settings: dict[str, Any] = json.loads(self.attributes[SETTINGS])
-            self._failed = json.loads(self.attributes[FAILED_MISSIONS])
+            self.settings: dict[str, Any] = parse_json(self.attributes[SETTINGS], SETTINGS)
+            failed = self.attributes.get(FAILED_MISSIONS, "[]")
+            self._failed = parse_json(failed, FAILED_MISSIONS)
             self.distributions: dict[str, Distribution] = {
                 name: parse_distribution(text, name)
-                for name, text in self.settings["distributions"].items()
+                for name, text in {**ADDED, **self.settings["distributions"]}.items()
             }
-        except (KeyError, ValueError) as error:
+        except (KeyError, TypeError, AttributeError, ValueError) as error:
             if SCENARIO in self.attributes:
                 raise StoreError(
                     f"store {self.path} is a mission of `twin simulate`; `twin plot` and `twin "
@@ -88,9 +114,48 @@ class GeneratedStore(MissionStore):
             return None
         return stored_current(description, float(self.array(DURATION).max()))
 
+    @functools.cached_property
+    def recipe(self) -> Recipe:
+        """What the store was made by, to make any of its missions again.
+
+        Where libraries have other versions than then, last bits may differ.
+
+        Raises:
+          StoreError: it is damaged, or this program would make another store of it.
+        """
+        own = self.settings["distributions"]
+        older = {name: text for name, text in ADDED.items() if name not in own}
+        document = {
+            SETTINGS: {**self.settings, "distributions": {**older, **own}},
+            CHANGES: {**older, **self.json(CHANGES)},
+            VEHICLE_MJCF: self.attributes[VEHICLE_MJCF],
+        }
+        try:
+            return read_recipe(document, any_versions=True)
+        except StoreError as error:
+            raise StoreError(f"store {self.path}: {error}") from error
+
     def attempt(self, mission: int) -> int:
         """The attempt that made the stored mission."""
-        return int(self.array(ATTEMPT)[mission])
+        return int(self._at(ATTEMPT, mission))
+
+    def _at(self, name: str, mission: int) -> Any:
+        """What an array that is no signal says of a mission."""
+        number, row = divmod(mission, ROWS)
+        return self._rows(name, number)[row]
+
+    def _rows(self, name: str, number: int) -> NDArray[Any]:
+        """Some missions of an array: reading it whole for each mission would take squared time."""
+        kept = self._read.get(name)
+        if kept is None or kept[0] != number:
+            kept = self._read[name] = (number, self._read_rows(name, number))
+        return kept[1]
+
+    def _read_rows(self, name: str, number: int) -> NDArray[Any]:
+        if name not in self.dataset.variables:
+            raise StoreError(f"store {self.path} lacks the array {name!r}")
+        some = self.dataset[[name]].isel({MISSION: slice(number * ROWS, (number + 1) * ROWS)})
+        return read_array(some, name, self.path)
 
     def parameters(self, mission: int) -> Parameters:
         """What the mission was made of.
@@ -117,7 +182,7 @@ class GeneratedStore(MissionStore):
         kinds = columns["mission.kind"]
         count = sum(isinstance(kind, str) for kind in kinds)
         return Parameters(
-            duration_s=float(self.array(DURATION)[mission]),
+            duration_s=float(self._at(DURATION, mission)),
             values=values,
             segments=tuple(
                 {name: column[i] for name, column in columns.items()} for i in range(count)
@@ -130,12 +195,12 @@ class GeneratedStore(MissionStore):
             if isinstance(distribution, Fixed):
                 return distribution.value
             raise StoreError(f"store {self.path} lacks the array {parameter.variable!r}")
-        return self._word(parameter, self.array(parameter.variable)[mission])
+        return self._word(parameter, self._at(parameter.variable, mission))
 
     def _segments(self, parameter: Parameter, mission: int) -> list[Value]:
         if parameter.variable not in self:
             return [math.nan] * int(self.dataset.sizes["segment"])
-        row = self.array(parameter.variable)[mission]
+        row = self._at(parameter.variable, mission)
         return [self._word(parameter, value) for value in row]
 
     def _word(self, parameter: Parameter, value: Any) -> Value:
@@ -147,30 +212,40 @@ class GeneratedStore(MissionStore):
     def sensor_constants(self, mission: int) -> dict[str, float]:
         """The sensors' constants of a mission; those that no mission has are 0."""
         return {
-            name: float(self.array(SENSOR_PREFIX + name)[mission])
+            name: float(self._at(SENSOR_PREFIX + name, mission))
             if SENSOR_PREFIX + name in self
             else 0.0
             for name in self.suite.drawn_units()
         }
 
+    @property
+    def failure_count(self) -> int:
+        """Attempts that failed and were replaced."""
+        return int(self.dataset.sizes.get(FAILURE, len(self._failed)))
+
     def failures(self) -> list[tuple[int, FailedAttempt]]:
-        """The attempts that were replaced, with their missions."""
-
-        def filled(values: Mapping[str, Any]) -> dict[str, Value]:
-            return {name: math.nan if value is None else value for name, value in values.items()}
-
+        """The attempts that failed and were replaced, with their missions."""
+        if FAILED_MISSION not in self.dataset.variables:
+            return [
+                (
+                    item["mission"],
+                    FailedAttempt(
+                        attempt=item["attempt"], reason=item["reason"], time_s=item["time_s"]
+                    ),
+                )
+                for item in self._failed
+            ]
+        columns = (FAILED_MISSION, FAILED_ATTEMPT, FAILED_REASON, FAILED_TIME)
         return [
             (
-                item["mission"],
+                int(mission),
                 FailedAttempt(
-                    attempt=item["attempt"],
-                    reason=item["reason"],
-                    time_s=item["time_s"],
-                    values=filled(item["parameters"]),
-                    segments=tuple(filled(segment) for segment in item["segments"]),
+                    attempt=int(attempt),
+                    reason=str(reason),
+                    time_s=float(time) if time == time else None,
                 ),
             )
-            for item in self._failed
+            for mission, attempt, reason, time in zip(*map(self.array, columns), strict=True)
         ]
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import functools
-import json
 from pathlib import Path
 from typing import Any
 
 from factory.stores.generated import GeneratedStore, open_missions
+from twin.bounded import parse_json
 from twin.errors import StoreError
 from twin.records.attributes import SCENARIO, SENSOR_SUITE, SETTINGS
 from twin.records.logs import LogStore
@@ -33,10 +33,10 @@ class StoredFlight(MissionStore):
                 "`twin simulate --sensors field --out STORE` writes a store that has it"
             )
         try:
-            self.scenario: dict[str, Any] = json.loads(attributes[SCENARIO])
-            settings = json.loads(attributes[SENSOR_SUITE])["settings"]
+            self.scenario: dict[str, Any] = parse_json(attributes[SCENARIO], SCENARIO)
+            settings = parse_json(attributes[SENSOR_SUITE], SENSOR_SUITE)["settings"]
             self.suite = SensorSuite.from_settings(settings)
-        except (KeyError, ValueError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise StoreError(
                 f"store {self.path}: its attributes are damaged ({type(error).__name__}: {error})"
             ) from error

@@ -45,7 +45,7 @@ class Evaluate(JsonOption):
         os.environ.setdefault("OMP_NUM_THREADS", "1")
         from learn.api import evaluate
         from learn.evaluation.log_score import sentences
-        from learn.evaluation.tracks import TrackCollector, check_ending
+        from learn.evaluation.tracks import TrackCollector, check_target
         from learn.files import check_file, check_folder
         from learn.report.tables import dive_rows, summary_rows, verdicts
         from learn.studies.run_evaluation import is_log_store
@@ -59,10 +59,13 @@ class Evaluate(JsonOption):
         watches = [] if self.tracks is None else [collector.add]
         # the evaluation takes minutes: a place that refuses it is found out before
         if self.tracks is not None:
-            check_ending(self.tracks)
+            check_target(self.tracks)
             check_file(self.tracks, "--tracks", folder=self.tracks.suffix == ".zarr")
         if self.out is not None:
+            from twin.plot.page import check_page_target
+
             check_folder(self.out, "--out")
+            check_page_target(self.out)
         with console.progress(total=_count(self), label="evaluate", unit="missions") as progress:
 
             def see(reference: Reference, estimates: Mapping[str, Estimate]) -> None:

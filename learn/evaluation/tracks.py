@@ -23,7 +23,9 @@ from learn.navigation.dead_reckoning import Array
 from learn.navigation.dives import CurrentKnowledge, ground_track
 from twin.errors import InputError
 from twin.records.schema import MISSION, TIME
+from twin.records.store import is_derived
 from twin.records.tracks import write_track_dataset
+from twin.records.whole import check_file_target, check_folder_target, whole_file, whole_folder
 
 Numbers = NDArray[Any]
 Arrays = Mapping[str, Numbers]
@@ -68,9 +70,9 @@ class TrackCollector:
         """Write everything to `path`, in the format of its ending.
 
         Raises:
-          InputError: an unknown ending, or the file cannot be written.
+          InputError: an unknown ending, something is in the way, or the disk refuses.
         """
-        check_ending(path)
+        check_target(path)
         missions = np.array(self._missions)
         arrays: dict[str, NDArray[Any]] = {}
         for name, tracks in self._complete().items():
@@ -78,20 +80,27 @@ class TrackCollector:
             for row, mission in enumerate(self._missions):
                 both[row, : len(tracks[mission])] = tracks[mission]
             arrays[f"{name}_north"], arrays[f"{name}_east"] = both[..., 0], both[..., 1]
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            _WRITERS[path.suffix](path, missions, self._time, arrays)
-        except OSError as error:
-            raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+        zarr = path.suffix == ".zarr"
+        whole = whole_folder(path, overwrite=True, ours=is_derived) if zarr else whole_file(path)
+        with whole as place:
+            _WRITERS[path.suffix](place, missions, self._time, arrays)
         return path
 
 
-def check_ending(path: Path) -> None:
-    """Raise InputError for a file name whose ending is not a known format."""
+def check_target(path: Path) -> None:
+    """Refuse, before long work, what tracks cannot be written to.
+
+    Raises:
+      InputError: an ending that is no known format, or something else is in the way.
+    """
     if path.suffix not in _WRITERS:
         raise InputError(
             f"track file {path}: the ending must be one of {', '.join(sorted(_WRITERS))}"
         )
+    if path.suffix != ".zarr":
+        check_file_target(path)
+        return
+    check_folder_target(path, overwrite=True, ours=is_derived)
 
 
 def ground_tracks(reference: Reference, estimate: Estimate) -> dict[str, Array]:

@@ -31,6 +31,7 @@ from learn.networks.predictor import Predictor
 from twin.errors import InputError, StoreError
 from twin.extras import require
 from twin.preload import preload_triton
+from twin.records.whole import whole_file
 
 Floats = NDArray[np.float32]
 
@@ -219,27 +220,24 @@ def export_step(predictor: Predictor, path: Path, mission: Mission) -> Parity:
 
     Raises:
       StoreError: it cannot be written, or differs by more than TOLERANCE from the trained network;
-        the file is then removed.
+        a file that was there is as it was.
     """
     import time
 
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        onnx.save(step_model(predictor, mission.period), str(path))
-    except OSError as error:
-        raise StoreError(f"cannot write {path}: {error.strerror or error}") from error
-    model = StepModel(path)
-    features = mission.features(model.features)
-    start = time.perf_counter()
-    stepped = model.run(features)
-    seconds = time.perf_counter() - start
-    (trained,) = predictor.predict([mission])
-    largest = float(np.abs(stepped - trained).max())
-    if not largest <= TOLERANCE:
-        path.unlink()
-        raise StoreError(
-            f"the exported {predictor.target} model differs by {largest:.2g} m/s from the network "
-            f"on mission {mission.index} (allowed {TOLERANCE:g}); it was not kept. A network whose "
-            "state amplifies rounding does so: train it longer, or with another --seed"
-        )
+    with whole_file(path) as place:
+        onnx.save(step_model(predictor, mission.period), str(place))
+        model = StepModel(place)
+        features = mission.features(model.features)
+        start = time.perf_counter()
+        stepped = model.run(features)
+        seconds = time.perf_counter() - start
+        (trained,) = predictor.predict([mission])
+        largest = float(np.abs(stepped - trained).max())
+        if not largest <= TOLERANCE:
+            raise StoreError(
+                f"the exported {predictor.target} model differs by {largest:.2g} m/s from the "
+                f"network on mission {mission.index} (allowed {TOLERANCE:g}); it was not kept. A "
+                "network whose state amplifies rounding does so: train it longer, or with another "
+                "--seed"
+            )
     return Parity(path, mission.index, mission.samples, largest, 1e6 * seconds / mission.samples)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,16 +16,21 @@ from numpy.typing import NDArray
 from learn.data.dataset import Mission
 from learn.data.features import feature
 from learn.data.normalisation import Normalisation
-from learn.files import read_json, write_json
+from learn.files import SEAL, check_seal, read_json, write_sealed
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.registry import NETWORKS
 from twin.errors import InputError, StoreError
+from twin.records.whole import whole_file
 
 Floats = NDArray[np.float32]
 
-FORMAT = 1
+FORMAT = 2
 """Version of the files that `save` writes."""
+UNSEALED = 1
+"""Version without checksums, of releases up to 0.1.0."""
+WEIGHTS = "weights"
+"""Entry of the description: size and SHA-256 of the file of weights."""
 PLACE = "class"
 """Entry of the description: `module:Class` of a kind of network that is not a shipped one."""
 
@@ -58,25 +64,29 @@ class Predictor:
         return [scale * values + mean for values in free_run(self.network, matrices)]
 
     def save(self, stem: Path) -> None:
-        """Write `stem`.safetensors (weights) and `stem`.json (everything else).
+        """Write `stem`.safetensors (weights) and `stem`.json (everything else, with the weights'
+        SHA-256 and its own).
 
         The description is written last: where it is, the network is whole.
+
+        Raises:
+          WriteError: the disk refuses.
         """
-        from safetensors.torch import save_file
+        from safetensors.torch import save
 
         state = {k: v.detach().cpu().contiguous() for k, v in self.network.state_dict().items()}
-        weights = stem.with_suffix(".safetensors")
-        half = weights.with_name(weights.name + ".part")
-        save_file(state, str(half))
-        half.replace(weights)
+        data = save(state)
+        with whole_file(stem.with_suffix(".safetensors")) as unnamed:
+            unnamed.write_bytes(data)
         description = {
             "format": FORMAT,
             "network": dataclasses.asdict(self.network.config),
             "normalisation": dataclasses.asdict(self.normalisation),
+            WEIGHTS: {"bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()},
         }
         if place := NETWORKS.place(self.network.config.kind):
             description[PLACE] = place
-        write_json(stem.with_suffix(".json"), description)
+        write_sealed(stem.with_suffix(".json"), description)
 
 
 def load_predictor(stem: Path) -> Predictor:
@@ -87,18 +97,28 @@ def load_predictor(stem: Path) -> Predictor:
       InputError: it names a feature or network that this version does not know.
     """
     from safetensors import SafetensorError
-    from safetensors.torch import load_file
+    from safetensors.torch import load
 
     weights_path, description_path = stem.with_suffix(".safetensors"), stem.with_suffix(".json")
     for path in (description_path, weights_path):
         if not path.is_file():
             raise StoreError(f"no network at {path}; train one with `learn fit`")
-    description = read_json(description_path, "bring it back from a copy, or train it again")
+    remedy = "bring it back from a copy, or train it again"
+    description = read_json(description_path, remedy)
     version = description.get("format")
-    if version != FORMAT:
+    if version not in (UNSEALED, FORMAT):
         raise StoreError(
-            f"{description_path} has format {version}, this program reads {FORMAT}; train it again"
+            f"{description_path} has format {version}, this program reads {UNSEALED} and {FORMAT}; "
+            "train it again"
         )
+    weights = weights_path.read_bytes()
+    if version == FORMAT or SEAL in description:
+        check_seal(description_path, description, remedy)
+        if hashlib.sha256(weights).hexdigest() != description[WEIGHTS]["sha256"]:
+            raise StoreError(
+                f"{weights_path} is damaged: its SHA-256 is not the one in "
+                f"{description_path.name}; {remedy}"
+            )
     try:
         kind = description["network"]["kind"]
         if kind not in NETWORKS:
@@ -111,7 +131,7 @@ def load_predictor(stem: Path) -> Predictor:
             fields[name] = tuple(fields[name])
         normalisation = Normalisation(**fields)
         network = build_network(config)
-        network.load_state_dict(load_file(str(weights_path)))
+        network.load_state_dict(load(weights))
     except InputError:
         raise
     except (KeyError, TypeError, RuntimeError, SafetensorError) as error:

@@ -5,6 +5,8 @@ Markdown with a YAML head, as model hubs read it.
 
 from __future__ import annotations
 
+import html
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,6 +14,7 @@ from learn.networks.registry import NETWORKS
 from learn.report.origin import Origin
 from learn.report.tables import summary_rows, verdicts
 from learn.runs.run import Run
+from twin.cli.console import one_line
 from twin.cli.text_table import format_number
 
 TRAINED_ON = ("all", "train")
@@ -33,7 +36,7 @@ def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:
         "library_name: pytorch",
         "---",
         "",
-        f"# {run.name}: surge and sway of an underwater vehicle",
+        f"# {shown(run.name)}: surge and sway of an underwater vehicle",
         "",
         "Networks that estimate a vehicle's velocity through the water, forward (surge) and to "
         "starboard (sway), from what the vehicle measures and commands. With measured attitude and "
@@ -42,26 +45,27 @@ def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:
         "## Use",
         "",
         "```",
-        f"learn evaluate {run.name} STORE     # dead reckoning on any store of missions",
-        f"learn export {run.name}             # ONNX step models for on-board use",
+        f"learn evaluate {one_line(run.name)} STORE     # dead reckoning on any store of missions",
+        f"learn export {one_line(run.name)}             # ONNX step models for on-board use",
         "```",
         "",
         "## What they are",
         "",
-        f"- {settings['members']} network(s) per velocity: {network['kind']}, {_sizes(network)}",
-        f"- inputs: {', '.join(settings['features'])}",
+        f"- {settings['members']} network(s) per velocity: {shown(network['kind'])}, "
+        f"{_sizes(network)}",
+        f"- inputs: {shown(', '.join(settings['features']))}",
         "- output: velocity through the water [m/s], body axes forward and starboard",
         "- free-running: no velocity is fed back; a state starts at zero at the first sample of a "
         f"{origin.row}",
-        f"- trained with {training['optimiser']}, seed {training['seed']}"
+        f"- trained with {shown(training['optimiser'])}, seed {shown(training['seed'])}"
         + (f", every {origin.row} mirrored too" if settings.get("mirror") else ""),
         "",
         "## What they were made from",
         "",
-        *(f"- {line}" for line in origin.made_from()),
-        *(f"- {name}: {value}" for name, value in run.description["store"].items()),
+        *(f"- {shown(line)}" for line in origin.made_from()),
+        *(f"- {shown(name)}: {shown(value)}" for name, value in run.description["store"].items()),
         f"- division into training and validation: {origin.division()}",
-        *(f"- {sentence}" for sentence in run.label_sentences()),
+        *(f"- {shown(sentence)}" for sentence in run.label_sentences()),
         "",
         f"## How good they are ({split} {origin.rows} of that store)",
         "",
@@ -70,16 +74,22 @@ def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:
         "",
         origin.units(),
         "",
-        *(f"- {sentence}" for sentence in verdicts(evaluation)),
+        *(f"- {shown(sentence)}" for sentence in verdicts(evaluation)),
         "",
         "## What they are not",
         "",
-        *(f"- {line}" for line in origin.limits()),
+        *(f"- {shown(line)}" for line in origin.limits()),
         "- They know nothing of the current. A steady current leaves no trace in the inputs.",
         f"- Sensor errors that the training {origin.rows} lacked are not covered.",
         "",
     ]
     return "\n".join(lines)
+
+
+def shown(text: object) -> str:
+    """A text of a store or a run as Markdown that shows it: no markup, no HTML, one line."""
+    escaped = html.escape(one_line(str(text)), quote=False)
+    return re.sub(r"([\\`*_\[\]|])", r"\\\1", escaped)
 
 
 def _sizes(network: Mapping[str, Any]) -> str:
@@ -89,9 +99,9 @@ def _sizes(network: Mapping[str, Any]) -> str:
 
 def _markdown(rows: list[dict[str, object]]) -> list[str]:
     columns = list(rows[0])
-    cells = [[format_number(row.get(column), 3) for column in columns] for row in rows]
+    cells = [[shown(format_number(row.get(column), 3)) for column in columns] for row in rows]
     return [
-        f"| {' | '.join(column.strip() for column in columns)} |",
+        f"| {' | '.join(shown(column) for column in columns)} |",
         f"|{'|'.join('---' for _ in columns)}|",
         *(f"| {' | '.join(line)} |" for line in cells),
     ]

@@ -20,9 +20,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from learn.files import read_json, write_json
+from learn.files import SEAL, check_seal, read_json, write_sealed
 from twin.errors import InputError, StoreError
 from twin.records.attributes import SAMPLE_PERIOD
+from twin.records.whole import whole_file
 from twin.version import __version__
 
 if TYPE_CHECKING:
@@ -41,8 +42,10 @@ PAPER_TEST = "paper-test.json"
 ABLATION = "ablation.json"
 CARD = "README.md"
 REPORT = Path("report") / "index.html"
-FORMAT = 1
+FORMAT = 2
 """Version of `run.json`."""
+UNSEALED = 1
+"""Version whose `run.json` has no checksum, of releases up to 0.1.0."""
 TRUTH = "truth"
 """Entry of `run.json`: the channels of truth in its store; runs of version 0.1.0 lack it."""
 LABELS = "label_counts"
@@ -160,7 +163,7 @@ class Run:
         for number, line in enumerate(_whole_lines(path), 1):
             try:
                 found.append(json.loads(line))
-            except ValueError as error:
+            except (ValueError, RecursionError) as error:
                 raise StoreError(
                     f"{path} is damaged in line {number} ({error}); take that line out"
                 ) from error
@@ -251,14 +254,18 @@ def read_description(folder: Path) -> dict[str, Any]:
             f"{folder} is not a run (no {DESCRIPTION} there nor in {RUNS / folder}); make one: "
             "`learn fit`"
         )
-    description = read_json(path, "bring it back from a copy, or fit the run again")
+    remedy = "bring it back from a copy, or fit the run again"
+    description = read_json(path, remedy)
     try:
         version = int(description["format"])
     except (ValueError, KeyError, TypeError) as error:
         raise StoreError(f"{path} is damaged: {type(error).__name__} {error}") from error
-    if version != FORMAT:
-        raise StoreError(f"{path} has format {version}, this program reads {FORMAT}; fit it again")
-    remedy = "bring it back from a copy, or fit the run again"
+    if version not in (UNSEALED, FORMAT):
+        raise StoreError(
+            f"{path} has format {version}, this program reads {UNSEALED} and {FORMAT}; fit it again"
+        )
+    if version == FORMAT or SEAL in description:
+        check_seal(path, description, remedy)
     _need(description, ("settings", "store", "versions", "created"), path, remedy)
     _need(description["settings"], SETTINGS, path, remedy)
     return description
@@ -281,9 +288,9 @@ def repair_metrics(folder: Path) -> None:
     """Take out a last line that a kill halved, so that the next one starts a line of its own."""
     path = folder / METRICS
     if path.is_file() and not path.read_bytes().endswith(b"\n"):
-        half = path.with_name(path.name + ".part")
-        half.write_text("".join(f"{line}\n" for line in _whole_lines(path)), encoding="utf-8")
-        half.replace(path)
+        lines = _whole_lines(path)
+        with whole_file(path) as place:
+            place.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
 
 
 def _example() -> str:
@@ -298,7 +305,7 @@ def write_description(folder: Path, description: Mapping[str, Any]) -> None:
     """Write `run.json`."""
     from twin.cli.console import to_json
 
-    write_json(folder / DESCRIPTION, to_json(description))
+    write_sealed(folder / DESCRIPTION, {**to_json(description), "format": FORMAT})
 
 
 def newest_run(root: Path = RUNS) -> Run:

@@ -25,7 +25,9 @@ from learn.report.log_page import build_log_page
 from learn.runs.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
 from learn.studies.folds import Folds, read_folds
 from learn.studies.run_evaluation import evaluate_run, evaluation_split, is_log_store
+from twin.records.disk import sweep
 from twin.records.reader import MissionStore
+from twin.records.whole import whole_file
 
 IDEAL_SENSORS = "ideal"
 """The store's attribute `sensors` when its compass has no error."""
@@ -55,7 +57,9 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
     if paper is not None:
         write_json(run.folder / PAPER_TEST, paper.figures)
     write_page(run, test, paper, history=history)
-    (run.folder / CARD).write_text(model_card(run, test.figures, split), encoding="utf-8")
+    with whole_file(run.folder / CARD) as place:
+        place.write_text(model_card(run, test.figures, split), encoding="utf-8")
+    sweep(run.folder)
     return run
 
 
@@ -148,7 +152,7 @@ def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
         )
         return None
     say("flying the paper's test in three currents")
-    from factory.generation.bulk import generate
+    from factory.generation.generate import generate
     from factory.recipe.recipe import make_recipe
 
     path = run.folder / PAPER_TEST_STORE

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -26,8 +27,11 @@ from learn.networks.predictor import free_run
 from learn.training.optimisers.base import FullBatchOptimiser, MinibatchOptimiser
 from learn.training.optimisers.registry import OPTIMISERS
 from learn.training.schedule import Clock, TrainingConfig, step_size
+from twin.bounded import check_archive
+from twin.cli.console import one_line
 from twin.errors import InputError, StoreError
 from twin.preload import preload_triton
+from twin.records.whole import whole_file
 
 TRAINING_PER_VALIDATION = 4.0
 """Least ratio of the time in training to that in validation: a large store validates less often."""
@@ -314,15 +318,14 @@ class Trainer:
             "bad": self.bad,
             **state,
         }
-        # A kill while writing must not cost the previous checkpoint.
-        half = self.checkpoint.with_suffix(".part")
-        torch.save(everything, half)
-        half.replace(self.checkpoint)
+        # a kill while writing must not cost the previous checkpoint
+        with whole_file(self.checkpoint) as place:
+            torch.save(everything, place)
 
     def _load(self) -> dict[str, Any] | None:
         if self.checkpoint is None or not self.checkpoint.exists():
             return None
-        saved: dict[str, Any] = torch.load(self.checkpoint, map_location=self.device)
+        saved = _read_checkpoint(self.checkpoint, self.device)
         theirs, ours = saved["identity"], self._identity()
         if theirs != ours:
             raise StoreError(
@@ -333,6 +336,50 @@ class Trainer:
         self.best, self.best_state = saved["best"], saved["best_state"]
         self.bad = saved["bad"]
         return saved
+
+
+def check_records(checkpoint: Path) -> None:
+    """Compare the records of a checkpoint with their CRC-32, which torch does not do.
+
+    Raises:
+      StoreError: one of them is damaged.
+    """
+    try:
+        with zipfile.ZipFile(checkpoint) as archive:
+            damaged = archive.testzip()
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, ValueError) as error:
+        damaged = str(error)
+    if damaged is not None:
+        raise StoreError(
+            f"checkpoint {checkpoint} is damaged ({damaged}); remove it to train this network from "
+            "its start"
+        )
+
+
+def _read_checkpoint(path: Path, device: torch.device | str) -> dict[str, Any]:
+    """What `Trainer._save` wrote: tensors and plain values. No other object is ever loaded.
+
+    Raises:
+      StoreError: the file is damaged or no checkpoint.
+    """
+    remedy = "remove it to start over"
+    try:
+        check_archive(path, f"checkpoint {path}", StoreError)
+    except StoreError as error:
+        raise StoreError(f"{error}; {remedy}") from error
+    check_records(path)
+    needed = {"identity", "history", "best", "best_state", "bad"}
+    try:
+        saved = torch.load(path, map_location=device, weights_only=True)
+        missing = needed - set(saved)
+    except Exception as error:  # the reader of torch raises many kinds
+        line = one_line(str(error)).split(". ")[0]
+        raise StoreError(
+            f"checkpoint {path} cannot be read ({type(error).__name__}: {line}); {remedy}"
+        ) from error
+    if missing:
+        raise StoreError(f"checkpoint {path} lacks {', '.join(sorted(missing))}; {remedy}")
+    return dict(saved)
 
 
 def mean_squared_error(network: Network, sequences: Sequences) -> float:

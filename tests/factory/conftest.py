@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from factory.generation.bulk import generate
+from factory.generation.generate import generate
 from factory.recipe.recipe import Recipe, make_recipe
 
 SHORT = {

@@ -98,27 +98,36 @@ class Console:
     def _write(self, text: str) -> None:
         try:
             self._out.write(text)
-        except BrokenPipeError:
-            _discard(self._out)
+        except OSError as error:
+            self._give_up(error)
 
     def _flush(self) -> None:
         try:
             self._out.flush()
-        except BrokenPipeError:
-            _discard(self._out)
+        except OSError as error:
+            self._give_up(error)
+
+    def _give_up(self, error: OSError) -> None:
+        """After this, what is said goes nowhere: a full disk is told once, as an error."""
+        discard(self._out)
+        if not isinstance(error, BrokenPipeError):
+            raise error
 
     def _error(self, text: str) -> None:
         self._flush()  # a terminal shows both streams: keep the order in which things were said
         try:
             sys.stderr.write(text + "\n")
             sys.stderr.flush()
-        except BrokenPipeError:
-            _discard(sys.stderr)
+        except OSError:  # nowhere is left to say it; the exit code still does
+            discard(sys.stderr)
 
 
-def _discard(stream: IO[str]) -> None:
-    # `twin ... | head` closes the pipe early. The work itself must still come to its end, and the
-    # interpreter's own flush at exit must not fail, so what is still said goes nowhere.
+def discard(stream: IO[str]) -> None:
+    """Let what is still said go nowhere.
+
+    `twin ... | head` closes the pipe early. The work itself must still come to its end, and the
+    interpreter's own flush at exit must not fail.
+    """
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
     os.close(nowhere)

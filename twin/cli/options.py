@@ -137,6 +137,9 @@ def _unknown_option(tokens: Sequence[str], command: type) -> str:
     if not offender.startswith("-"):
         return f"unexpected argument {offender!r}"
     known = sorted(option_names(command))
-    near = difflib.get_close_matches(offender.partition("=")[0], known, n=1, cutoff=0.5)
+    given = offender.partition("=")[0]
+    if given in known:
+        return f"{given} is no option: give its value alone, without the name"
+    near = difflib.get_close_matches(given, known, n=1, cutoff=0.5)
     hint = f"did you mean {near[0]}?" if near else f"allowed: {', '.join(known)}"
     return f"unknown option {offender}: {hint}"

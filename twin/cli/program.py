@@ -26,7 +26,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from twin.cli.console import Console, one_line
+from twin.cli.console import Console, discard, one_line
+from twin.cli.endings import Endings
 from twin.cli.runnable import Runnable
 from twin.errors import InputError, TwinError, unknown_name
 from twin.version import __version__
@@ -34,8 +35,6 @@ from twin.version import __version__
 EXIT_OK = 0
 EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
-EXIT_INTERRUPTED = 130
-"""128 + SIGINT, as shells report it."""
 
 TRACEBACK_VARIABLE = "TWIN_TRACEBACK"
 """Environment variable that, when set to 1, adds the traceback to every error."""
@@ -87,8 +86,8 @@ class Program:
             f"options:\n"
             f"  -h, --help  this text; `{self.name} COMMAND --help` explains one command\n"
             f"  --version   the version\n\n"
-            f"Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted. "
-            f"{TRACEBACK_VARIABLE}=1 adds tracebacks to errors.\n"
+            f"Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted, 143 ended by SIGTERM, "
+            f"129 by SIGHUP.\n{TRACEBACK_VARIABLE}=1 adds tracebacks to errors.\n"
         )
 
     def main(self, arguments: Sequence[str] | None = None) -> int:
@@ -97,6 +96,12 @@ class Program:
         _open_missing_streams()
         # Bad options are reported before they are parsed, so --json is looked for in the raw words.
         console = Console(self.name, json="--json" in words)
+        endings = Endings()
+        with endings:
+            return self._run(words, console, endings)
+
+    def _run(self, words: list[str], console: Console, endings: Endings) -> int:
+        """Exit code of the command, after an error or an ending from outside was told."""
         try:
             code = self._dispatch(words, console)
             if code is None:
@@ -104,16 +109,17 @@ class Program:
             console.finish()
             return code
         except KeyboardInterrupt as interrupt:
-            text = f"interrupted: {interrupt}" if str(interrupt) else "interrupted"
+            advice = "nothing half-written is left; give the command again"
+            text = f"{endings.word}: {str(interrupt) or advice}"
             # the store library leaves a coroutine behind, and Python would say so on the terminal
             warnings.filterwarnings("ignore", "coroutine .* was never awaited", RuntimeWarning)
-            return _fail(console, interrupt, text, EXIT_INTERRUPTED)
+            return _fail(console, interrupt, text, endings.code)
         except TwinError as error:
             return _fail(console, error, str(error), error.exit_code)
         except SystemError as error:
             # compiled code that Ctrl-C interrupts reports it as the cause of a SystemError
             if isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
-                return _fail(console, error, "interrupted", EXIT_INTERRUPTED)
+                return _fail(console, error, endings.word, endings.code)
             return _fail(console, error, f"SystemError: {error}", EXIT_FAILED)
         except OSError as error:
             return _fail(console, error, _describe_os_error(error), _os_error_code(error))
@@ -145,13 +151,19 @@ class Program:
         from twin.cli.options import parse_options
 
         chosen = by_name[first].load()
-        options = parse_options(chosen, prog=f"{self.name} {first}", words=rest)
+        try:
+            options = parse_options(chosen, prog=f"{self.name} {first}", words=rest)
+        except BrokenPipeError:  # of the help text, by `| head`
+            discard(sys.stdout)
+            return None
         if options is None:
+            Console("").finish()
             return None
         console.json = bool(getattr(options, "json", False))
         # With --json the answer owns standard output: a library that prints must not spoil it.
         aside = contextlib.redirect_stdout(sys.stderr) if console.json else contextlib.nullcontext()
-        with aside:
+        with aside, warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_, **__: console.warn(str(message))
             return options.run(console)
 
 

@@ -57,12 +57,15 @@ class Check(JsonOption):
         from twin.checks.logs.page import build_page, table
         from twin.commands.identify import parse_rows
         from twin.errors import InputError
+        from twin.plot.page import check_page_target
 
         if self.vehicle is None:
             raise InputError(
                 "--logs needs --vehicle: the file of the vehicle that made them, such as `twin "
                 "identify` writes, or a shipped name"
             )
+        if self.page is not None:
+            check_page_target(self.page)
         found = check_logs(store, self.vehicle, missions=parse_rows(self.missions or "all"))
         console.table(table(found), title=f"{found.vehicle.name} beside {len(found.dives)} dives")
         for text in found.notes:

@@ -163,11 +163,10 @@ class Identify(JsonOption):
             console.say(f"figures of {kind}: {self.export}")
         if self.plot is not None:
             from twin.identify.figure import residual_figure
+            from twin.records.whole import whole_file
 
-            try:
-                residual_figure(found, logs).savefig(self.plot)
-            except OSError as error:
-                raise InputError(f"cannot write plot {self.plot}: {error}") from error
+            with whole_file(self.plot) as place:
+                residual_figure(found, logs).savefig(place)
             console.say(f"plot: {self.plot}")
         if refined is not None:
             console.answer(**refined.describe())

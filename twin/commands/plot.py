@@ -1,8 +1,8 @@
-"""`twin plot`: figures of one mission of a store."""
+"""`twin plot`: figures of one mission of a store, of some dives of a log, or of a flight."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +11,7 @@ import tyro
 
 from twin.cli.console import Console
 from twin.errors import InputError, UnknownName
-from twin.plot.registry import FIGURES
+from twin.plot.registry import FIGURES, LOG, OVERVIEW
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,7 +22,12 @@ if TYPE_CHECKING:
 FORMATS = (".png", ".pdf", ".svg")
 """Endings that matplotlib writes here."""
 ALL = "all"
-CHOICES = ", ".join((*FIGURES, f"or {ALL}"))
+FLIGHT_FIGURES = ("w_section", "w_histogram", "map")
+"""Of a file of `twin flight`; the first by default"""
+CHOICES = (
+    f"{', '.join((*FIGURES, f'or {ALL}'))} [default: {OVERVIEW}]; of a file of `twin flight` "
+    f"{', '.join((*FLIGHT_FIGURES, f'or {ALL}'))} [default: {FLIGHT_FIGURES[0]}]"
+)
 """What --figure takes"""
 PRINT_DPI = 300
 """[pixel/in] of a .png, as journals ask for"""
@@ -30,19 +35,30 @@ PRINT_DPI = 300
 
 @dataclass(frozen=True, kw_only=True)
 class Plot:
-    """Figures of one mission: tracks, sections, velocities, actuators, sensors, currents."""
+    """Figures of one mission: map, tracks, sections, water, velocities, actuators, sensors.
+
+    Of a log the track corrected at the fixes, the measured attitude and the flight model's
+    velocities stand where a simulation has its truth; labels say so.
+    """
 
     store: Annotated[Path, tyro.conf.Positional]
-    """store (zarr) that holds the mission"""
+    """store (zarr) that holds the mission, or a file that `twin flight` wrote (.nc, .zarr)"""
 
     mission: int = 0
     """index of the mission in the store"""
 
-    figure: Annotated[str, tyro.conf.arg(help=CHOICES)] = "overview"
+    missions: str | None = None
+    """several dives of a log in one figure, such as 0-11,14, or all; in place of --mission"""
+
+    figure: Annotated[str | None, tyro.conf.arg(help=CHOICES)] = None
 
     out: Path | None = None
     """file (.png, .pdf or .svg) [default: FIGURE.png]; with --figure all a folder, made if need
     be [default: plots]"""
+
+    vehicle: str | None = None
+    """of a log: the vehicle whose flight model tells its velocities: what `twin identify` wrote, or
+    a shipped name; default: the shipped one of the log's kind"""
 
     tracks: Path | None = None
     """file of dead-reckoned tracks (.nc, .zarr, .npz or .csv) to draw beside the true one"""
@@ -52,49 +68,127 @@ class Plot:
 
     def run(self, console: Console) -> int:
         """Draw and save; says which files were written."""
-        from twin.plot.caption import mission_caption
-        from twin.records.reader import MissionStore
-        from twin.records.store import read_trajectory
-        from twin.records.tracks import choose_tracks, read_tracks
+        from twin.records.flight_file import is_flight
 
-        if self.figure not in (*FIGURES, ALL):
-            raise UnknownName("figure", self.figure, (*FIGURES, ALL))
-        out = self._out()
-        trajectory = read_trajectory(self.store, self.mission)
-        caption = mission_caption(MissionStore(self.store), self.mission)
-        tracks = []
+        if is_flight(self.store):
+            return self._run_flight(console)
+        name = OVERVIEW if self.figure is None else self.figure
+        if name not in (*FIGURES, ALL):
+            raise UnknownName("figure", name, (*FIGURES, ALL))
+        out = self._out(name)
+        if self.tracks is not None and self.missions is not None:
+            raise InputError("--tracks are of one mission; give --mission in place of --missions")
+        trajectory, caption = self._read(console)
+        tracks: list[NamedTrack] = []
         if self.tracks is not None:
+            from twin.records.tracks import choose_tracks, read_tracks
+
             tracks = choose_tracks(read_tracks(self.tracks, self.mission), self.only)
-        if self.figure != ALL:
-            self._save(self._draw(self.figure, trajectory, tracks), out, caption, console)
-            return 0
+        drawers = {
+            each: lambda each=each: self._draw(each, trajectory, tracks)
+            for each in self._names(name)
+        }
+        self._save_all(drawers, out, caption, console)
+        return 0
+
+    def _run_flight(self, console: Console) -> int:
+        """Figures of what `twin flight` wrote."""
+        from twin.flight.figures import FIGURES as OF_FLIGHTS
+        from twin.flight.figures import caption_of, read_flight
+
+        given = {"--vehicle": self.vehicle, "--tracks": self.tracks, "--missions": self.missions}
+        for option, value in given.items():
+            if value is not None:
+                raise InputError(f"{option} is for stores; {self.store} is a flight")
+        name = FLIGHT_FIGURES[0] if self.figure is None else self.figure
+        if name not in (*OF_FLIGHTS, ALL):
+            raise UnknownName("figure of a flight", name, (*OF_FLIGHTS, ALL))
+        out = self._out(name)
+        flight = read_flight(self.store)
+        chosen = OF_FLIGHTS if name == ALL else {name: OF_FLIGHTS[name]}
+        drawers = {each: lambda draw=draw: draw(flight) for each, draw in chosen.items()}
+        self._save_all(drawers, out, caption_of(flight, self.store), console)
+        return 0
+
+    def _names(self, name: str) -> Iterable[str]:
+        return FIGURES if name == ALL else (name,)
+
+    def _save_all(
+        self,
+        drawers: Mapping[str, Callable[[], Figure]],
+        out: Path,
+        caption: str,
+        console: Console,
+    ) -> None:
+        """The only figure to the file `out`; of several those that can be drawn into that folder.
+
+        Raises:
+          InputError: none can be drawn.
+        """
+        if out.suffix.lower() in FORMATS:
+            (draw,) = drawers.values()
+            self._save(draw(), out, caption, console)
+            return
         missing = []
-        for name in FIGURES:
+        for name, draw in drawers.items():
             try:
-                figure = self._draw(name, trajectory, tracks)
+                figure = draw()
             except InputError as error:
                 missing.append(f"no {name} figure: {error}")
                 continue
             self._save(figure, out / f"{name}.png", caption, console)
-        if len(missing) == len(FIGURES):
+        if len(missing) == len(drawers):
             raise InputError(missing[0])
         for reason in missing:
             console.note(reason)
-        return 0
 
-    def _out(self) -> Path:
+    def _out(self, name: str) -> Path:
         """The file, or the folder of all figures; refused before anything is read."""
-        if self.figure == ALL:
+        if name == ALL:
             out = self.out or Path("plots")
             if out.suffix.lower() in FORMATS:
                 raise InputError(f"--out {out}: --figure all needs a folder, not a file")
             return out
-        out = self.out or Path(f"{self.figure}.png")
+        out = self.out or Path(f"{name}.png")
         if out.suffix.lower() not in FORMATS:
             raise InputError(f"--out {out}: the ending must be one of {', '.join(FORMATS)}")
         return out
 
-    def _draw(self, name: str, trajectory: Trajectory, tracks: Sequence[NamedTrack]) -> Figure:
+    def _read(self, console: Console) -> tuple[Trajectory, str]:
+        """The mission, or the dives of a log as one, and the caption."""
+        from twin.plot.caption import mission_caption, missions_caption
+        from twin.records.reader import MissionStore
+        from twin.records.store import read_trajectory
+
+        with MissionStore(self.store) as store:
+            if not store.logged:
+                for option in ("missions", "vehicle"):
+                    if getattr(self, option) is not None:
+                        raise InputError(
+                            f"--{option} is for logs: each mission of {self.store} is a flight of "
+                            "its own, whose truth the store holds; --mission chooses one"
+                        )
+                trajectory = read_trajectory(self.store, self.mission)
+                return trajectory, mission_caption(store, self.mission)
+            if self.missions is None:
+                chosen = [self.mission]
+            else:
+                from twin.commands.identify import parse_rows
+
+                rows = parse_rows(self.missions)
+                chosen = list(range(len(store))) if rows is None else rows
+            if self.figure == LOG and len(chosen) == 1:  # needs no flight model
+                return read_trajectory(self.store, chosen[0]), mission_caption(store, chosen[0])
+            from twin.flight.logged_trajectory import logged_trajectory
+
+            trajectory = logged_trajectory(self.store, chosen, self.vehicle)
+            if trajectory.unflown:
+                console.note(
+                    f"without a flight model, by the log's own track: {trajectory.unflown}"
+                )
+            return trajectory, missions_caption(store, chosen, trajectory.vehicle)
+
+    def _draw(self, name: str, trajectory: Trajectory, tracks: list[NamedTrack]) -> Figure:
         """One figure; raises InputError when the mission lacks a signal that it shows."""
         from twin.plot.registry import figure, suited
 
@@ -106,12 +200,14 @@ class Plot:
         try:
             return figure(trajectory, name, **options)
         except InputError as error:
-            raise InputError(f"mission {self.mission} of {self.store}: {error}") from error
+            which = f"mission {self.mission}" if self.missions is None else "missions"
+            raise InputError(f"{which} of {self.store}: {error}") from error
 
     def _save(self, figure: Figure, path: Path, caption: str, console: Console) -> None:
         from twin.plot.caption import add_caption
+        from twin.records.whole import whole_file
 
         add_caption(figure, caption)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=PRINT_DPI)
+        with whole_file(path) as place:
+            figure.savefig(place, dpi=PRINT_DPI)
         console.say(str(path))

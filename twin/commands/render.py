@@ -21,6 +21,8 @@ class Render(JsonOption):
     """store (zarr) that holds the mission"""
     mission: int = 0
     """index of the mission in the store"""
+    missions: str | None = None
+    """several dives of a log in one picture, such as 0-11,14, or all; in place of --mission"""
     out: Path = Path("mission.mp4")
     """file to write: .png, .mp4 or .gif"""
     camera: Literal["orbit", "side", "map", "chase"] = "orbit"
@@ -37,8 +39,9 @@ class Render(JsonOption):
     """last mission time shown [s]"""
     time: float | None = None
     """mission time of a .png [s]; default: the end of the part"""
-    colour: Literal["speed", "current", "error"] = "speed"
-    """what colours the track; error is the first track's of --tracks"""
+    colour: Literal["speed", "current", "depth", "error"] | None = None
+    """what colours the track; default: speed, or depth in a log that does not tell it; error is
+    the first track's of --tracks"""
     tracks: Path | None = None
     """dead-reckoned tracks to draw beside the true one: .nc, .zarr, .npz or .csv"""
     only: str | None = None
@@ -55,7 +58,8 @@ class Render(JsonOption):
     title: str | None = None
     """first line of the picture; default: from the store"""
     vehicle: str | None = None
-    """vehicle to draw, by name or MJCF file (:PRESET behind it); default: the store's own"""
+    """vehicle to draw, by name or MJCF file (:PRESET behind it); default: the store's own. Its
+    flight model tells the velocities of a log"""
     workers: int | None = None
     """processes that draw a video; default: one per core"""
 
@@ -95,6 +99,7 @@ class Render(JsonOption):
             read_subject,
             self.store,
             self.mission,
+            missions=self._missions(),
             vehicle=self.vehicle,
             tracks=self.tracks,
             names=self.only,
@@ -110,6 +115,9 @@ class Render(JsonOption):
             console.note(
                 f"{len(subject.tracks)} tracks share {colours} colours; --only chooses some"
             )
+        unflown = getattr(subject.trajectory, "unflown", "")  # logs have it
+        if unflown:
+            console.note(f"without a flight model, by the log's own track: {unflown}")
         begun = time.perf_counter()
         if suffix in STILL_FORMATS:
             save_still(self.out, subject, shot, self.time)
@@ -131,6 +139,21 @@ class Render(JsonOption):
             out=self.out, frames=frames, width=width, height=height, bytes=size, seconds=seconds
         )
         return 0
+
+    def _missions(self) -> list[int] | None:
+        """The dives that --missions names; None without it."""
+        if self.missions is None:
+            return None
+        from twin.commands.identify import parse_rows
+        from twin.records.reader import MissionStore
+
+        if self.tracks is not None:
+            raise InputError("--tracks are of one mission; give --mission in place of --missions")
+        rows = parse_rows(self.missions)
+        if rows is not None:
+            return rows
+        with MissionStore(self.store) as store:
+            return list(range(len(store)))
 
 
 VIDEO_FPS, GIF_FPS = 30.0, 12.5

@@ -52,8 +52,9 @@ class Simulate(JsonOption):
     GEBCO.nc (latitude, longitude, elevation in m) about --start. docs/physics.md explains them"""
     start: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[,TIME]")] = None
     """where and when it begins: degrees north and east, and UTC, such as
-    49,-16,2003-08-01T00:00. Gridded currents, density and the store use it;
-    default: Monterey Bay without a date, and the store says neither"""
+    49,-16,2003-08-01T00:00. Gridded currents, density and the store use it; default: where a
+    gridded current's file is read, else 36.8,-122.4,2020-01-01T00:00, off Monterey Bay, and the
+    store says which of place and date are defaults"""
     duration: float | None = None
     """seconds to simulate; default: what the mission says"""
     hydrodynamics: Literal["coefficients", "ellipsoid"] = "coefficients"
@@ -81,13 +82,13 @@ class Simulate(JsonOption):
         from twin.errors import SimulationUnstable
         from twin.physics.quiet import quiet_mujoco
         from twin.physics.simulation import Simulation
-        from twin.records.store import prepare_target
+        from twin.records.store import check_target
 
         scenario = self._scenario()
         suite = self._suite()
         check_plot_path(self.plot)
         if self.out is not None:
-            prepare_target(self.out, overwrite=self.overwrite)
+            check_target(self.out, overwrite=self.overwrite)
         try:
             with quiet_mujoco():
                 simulation = Simulation(scenario)
@@ -217,19 +218,17 @@ class Simulate(JsonOption):
 
         assert self.out is not None
         attributes = {**trajectory.provenance, **provenance_of(scenario)}
-        write_store(mission_dataset([trajectory], attributes=attributes), self.out, overwrite=True)
+        dataset = mission_dataset([trajectory], attributes=attributes)
+        write_store(dataset, self.out, overwrite=self.overwrite)
 
     def _draw(self, trajectory: Trajectory) -> None:
-        from twin.errors import InputError
         from twin.plot import overview_figure
+        from twin.records.whole import whole_file
 
         assert self.plot is not None
         figure = overview_figure(trajectory)
-        try:
-            self.plot.parent.mkdir(parents=True, exist_ok=True)
-            figure.savefig(self.plot)
-        except (OSError, ValueError) as error:
-            raise InputError(f"cannot write plot {self.plot}: {error}") from error
+        with whole_file(self.plot) as place:
+            figure.savefig(place)
 
     def _report(self, console: Console, scenario: Scenario, trajectory: Trajectory) -> None:
         from twin.records.summary import summarise

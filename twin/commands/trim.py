@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from twin.cli.console import Console, JsonOption
+
+if TYPE_CHECKING:
+    from twin.vehicle.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trim(JsonOption):
     """Steady state of these positions of the parts: speed, angles, turn, through the water."""
 
-    net_mass: float = 0.0
-    """net buoyancy mass [kg] of a vehicle with a pump, positive is heavy and dives"""
-    shift: float = 0.0
+    net_mass: float | None = None
+    """net buoyancy mass [kg] of a vehicle with a pump, positive is heavy and dives; a glider
+    without any option trims its usual dive"""
+    shift: float | None = None
     """battery position forward of neutral [m]"""
     rotation: float = 0.0
     """position of what turns the vehicle [deg]: a battery's rotation, positive puts the mass to
@@ -41,17 +45,17 @@ class Trim(JsonOption):
         from twin.physics.steady_motion import positions_text, trim_positions
         from twin.vehicle.vehicle import load_vehicle
 
-        for name, value in (
-            ("net-mass", self.net_mass),
-            ("shift", self.shift),
-            ("rotation", self.rotation),
-        ):
+        vehicle = load_vehicle(self.vehicle)
+        net_mass, shift = self.net_mass, self.shift
+        if net_mass is None and shift is None and not self.rotation and not self.positions:
+            net_mass, shift = _usual_dive(vehicle)
+        net_mass, shift = net_mass or 0.0, shift or 0.0
+        for name, value in (("net-mass", net_mass), ("shift", shift), ("rotation", self.rotation)):
             if not math.isfinite(value):
                 raise InputError(f"--{name} must be a finite number, not {value}")
-        vehicle = load_vehicle(self.vehicle)
         if self.hydrodynamics != "coefficients":
             vehicle = vehicle.with_law(self.hydrodynamics)
-        request = (self.shift, math.radians(self.rotation), self.net_mass)
+        request = (shift, math.radians(self.rotation), net_mass)
         given = parse_positions(self.positions)
         if self.model == "fossen":
             from twin.fossen import FossenModel
@@ -90,6 +94,27 @@ class Trim(JsonOption):
             f"{positions_text(vehicle, positions)}",
         )
         return 0
+
+
+def _usual_dive(vehicle: Vehicle) -> tuple[float, float]:
+    """Net mass [kg] and shift [m] of the usual dive of a glider that a battery pitches.
+
+    Raises:
+      InputError: the vehicle does not glide; says what to give instead.
+    """
+    from twin.errors import InputError
+    from twin.mission.glide import steady_glide
+    from twin.vehicle.parts import BatterySlide, Pump
+
+    pitch, net_mass = vehicle.usual_glide
+    slides = isinstance(vehicle.steered("pitch"), BatterySlide)
+    if not slides or not isinstance(vehicle.steered("buoyancy"), Pump):
+        parts = ", ".join(f"{part.name} ({part.low:g} to {part.high:g})" for part in vehicle.parts)
+        raise InputError(
+            f"vehicle {vehicle.name!r} has no usual dive: say the positions that it holds by --set "
+            f"PART=VALUE; its parts: {parts or 'none'}"
+        )
+    return net_mass, steady_glide(vehicle, -pitch, net_mass).shift
 
 
 def parse_positions(texts: tuple[str, ...]) -> dict[str, float]:

@@ -1,11 +1,12 @@
 """Folder: where compiled code is kept, in a place that no other user can write.
 
 Compiled code is run, so whoever can write it, or rename a folder above it, can run code as this
-user. Every level up to the root is checked.
+user. Every level up to the root is checked, and no place has a name in a folder that others write.
 """
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import functools
 import os
@@ -29,9 +30,11 @@ _PACKAGE = Path(__file__).resolve().parent.parent
 
 @functools.cache
 def cache_root() -> Path | None:
-    """The first trusted folder of `candidates`, created; None, with a warning, when none is.
+    """The first trusted folder of `candidates`, created.
 
-    A folder that cannot be written is passed over like one that cannot be trusted.
+    A folder that cannot be written is passed over like one that cannot be trusted. When none is
+    left, a warning says why and a fresh folder serves this process and those it forks; None when
+    not even that can be trusted.
     """
     reasons = []
     for candidate in candidates():
@@ -47,20 +50,34 @@ def cache_root() -> Path | None:
         RuntimeWarning,
         stacklevel=2,
     )
-    return None
+    return _fresh()
 
 
 def candidates() -> Iterator[Path]:
-    """Beside the package where it belongs to this user, the user's cache, a private temporary one.
-
-    The last has the user's number in its name; whoever made it first, `refusal` decides.
-    """
+    """Beside the package where it belongs to this user, then the user's cache."""
     if not hasattr(os, "getuid") or _PACKAGE.stat().st_uid == os.getuid():
         yield _PACKAGE / "__pycache__" / "compiled"
     with contextlib.suppress(RuntimeError):  # no home folder is known
         yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "glider-twin"
-    user = os.getuid() if hasattr(os, "getuid") else "user"
-    yield Path(tempfile.gettempdir()) / f"glider-twin-{user}"
+
+
+def _fresh() -> Path | None:
+    """A folder that did not exist before, only this user's, removed when this process ends.
+
+    Never one of a name that others can guess: they could have made it, or a link in its place.
+    """
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="glider-twin-")).resolve()
+    except OSError:
+        return None
+    owner = os.getpid()
+
+    def remove() -> None:
+        if os.getpid() == owner:  # what was forked from it still reads it
+            shutil.rmtree(folder, ignore_errors=True)
+
+    atexit.register(remove)
+    return folder if refusal(folder) is None else None
 
 
 def refusal(folder: Path) -> str | None:
@@ -86,20 +103,41 @@ def refusal(folder: Path) -> str | None:
 def version_folder(root: Path, name: str) -> Path:
     """The folder of one version, `root/name`, created and marked as used.
 
+    One that is a link, or that others wrote while `root` was still open to them, is removed first.
     Creating one removes the versions beside it that no process has used for `KEPT_DAYS`: a process
     marks what it loads, so nothing that may still be read goes.
     """
     folder = root / name
     try:
-        used = folder.stat().st_mtime
+        state = folder.lstat()
+        if not _own_folder(state):
+            _discard(folder)
+            raise FileNotFoundError
     except FileNotFoundError:
         folder.mkdir(mode=0o700, exist_ok=True)
         _remove_unused(root)
         return folder
-    if time.time() - used > TOUCH_DAYS * _DAY:
+    if time.time() - state.st_mtime > TOUCH_DAYS * _DAY:
         with contextlib.suppress(OSError):
             os.utime(folder)
     return folder
+
+
+def _own_folder(state: os.stat_result) -> bool:
+    """Whether it is a folder of this user that nobody else can write."""
+    if not stat.S_ISDIR(state.st_mode):
+        return False
+    if not hasattr(os, "getuid"):
+        return True
+    shared = state.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    return state.st_uid == os.getuid() and not shared
+
+
+def _discard(folder: Path) -> None:
+    if folder.is_symlink() or not folder.is_dir():
+        folder.unlink()
+    else:
+        shutil.rmtree(folder)
 
 
 def _remove_unused(root: Path) -> None:

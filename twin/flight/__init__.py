@@ -9,6 +9,7 @@ from twin.flight.current import DiveCurrent
 from twin.flight.dataset import flight_dataset, write_flight
 from twin.flight.fixes import Fixes
 from twin.flight.flight import Flight, FlownMission, estimate_flight
+from twin.flight.logged_trajectory import logged_trajectory
 from twin.flight.summary import FlightSummary
 from twin.flight.thermal_lag import ThermalLag
 from twin.flight.track import Drift, corrected_track
@@ -24,5 +25,6 @@ __all__ = [
     "corrected_track",
     "estimate_flight",
     "flight_dataset",
+    "logged_trajectory",
     "write_flight",
 ]

@@ -22,9 +22,11 @@ from twin.records.attributes import (
     START_TIME,
     TITLE,
 )
+from twin.records.flight_file import FLIGHT_TITLE
 from twin.records.logs import start_times
 from twin.records.schema import MISSION, TIME
-from twin.records.store import write_zarr
+from twin.records.store import is_derived, write_netcdf, write_zarr
+from twin.records.whole import check_file_target, check_folder_target, whole_file, whole_folder
 from twin.version import __version__
 
 if TYPE_CHECKING:
@@ -181,27 +183,27 @@ def write_flight(flight: Flight, path: Path, *, overwrite: bool = False) -> None
     """
     check_target(path, overwrite=overwrite)
     dataset = flight_dataset(flight)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.suffix == ".zarr":
-            write_zarr(dataset, path)
-            return
-        encoding: dict[str, Any] = {
-            str(name): {"zlib": True, "complevel": 4}
-            for name, array in dataset.data_vars.items()
-            if array.dtype.kind == "f" and array.ndim == 2
-        }
-        dataset.to_netcdf(path, encoding=encoding)
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+    if path.suffix == ".zarr":
+        with whole_folder(path, overwrite=overwrite, ours=is_derived) as folder:
+            write_zarr(dataset, folder)
+        return
+    encoding: dict[str, Any] = {
+        str(name): {"zlib": True, "complevel": 4}
+        for name, array in dataset.data_vars.items()
+        if array.dtype.kind == "f" and array.ndim == 2
+    }
+    with whole_file(path, overwrite=overwrite) as place:
+        write_netcdf(dataset, place, encoding)
 
 
 def check_target(path: Path, *, overwrite: bool) -> None:
     """Raise InputError unless a flight can be written to `path`."""
     if path.suffix not in (".nc", ".zarr"):
         raise InputError(f"--out {str(path)!r} must end in .nc (netCDF) or .zarr")
-    if path.exists() and not overwrite:
-        raise InputError(f"{path} exists already; use --overwrite or another --out")
+    if path.suffix == ".zarr":
+        check_folder_target(path, overwrite=overwrite, ours=is_derived)
+    else:
+        check_file_target(path, overwrite=overwrite)
 
 
 def _attributes(flight: Flight, name: str) -> dict[str, Any]:
@@ -256,7 +258,7 @@ def _about(flight: Flight) -> dict[str, Any]:
     kind = "logs" if store.logged else "simulated missions"
     about = {
         "Conventions": "CF-1.11",
-        TITLE: f"Flight of underwater gliders by their flight model, from {kind}",
+        TITLE: f"{FLIGHT_TITLE}, from {kind}",
         COMMENT: "On the samples of the store. NED frame with its origin at each mission's start; "
         "body axes forward, starboard, down.",
         SOURCE: f"flight model of vehicle {flight.calibration.vehicle.name}; velocities by the "

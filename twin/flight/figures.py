@@ -1,4 +1,7 @@
-"""Figures of a flight: section and histogram of the vertical water velocity, and a map."""
+"""Figures of a flight: section and histogram of the vertical water velocity, and a map.
+
+They draw the dataset that `twin flight` writes, so that its file can be drawn later.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,21 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
 
-from twin.errors import InputError
+from twin.errors import InputError, StoreError
+from twin.flight.dataset import DAC, DAC_MISSION, POSITIONS, W_WATER, flight_dataset
+from twin.flight.dive import CLIMB, DESCENT
 from twin.flight.flight import Flight
 from twin.plot import style
+from twin.plot.map import Currents, MapContent, draw_content, joined
+from twin.plot.ocean_maps import ocean_map
+from twin.records.attributes import DEPLOYMENT, N_SAMPLES, SAMPLE_PERIOD, START_TIME
+from twin.records.flight_file import is_flight
+from twin.records.logged_trajectory import AVERAGED
+from twin.records.schema import MISSION
+from twin.records.whole import whole_file
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    import xarray as xr
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
@@ -24,18 +36,50 @@ HOUR = 3600.0
 MOST_POINTS = 20000
 """of a section; more than its pixels"""
 BINS = 60
+COVERED = 98, 99.5
+"""Percentiles of the speed that colours and the histogram's axis reach"""
 
 
-def section(flight: Flight) -> Figure:
+def read_flight(path: str | Path) -> xr.Dataset:
+    """What `twin flight` wrote, in memory.
+
+    Raises:
+      StoreError: something else, or it cannot be read.
+    """
+    import xarray as xr
+
+    path = Path(path)
+    if not is_flight(path):
+        raise StoreError(f"{path} is no file that `twin flight` wrote")
+    try:
+        opened = xr.open_zarr(path) if path.is_dir() else xr.open_dataset(path)
+        with opened as dataset:
+            return dataset.load()
+    except (OSError, ValueError) as error:
+        raise StoreError(f"flight {path} cannot be read: {' '.join(str(error).split())}") from error
+
+
+def caption_of(flight: xr.Dataset, path: Path) -> str:
+    """One line that names a flight: deployments, missions, vehicle."""
+    names = []
+    if DEPLOYMENT in flight:
+        names = list(dict.fromkeys(str(name) for name in flight[DEPLOYMENT].values))
+    count = flight.sizes[MISSION]
+    parts = [", ".join(names[:3]) or path.name, f"{count} mission{'s' if count > 1 else ''}"]
+    return ", ".join([*parts, f"flight model {flight.attrs.get('vehicle', 'unknown')}"])
+
+
+def section(flight: xr.Dataset) -> Figure:
     """Depth over time, coloured by the vertical velocity of the water [cm/s]."""
-    starts = _starts(flight)
+    period = float(flight.attrs[SAMPLE_PERIOD])
+    starts, samples = _starts(flight), _samples(flight)
+    depth, water = flight["depth"].values, CM * flight[W_WATER].values
+    step = max(1, int(samples.sum()) // MOST_POINTS)
     pieces, values = [], []
-    total = sum(len(one.dive.depth) for one in flight.missions)
-    step = max(1, total // MOST_POINTS)
-    for one, start in zip(flight.missions, starts, strict=True):
-        depth, w = one.dive.depth[::step], CM * one.dive.water_up[::step]
-        time = (start + flight.store.period * step * np.arange(len(depth))) / HOUR
-        points = np.column_stack([time, depth])
+    for row, (start, count) in enumerate(zip(starts, samples, strict=True)):
+        part = slice(0, count, step)
+        time = (start + period * np.arange(count)[::step]) / HOUR
+        points, w = np.column_stack([time, depth[row, part]]), water[row, part]
         pieces.append(np.stack([points[:-1], points[1:]], axis=1))
         values.append(0.5 * (w[:-1] + w[1:]))
     segments, w = np.concatenate(pieces), np.concatenate(values)
@@ -45,8 +89,11 @@ def section(flight: Flight) -> Figure:
     with style.styled():
         figure = style.new_figure(width=style.PAGE_WIDTH, height=2.8)
         axes = figure.add_subplot()
-        lines = LineCollection(list(segments[keep]), array=w[keep], cmap="RdBu_r", linewidths=1.4)
-        largest = float(np.percentile(np.abs(w[keep]), 98))
+        lines = LineCollection(
+            list(segments[keep]), array=w[keep], cmap=ocean_map("vertical_velocity"),
+            linewidths=1.6,
+        )  # fmt: skip
+        largest = float(np.percentile(np.abs(w[keep]), COVERED[0]))
         lines.set_clim(-largest, largest)
         axes.add_collection(lines)
         ends = segments[keep][:, :, 0]
@@ -59,108 +106,103 @@ def section(flight: Flight) -> Figure:
     return figure
 
 
-def histogram(flight: Flight) -> Figure:
+def histogram(flight: xr.Dataset) -> Figure:
     """How often which vertical velocity was found, in dives and in climbs."""
-    dives = [one.dive for one in flight.missions]
-    w = CM * np.concatenate([dive.water_up for dive in dives])
+    w = CM * flight[W_WATER].values.ravel()
     known = np.isfinite(w)
     if not known.any():
         raise InputError("no vertical water velocity to draw: no dive that the model can fly")
-    largest = float(np.percentile(np.abs(w[known]), 99.5))
+    largest = float(np.percentile(np.abs(w[known]), COVERED[1]))
     edges = np.linspace(-largest, largest, BINS + 1)
+    down, up = _ways(flight)
     with style.styled():
         figure = style.new_figure()
         axes = figure.add_subplot()
-        for label, masks, colour in (
-            ("dives", [dive.descending for dive in dives], style.PALETTE["blue"]),
-            ("climbs", [dive.ascending for dive in dives], style.PALETTE["vermillion"]),
+        for label, mask, colour in (
+            ("dives", down, style.PALETTE["blue"]),
+            ("climbs", up, style.PALETTE["vermillion"]),
         ):
-            part = w[np.concatenate(masks) & known]
+            part = w[mask.ravel() & known]
             if not part.size:
                 continue
             text = f"{label}: mean {part.mean():.2f}, deviation {part.std():.2f} cm/s"
             axes.hist(
                 part, list(edges), density=True, histtype="step", color=colour, lw=1.3, label=text
             )
-            axes.axvline(part.mean(), color=colour, lw=0.8, ls="--")
+            axes.axvline(part.mean(), ymax=0.76, color=colour, lw=0.8, ls="--")
         axes.set_xlabel("vertical water velocity, up [cm/s]")
-        axes.set_ylabel("share per cm/s")
+        axes.set_ylabel("share [1 per cm/s]")
         axes.set_ylim(top=1.3 * axes.get_ylim()[1])
         axes.legend(loc="upper left")
     return figure
 
 
-def track_map(flight: Flight) -> Figure:
-    """The corrected track with its deviation, the fixes and the depth-averaged currents."""
-    placed = all(one.place.known for one in flight.missions)
-    if not placed and len(flight.missions) > 1:
+def track_map(flight: xr.Dataset) -> Figure:
+    """The corrected tracks, the fixes and the depth-averaged currents on a map."""
+    if any(name not in flight for name in POSITIONS):
         raise InputError("no map: the store does not say where its missions began")
-    with style.styled():
-        figure = style.new_figure(width=4.6, height=3.6)
-        axes = figure.add_subplot()
-        for one in flight.missions:
-            x, y = _xy(flight, one.dive.mission, one.position)
-            axes.plot(x, y, color=style.ESTIMATE, lw=1.0, zorder=2)
-            if len(one.fixes):
-                x, y = _xy(flight, one.dive.mission, one.fixes.position)
-                axes.plot(x, y, ".", color=style.COMMAND, ms=3.5, zorder=3)
-        _arrows(axes, flight)
-        axes.plot([], [], color=style.ESTIMATE, label="corrected track")
-        axes.plot([], [], ".", color=style.COMMAND, label="GPS fix")
-        if placed:
-            middle = np.concatenate([_xy(flight, o.dive.mission, o.position)[1]
-                                     for o in flight.missions])  # fmt: skip
-            axes.set_aspect(1.0 / np.cos(np.radians(float(np.nanmean(middle)))))
-            axes.set_xlabel("longitude [°]")
-            axes.set_ylabel("latitude [°]")
-        else:
-            axes.set_aspect("equal")
-            axes.set_xlabel("east [m]")
-            axes.set_ylabel("north [m]")
-        axes.margins(0.12)
-        axes.legend(loc="best")
-    return figure
+    samples = _samples(flight)
+    latitude, longitude = (flight[name].values for name in POSITIONS)
+    longitude = joined(longitude.ravel()).reshape(longitude.shape)
+    tracks = tuple(
+        (latitude[row, :count], longitude[row, :count]) for row, count in enumerate(samples)
+    )
+    deviation = flight["position_sd"].values
+    fixed = deviation <= 1.001 * np.nanmin(deviation)  # at a fix it is that of the receiver
+    currents: tuple[Currents, ...] = ()
+    if DAC in flight.sizes:
+        rows = {int(number): row for row, number in enumerate(flight[MISSION].values)}
+        period = float(flight.attrs[SAMPLE_PERIOD])
+        middle = 0.5 * (flight["dac_start"].values + flight["dac_end"].values) / period
+        places = [
+            (rows[int(m)], round(k))
+            for m, k in zip(flight[DAC_MISSION].values, middle, strict=True)
+        ]
+        currents = (
+            Currents(
+                latitude=np.array([latitude[place] for place in places]),
+                longitude=np.array([longitude[place] for place in places]),
+                north=flight["dac_north"].values,
+                east=flight["dac_east"].values,
+                name=AVERAGED,
+            ),
+        )
+    return draw_content(
+        MapContent(
+            tracks=tracks,
+            name="corrected track",
+            fixes=(latitude[fixed], longitude[fixed]),
+            currents=currents,
+        )
+    )
 
 
-def _arrows(axes: Axes, flight: Flight) -> None:
-    """The depth-averaged currents, at the middles of their dives, with a scale."""
-    by_mission = {one.dive.mission: one for one in flight.missions}
-    if not flight.currents:
-        return
-    middles = []
-    for current in flight.currents:
-        one = by_mission[current.mission]
-        middle = one.position[[(current.first + current.last) // 2]]
-        middles.append([values[0] for values in _xy(flight, current.mission, middle)])
-    x, y = np.array(middles).T
-    north = np.array([one.north for one in flight.currents])
-    east = np.array([one.east for one in flight.currents])
-    quiver = axes.quiver(x, y, east, north, color=style.TRUTH, width=0.004, zorder=4)
-    quiver.set_in_layout(False)
-    usual = float(np.hypot(north, east).max())
-    nice = max(float(f"{usual:.0e}"), 0.01)
-    label = f"current {CM * nice:.0f} cm/s"
-    axes.quiverkey(quiver, 0.18, 0.06, nice, label, labelpos="E", fontproperties={"size": 7.5})
+def _samples(flight: xr.Dataset) -> NDArray[np.int64]:
+    return np.asarray(flight[N_SAMPLES].values, np.int64)
 
 
-def _xy(flight: Flight, mission: int, points: Array) -> tuple[Array, Array]:
-    """Longitude and latitude [degree] of points [m], or east and north without a place."""
-    one = next(one for one in flight.missions if one.dive.mission == mission)
-    if not one.place.known:
-        return points[:, 1], points[:, 0]
-    latitude, longitude = one.place.degrees(points[:, 0], points[:, 1])
-    return longitude, latitude
+def _ways(flight: xr.Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Samples in dives and in climbs: the store's phases, or by the depth rate."""
+    if "phase" in flight:
+        phase = flight["phase"].values
+        return phase == DESCENT, phase == CLIMB
+    rate = np.gradient(flight["depth"].values, float(flight.attrs[SAMPLE_PERIOD]), axis=1)
+    return rate > LEVEL_RATE, rate < -LEVEL_RATE
 
 
-def _starts(flight: Flight) -> list[float]:
+LEVEL_RATE = 0.03
+"""[m/s] below which a vehicle turns or flies level, as the import's phases have it"""
+
+
+def _starts(flight: xr.Dataset) -> list[float]:
     """[s] of each mission's first sample since that of the first; one after the other without."""
-    from twin.records.logs import start_times
-
-    chosen = [one.dive.mission for one in flight.missions]
-    starts = start_times(flight.store)[chosen]
-    if np.isfinite(starts).all():
-        return [float(start) for start in starts - starts.min()]
-    lengths = flight.store.period * np.array([len(one.dive.depth) for one in flight.missions])
+    if START_TIME in flight:
+        starts = np.asarray(flight[START_TIME].values)
+        if np.issubdtype(starts.dtype, np.datetime64):
+            starts = starts.astype("datetime64[ns]").astype(np.int64) / 1e9
+        if np.isfinite(starts.astype(float)).all():
+            return [float(start) for start in starts - starts.min()]
+    lengths = float(flight.attrs[SAMPLE_PERIOD]) * _samples(flight)
     return [float(end) for end in np.concatenate([[0.0], np.cumsum(lengths)[:-1]])]
 
 
@@ -172,21 +214,19 @@ def write_figures(flight: Flight, folder: Path) -> tuple[list[Path], list[str]]:
     """Draw all figures into a folder; returns their files, and why others are missing.
 
     Raises:
-      InputError: the disk refuses.
+      WriteError: the disk refuses.
     """
+    dataset = flight_dataset(flight)
     written, missing = [], []
     for name, draw in FIGURES.items():
         try:
-            figure = draw(flight)
+            figure = draw(dataset)
         except InputError as error:
             missing.append(f"no {name} figure: {error}")
             continue
         path = folder / f"{name}.png"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            figure.savefig(path, dpi=PRINT_DPI)
-        except OSError as error:
-            raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+        with whole_file(path) as place:
+            figure.savefig(place, dpi=PRINT_DPI)
         written.append(path)
     return written, missing
 

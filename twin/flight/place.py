@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.geodesy import from_tangent_plane, position
+from twin.geodesy import from_tangent_plane, position, wrap_longitude
 from twin.records.logs import numbers
 from twin.records.place import START_LATITUDE, START_LONGITUDE
 from twin.records.reader import MissionStore
@@ -38,7 +38,7 @@ class Place:
             return np.full_like(north, np.nan), np.full_like(east, np.nan)
         convert = position if self.logged else from_tangent_plane
         latitude, longitude = convert(north, east, self.latitude, self.longitude)
-        return latitude, np.mod(longitude + 180.0, 360.0) - 180.0
+        return latitude, wrap_longitude(longitude)
 
 
 def place_of(store: MissionStore, mission: int) -> Place:

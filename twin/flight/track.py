@@ -80,6 +80,27 @@ def corrected_track(
     return water + correction, np.sqrt(fixes.deviation**2 + variance)
 
 
+def track_velocity(track: Array, period: float, fixes: Fixes) -> Array | None:
+    """North, east [m/s] of a vehicle's own track, (time, 2); None where it has none.
+
+    A vehicle sets its track to a fix when it gets one: that jump is no motion.
+
+    Args:
+      track: north, east [m], (time, 2), NaN where it is not known.
+      period: [s] between samples.
+      fixes: of the same mission.
+    """
+    known = np.isfinite(track).all(axis=1)
+    if known.sum() < 2:
+        return None
+    index = np.arange(len(track))
+    bridged = np.stack([np.interp(index, index[known], axis[known]) for axis in track.T], axis=1)
+    steps = np.diff(bridged, axis=0)
+    jumps = fixes.sample[(fixes.sample > 1) & (fixes.sample < len(track))]
+    steps[jumps - 1] = steps[jumps - 2]
+    return np.concatenate([steps, steps[-1:]]) / period
+
+
 def _open(away: NDArray[np.floating], drift: Drift) -> Array:
     """Variance [m2] at a time [s] from the only fix: another current, and the random walk."""
     return np.asarray((drift.change * away) ** 2 + drift.diffusivity * away)

@@ -26,10 +26,12 @@ import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from twin.bounded import parse_json, read_text
 from twin.errors import InputError, unknown_name
 from twin.identify.calibration import REFERENCE_TEMPERATURE, Calibration
 from twin.identify.pitch import pump_of
 from twin.identify.unknowns import choose
+from twin.records.whole import whole_file
 from twin.vehicle.vehicle import CUBIC_CM
 
 DEGREE = math.pi / 180.0
@@ -175,7 +177,7 @@ def write_figures(calibration: Calibration, path: Path) -> str:
     """Write them: `.m` for a basestation, `.json` for gliderflight. Returns the kind.
 
     Raises:
-      InputError: another ending, or the disk refuses.
+      InputError: another ending. WriteError: the disk refuses.
     """
     if path.suffix == ".m":
         kind, figures = "basestation", to_basestation(calibration)
@@ -190,10 +192,8 @@ def write_figures(calibration: Calibration, path: Path) -> str:
             f"{path}: figures end in .m (basestation: hd_a, hd_b, hd_c, volmax) or .json "
             "(gliderflight: Cd0, Vg, mg)"
         )
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+    with whole_file(path) as place:
+        place.write_text(text, encoding="utf-8")
     return kind
 
 
@@ -207,10 +207,7 @@ def read_figures(path: Path, calibration: Calibration) -> Calibration:
     Raises:
       InputError: no such file, no figure in it, an unknown name in JSON, or a value that is none.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+    text = read_text(path, "figures")
     if path.suffix == ".json":
         kind, given = "gliderflight", _json(path, text)
         known = to_gliderflight(calibration)
@@ -236,10 +233,7 @@ POSITIVE = ("mass", "rho0", "glider_length", "hd_b", "volmax", "speed", "Cd0", "
 
 
 def _json(path: Path, text: str) -> Figures:
-    try:
-        loaded = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path} is not JSON: {error}") from error
+    loaded = parse_json(text, str(path))
     if not isinstance(loaded, dict):
         raise InputError(f"{path} must be a JSON object of numbers")
     return {str(name): _number(path, str(name), value) for name, value in loaded.items()}

@@ -17,7 +17,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from twin.errors import InputError, VehicleError
+from twin.errors import VehicleError
 from twin.frames import flip_vector
 from twin.identify.calibration import (
     HULL_NUMERIC,
@@ -28,6 +28,7 @@ from twin.identify.calibration import (
     Calibration,
 )
 from twin.identify.stiffness import file_step, largest_step
+from twin.records.whole import whole_file
 from twin.vehicle.parts import Fin, Pump
 from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
@@ -140,17 +141,12 @@ def write_vehicle(
     """Write the calibrated vehicle.
 
     Raises:
-      InputError: the file exists and `overwrite` is False, or the disk refuses.
+      WriteError: the file exists and `overwrite` is False, or the disk refuses.
     """
     path = Path(path)
     text = vehicle_xml(calibration, provenance)
-    if path.exists() and not overwrite:
-        raise InputError(f"{path} exists already; use --overwrite or another --out")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+    with whole_file(path, overwrite=overwrite) as place:
+        place.write_text(text, encoding="utf-8")
     return path
 
 

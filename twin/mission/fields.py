@@ -5,24 +5,26 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NoReturn
 
 from twin.errors import MissionError, unknown_name
+from twin.numbers import number as as_number
 
 MAX_PITCH_DEG = 60.0
 """[deg] pitch below this: heading and roll lose their meaning as the hull stands up."""
 
 
-def fail(label: str, field: str, value: object, rule: str) -> None:
+def fail(label: str, field: str, value: object, rule: str) -> NoReturn:
     """Raise the MissionError that every field check raises."""
     raise MissionError(f"{label}: {field} = {value!r} is not possible: give {rule}")
 
 
 def number(label: str, field: str, value: object) -> float:
     """`value` as a finite float; True and "3" are not numbers here."""
-    if isinstance(value, bool) or not hasattr(value, "__float__"):
+    try:
+        result = as_number(value, field, MissionError)
+    except MissionError:
         fail(label, field, value, "a number")
-    result = float(value)  # type: ignore[arg-type]
     if not math.isfinite(result):
         fail(label, field, value, "a finite number")
     return result

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.bounded import read_toml
 from twin.errors import MissionError, unknown_name
 from twin.mission import fields as check
 from twin.mission import table as g
@@ -110,20 +110,11 @@ class Mission:
           MissionError: unreadable file, broken TOML, unknown key or impossible value.
         """
         path = Path(path)
-        try:
-            text = path.read_text(encoding="utf-8")
-            data = tomllib.loads(text)
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
-            raise MissionError(f"cannot read mission file {path}: {reason}") from error
-        except tomllib.TOMLDecodeError as error:
-            hint = ""
-            if not any(mark in text for mark in "=["):
-                hint = (
-                    "; a mission is no table of columns but [[segments]] with NAME = VALUE lines, "
-                    "see docs/missions.md"
-                )
-            raise MissionError(f"mission file {path} is not TOML: {error}{hint}") from error
+        hint = (
+            "; a mission is no table of columns but [[segments]] with NAME = VALUE lines, see "
+            "docs/missions.md"
+        )
+        data = read_toml(path, "mission file", MissionError, hint=hint)
         data.setdefault("name", path.stem)
         try:
             return cls.from_dict(data)
@@ -213,9 +204,9 @@ def _segment(index: int, table: object) -> Segment:
     kind = table.get("kind")
     if kind is None:
         raise MissionError(f"{label}: kind is missing (allowed: {', '.join(sorted(SEGMENTS))})")
-    if kind not in SEGMENTS:
+    if not isinstance(kind, str) or kind not in SEGMENTS:
         raise MissionError(f"{label}: {unknown_name('kind', str(kind), SEGMENTS)}")
-    cls = SEGMENTS[str(kind)]
+    cls = SEGMENTS[kind]
     check.known_keys(f"{label} {kind}", cls, table, also=("kind",))
     check.required_keys(f"{label} {kind}", cls, table)
     try:

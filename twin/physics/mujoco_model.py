@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import mujoco
@@ -80,8 +81,8 @@ def compile_model(
       centred: water at the time-centred velocity; RK4 evaluates between steps and is so by itself.
 
     Raises:
-      VehicleError: the file does not compile, has another joint or actuator structure, or has
-        obstacles and switches contacts off.
+      VehicleError: the file does not compile, its inertia cannot be solved for, it has another
+        joint or actuator structure, or it has obstacles and switches contacts off.
       InputError: unknown hydrodynamics or integrator, impossible timestep.
     """
     if isinstance(vehicle, str):
@@ -120,8 +121,10 @@ def compile_model(
     words += max(tables.words, reserve)
     spec.add_numeric(name=b.NAME, size=words, data=np.zeros(1))
     try:
-        model = spec.compile()
-    except ValueError as error:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("error", "Inertia matrix", UserWarning)
+            model = spec.compile()
+    except (ValueError, UserWarning) as error:
         raise VehicleError(f"{_label(vehicle)}: {_first_line(error)}") from error
     _check_structure(model, vehicle)
     fill_block(model, vehicle, words, ring=b.RING if log else 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -15,8 +16,9 @@ from twin.physics.log_signals import from_log
 from twin.physics.mujoco_model import header, table
 from twin.physics.obstacles import has_contacts
 from twin.physics.scenario import Scenario
-from twin.records.place import START_LATITUDE, START_LONGITUDE, START_TIME
+from twin.records.place import NOMINAL, START_LATITUDE, START_LONGITUDE, START_TIME
 from twin.records.trajectory import Trajectory
+from twin.water.current.origin import DEFAULT_TIME
 
 HYDROGRAPHY = ("true_temperature", "true_salinity")
 """Signals of missions in water whose temperature and salinity are known"""
@@ -50,6 +52,7 @@ def trajectory_of(
     if failed:
         rows = rows[: int(np.argmin(finite))] if not finite.all() else rows
     timestep = model.opt.timestep
+    duration = max(len(rows) - 1, 0) * scenario.sample_period
     trajectory = from_log(
         rows,
         scenario.vehicle,
@@ -58,7 +61,7 @@ def trajectory_of(
         floor=table(model, "floor"),
         contacts=has_contacts(model),
         complete=not failed,
-        provenance={"ended": _ending(scenario, ours, failed), **_place(scenario)},
+        provenance={"ended": _ending(scenario, ours, failed), **_place(scenario, duration)},
     )
     trajectory.signals.update(_hydrography(scenario, trajectory))
     if failed:
@@ -90,13 +93,22 @@ def _hydrography(scenario: Scenario, trajectory: Trajectory) -> dict[str, NDArra
     return {} if water is None else dict(zip(HYDROGRAPHY, water, strict=True))
 
 
-def _place(scenario: Scenario) -> dict[str, float | str]:
-    """Where and when the run began, where its scenario says so."""
-    place = scenario.place
-    said: dict[str, float | str] = {}
-    if scenario.has_place:
-        said = {START_LATITUDE: place.latitude_deg, START_LONGITUDE: place.longitude_deg}
-    return said if place.time is None else {**said, START_TIME: place.time}
+def _place(scenario: Scenario, duration: float) -> dict[str, float | str]:
+    """Where and when the run began, and which of the two are defaults.
+
+    A gridded current that says where its file is read says it for the run too.
+    """
+    place = usual = scenario.place
+    if scenario.current is not None:
+        place = scenario.current.begins(duration, usual)
+    somewhere = scenario.has_place or replace(place, time=usual.time) != usual
+    unsaid = [*(() if somewhere else ("place",)), *(("date",) if place.time is None else ())]
+    return {
+        START_LATITUDE: place.latitude_deg,
+        START_LONGITUDE: place.longitude_deg,
+        START_TIME: place.time or DEFAULT_TIME,
+        **({NOMINAL: " and ".join(unsaid)} if unsaid else {}),
+    }
 
 
 def _ending(scenario: Scenario, ours: Any, failed: bool) -> str:

@@ -13,11 +13,12 @@ from typing import Any
 from twin.errors import FloorError, InputError, MissionError
 from twin.mission import Mission
 from twin.mission.schedule import Schedule
+from twin.numbers import number
 from twin.physics.ballast import Ballast
 from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 from twin.water.current.base import Current, current_from_dict
-from twin.water.current.origin import Origin
+from twin.water.current.origin import FORMER_DEFAULT, Origin
 from twin.water.density import DensityProfile
 from twin.water.floor import Floor, floor_from_dict
 
@@ -84,9 +85,14 @@ class Scenario:
                 raise InputError(
                     f"scenario: {name} is {value!r}; give a {name.capitalize()} object"
                 )
+        if not isinstance(self.encoder_zeros, Mapping):
+            raise InputError(
+                f"scenario: encoder_zeros is {self.encoder_zeros!r}; give a mapping of parts and "
+                "errors, such as {'PART': 0.01}"
+            )
         for name, value in self.encoder_zeros.items():
             self.vehicle.part(name)
-            if not math.isfinite(value):
+            if not math.isfinite(number(value, f"scenario: encoder_zeros[{name!r}]")):
                 raise InputError(f"scenario: encoder_zeros[{name!r}] = {value} must be finite")
         if self.believed is not None and self.believed.part_names != self.vehicle.part_names:
             raise InputError(
@@ -105,8 +111,19 @@ class Scenario:
             water = DensityProfile.compressed(self.vehicle.reference_density)
             object.__setattr__(self, "density", water)
         self._check_floor()
-        if not (math.isfinite(self.sample_period) and self.sample_period > 0):
-            raise InputError(f"sample period {self.sample_period} s must be positive and finite")
+        for name, what in (("sample_period", "sample period"), ("duration", "duration")):
+            value = getattr(self, name)
+            if name == "duration" and value is None:
+                continue
+            value = number(value, f"scenario: {name}")
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(f"{what} {value} s must be positive and finite")
+        if self.timestep is not None:
+            number(self.timestep, "scenario: timestep")
+        for name in ("hydrodynamics", "integrator"):
+            value = getattr(self, name)
+            if not isinstance(value, str) and not (value is None and name == "integrator"):
+                raise InputError(f"scenario: {name} is {value!r}: give its name as a text")
 
     def _check_floor(self) -> None:
         """A sea floor on the Earth needs a place, dives that turn above one need a floor."""
@@ -238,6 +255,8 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
     start = None if data["start"] is None else Start(**data["start"])
     # where the start has a place, the description's origin repeats it
     origin = None if start is not None and start.latitude is not None else data["origin"]
+    if origin is not None and Origin(**origin) == FORMER_DEFAULT:
+        origin = None  # nobody had said it
     return Scenario(
         vehicle=vehicle.with_changes(entry["changes"]),
         believed=None if believed is None else vehicle.with_changes(believed),

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError, unknown_name
+from twin.numbers import number, numbers
 from twin.water.current.origin import HIGHEST_LATITUDE, Origin, same_place
 
 
@@ -48,6 +49,16 @@ class Start:
     """UTC, ISO 8601 text, a date or a datetime (naive ones are UTC); kept as text"""
 
     def __post_init__(self) -> None:
+        for name in ("north", "east", "depth", "roll", "pitch", "heading"):
+            number(getattr(self, name), f"start: {name}")
+        for name in ("v_rel", "rates"):
+            if numbers(getattr(self, name), f"start: {name}").shape != (3,):
+                raise InputError(f"start: {name} is {getattr(self, name)!r}: give three numbers")
+        if isinstance(self.actuators, Mapping):
+            for part, position in self.actuators.items():
+                number(position, f"start: actuators[{part!r}]")
+        else:
+            numbers(self.actuators, "start: actuators")
         if (self.latitude is None) != (self.longitude is None):
             missing = "longitude" if self.longitude is None else "latitude"
             raise InputError(f"start: {missing} is missing; give latitude and longitude together")

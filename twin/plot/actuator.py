@@ -11,11 +11,14 @@ from matplotlib.figure import Figure
 from twin.plot import style
 from twin.plot.registry import FigureKind
 from twin.plot.signals import draw_lines, stack, thinned_time, unit_text
+from twin.records.logged_trajectory import source_of
 from twin.records.schema import variable
 from twin.records.trajectory import Trajectory
 
 MILLIMETRES = 1000.0
 """[mm/m] parts slide by millimetres"""
+ABOVE_TITLE = 1.2
+"""Of the first axes' height, where in a narrow figure title and legend have no room side by side"""
 ATTITUDE = ("pitch", "heading")
 
 
@@ -24,31 +27,36 @@ def actuator_figure(trajectory: Trajectory) -> Figure:
     parts = len(trajectory.actuators)
     with style.styled():
         figure, axes = stack(parts + len(ATTITUDE), height=0.92)
-        draw_actuators(axes[:parts], trajectory)
+        draw_actuators(axes[:parts], trajectory, legend_at=ABOVE_TITLE)
         draw_attitude(axes[parts:], trajectory)
         style.label_time(axes[-1], thinned_time(trajectory)[2])
         figure.align_ylabels()
     return figure
 
 
-def draw_actuators(axes: Sequence[Axes], trajectory: Trajectory) -> None:
-    """Command and true position of each of the trajectory's parts into one axes each."""
+def draw_actuators(axes: Sequence[Axes], trajectory: Trajectory, legend_at: float = 0.98) -> None:
+    """Command and true position of each of the trajectory's parts into one axes each.
+
+    Args:
+      legend_at: lower edge of the legend over the height of the first axes.
+    """
     for panel, part in zip(axes, trajectory.actuators, strict=True):
         position = variable(f"true_{part}")
         slides = position.units == "m"
-        draw_lines(
-            panel,
-            trajectory,
-            [
-                (f"commanded_{part}", "command", style.COMMAND),
-                (f"true_{part}", "position", style.TRUTH),
-            ],
-            factor=MILLIMETRES if slides else 1.0,
-        )
+        word = source_of(trajectory, f"true_{part}", "")
+        entries = [
+            (f"commanded_{part}", "command", style.COMMAND),
+            (f"true_{part}", word or "position", style.TRUTH),
+        ]
+        present = [entry for entry in entries if entry[0] in trajectory]  # logs lack some commands
+        draw_lines(panel, trajectory, present, factor=MILLIMETRES if slides else 1.0)
         panel.set_title(position.long_name.partition(",")[0])
         panel.set_ylabel("[mm]" if slides else unit_text(position.units))
     if len(axes):
-        _legend_above(axes[0], 2)
+        axes[0].legend(
+            loc="lower right", bbox_to_anchor=(1.0, legend_at), ncols=2, borderaxespad=0.1,
+            columnspacing=1.0,
+        )  # fmt: skip
 
 
 def draw_attitude(axes: Sequence[Axes], trajectory: Trajectory) -> None:
@@ -59,19 +67,12 @@ def draw_attitude(axes: Sequence[Axes], trajectory: Trajectory) -> None:
         if setpoint is not None and np.isfinite(setpoint).any():
             entries.insert(0, (f"commanded_{name}", "setpoint", style.COMMAND))
         draw_lines(panel, trajectory, entries, unwrap=name == "heading")
-        panel.set_title(f"{name}" + (" and its setpoint" if len(entries) > 1 else ""))
+        word = source_of(trajectory, f"true_{name}", "")
+        panel.set_title(
+            f"{word} {name}".strip() + (" and its setpoint" if len(entries) > 1 else "")
+        )
         panel.set_ylabel("[°]")
         style.pad_limits(panel, least=2.0)
-
-
-def _legend_above(axes: Axes, columns: int) -> None:
-    axes.legend(
-        loc="lower right",
-        bbox_to_anchor=(1.0, 0.98),
-        ncols=columns,
-        borderaxespad=0.1,
-        columnspacing=1.0,
-    )
 
 
 FIGURE = FigureKind(

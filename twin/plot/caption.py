@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import textwrap
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from twin.records.attributes import DIVE, PRESET, SCENARIO, SEED, SETTINGS, says_simulated
 from twin.records.logs import log_rows, numbers
-from twin.records.place import START_LATITUDE, START_LONGITUDE, START_TIME, read_place
+from twin.records.place import NOMINAL, START_LATITUDE, START_LONGITUDE, START_TIME, read_place
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION
 
@@ -41,9 +42,10 @@ def mission_caption(store: MissionStore, mission: int) -> str:
     if seed is not None:
         parts.append(f"seed {seed}")
     began = read_place(store.dataset.isel({MISSION: mission}, missing_dims="ignore"))
-    if START_LATITUDE in began:
+    nominal = str(began.get(NOMINAL, ""))
+    if START_LATITUDE in began and "place" not in nominal:
         parts.append(place(float(began[START_LATITUDE]), float(began[START_LONGITUDE])))
-    if START_TIME in began:
+    if START_TIME in began and "date" not in nominal:
         parts.append(f"{began[START_TIME]} UTC")
     return ", ".join([*parts, "simulated"])
 
@@ -63,6 +65,20 @@ def _logged(store: MissionStore, mission: int) -> str:
     if says_simulated(store.attributes):
         parts.append("simulated")
     return ", ".join(parts)
+
+
+def missions_caption(store: MissionStore, missions: Sequence[int], vehicle: str | None) -> str:
+    """As `mission_caption`, of dives of a log, and whose flight model tells their velocities."""
+    first, last = missions[0], missions[-1]
+    text = mission_caption(store, first)
+    if last != first:
+        rows = log_rows(store)
+        text = f"{rows[first].deployment}, missions {first} to {last}"
+        moments = [rows[k].start for k in (first, last)]
+        if np.isfinite(moments).all():
+            begin, end = (datetime.datetime.fromtimestamp(m, datetime.UTC) for m in moments)
+            text += f", {begin:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M} UTC"
+    return text if vehicle is None else f"{text}, flight model {vehicle}"
 
 
 def place(latitude: float, longitude: float) -> str:

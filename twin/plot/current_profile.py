@@ -7,8 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.plot import style
 from twin.plot.registry import FigureKind
+from twin.records.logged_trajectory import AVERAGED, LoggedTrajectory, source_of
 from twin.records.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -22,11 +24,13 @@ BIN_LEAST = 1.0
 def mean_profile(
     depth: Array, *values: Array, bins: int = MOST_BINS
 ) -> tuple[Array, tuple[Array, ...]]:
-    """Means of `values` in equal depth bins; empty bins are left out.
+    """Means of `values` in equal depth bins; empty bins are left out, and samples without a value.
 
     Returns the bins' centres [m], shape (n,), and the means, each (n,).
     """
-    deepest = max(float(np.nanmax(depth)), BIN_LEAST)
+    known = np.isfinite([depth, *values]).all(axis=0)
+    depth, values = depth[known], tuple(v[known] for v in values)
+    deepest = max(float(depth.max(initial=0.0)), BIN_LEAST)
     count = int(np.clip(deepest / BIN_LEAST, 1, bins))
     edges = np.linspace(0.0, deepest, count + 1)
     index = np.clip(np.digitize(depth, edges) - 1, 0, count - 1)
@@ -49,7 +53,13 @@ def current_figure(trajectory: Trajectory) -> Figure:
 
 def draw_current(axes: Axes, trajectory: Trajectory) -> None:
     """Draw the profile into `axes`."""
+    if isinstance(trajectory, LoggedTrajectory) and "true_current_north" not in trajectory:
+        raise InputError(
+            "this log has no current: two fixes about a dive tell its depth-averaged one, a "
+            "profiler that of each depth"
+        )
     depth = trajectory["true_depth"]
+    word = source_of(trajectory, "true_current_north", "current")
     components = (
         ("true_current_north", "north", style.PALETTE["blue"]),
         ("true_current_east", "east", style.PALETTE["vermillion"]),
@@ -57,12 +67,15 @@ def draw_current(axes: Axes, trajectory: Trajectory) -> None:
     centres, means = mean_profile(depth, *(trajectory[name] for name, _, _ in components))
     for (name, label, colour), mean in zip(components, means, strict=True):
         values, where = style.thin(trajectory[name], depth, most=3000)
+        if word == AVERAGED:  # one number of each dive is no profile
+            axes.plot(values, where, ".", ms=2.0, color=colour, label=f"{label}ward")
+            continue
         axes.plot(values, where, ".", ms=1.5, color=colour, alpha=0.15, rasterized=True)
         axes.plot(mean, centres, color=colour, lw=1.8, label=f"{label}ward")
     axes.axvline(0.0, color=style.GUIDE, lw=0.7, zorder=1)
     style.depth_axis(axes, float(np.nanmax(depth)))
     style.pad_limits(axes, least=0.05, which="x")
-    axes.set_xlabel("current [m/s]")
+    axes.set_xlabel(f"{word} [m/s]")
     axes.legend(loc="best")
 
 

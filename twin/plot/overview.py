@@ -14,6 +14,7 @@ from twin.plot.registry import FigureKind
 from twin.plot.section import draw_section
 from twin.plot.signals import thinned_time
 from twin.plot.track import LEGEND_ROW, draw_legend, draw_track, legend_rows
+from twin.records.logged_trajectory import source_of
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
 
@@ -40,9 +41,13 @@ def overview_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -
         left, right = middle.subplots(1, 2, width_ratios=[1.45, 1.0])
         draw_track(left, trajectory, tracks)
         draw_legend(middle, left, tracks, LEGEND_COLUMNS)
-        left.set_title("track over ground")
-        draw_current(right, trajectory)
-        right.set_title("current met on the way")
+        left.set_title(source_of(trajectory, "true_north", "track over ground"))
+        if all(f"true_current_{name}" in trajectory for name in ("north", "east")):
+            draw_current(right, trajectory)
+            right.set_title("current met on the way")
+        else:
+            right.set_axis_off()
+            right.text(0.5, 0.5, "the log has no current", transform=right.transAxes, ha="center")
         grid = bottom.subplots(panels, 1, sharex=True)
         draw_attitude(grid[: len(ATTITUDE)], trajectory)
         draw_actuators(grid[len(ATTITUDE) :], trajectory)
@@ -55,7 +60,7 @@ def _headline(trajectory: Trajectory) -> str:
     seconds, unit = style.time_unit(trajectory.time)
     span = (trajectory.time[-1] - trajectory.time[0]) / seconds
     distance = float(trajectory.distance_through_water()[-1])
-    deepest = float(np.max(trajectory["true_depth"]))
+    deepest = float(np.nanmax(trajectory["true_depth"]))
     through = f"{distance / 1000:.1f} km" if distance >= 2000 else f"{distance:.0f} m"
     return f"{span:.3g} {unit}, {through} through the water, down to {deepest:.0f} m"
 

@@ -11,9 +11,11 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from twin.cli.text_table import MISSING, format_number
-from twin.errors import InputError
+from twin.records.checksums import LIST
+from twin.records.whole import check_folder_target, whole_folder
 
 DPI = 200
+INDEX, PICTURE = "index.html", ".png"
 
 STYLE = """
 :root { color-scheme: light; --ink: #1a1a1a; --dim: #5c6570; --line: #dde1e6; --mark: #d55e00; }
@@ -55,16 +57,20 @@ pre { background: #f6f7f9; padding: .8rem 1rem; border-radius: 6px; white-space:
 
 
 class Page:
-    """Collects a page piece by piece; each figure is embedded and written as PNG beside it."""
+    """Collects a page piece by piece; each figure is embedded and written as PNG beside it.
+
+    The folder appears, or takes the place of an earlier page, when the page is written.
+
+    Raises:
+      WriteError: something that is no page is in the way.
+    """
 
     def __init__(self, folder: Path, title: str, lead: str) -> None:
         self._folder = folder
         self._title = title
         self._body = [f"<h1>{_text(title)}</h1>", f'<p class="lead">{_text(lead)}</p>']
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot make folder {folder}: {error.strerror or error}") from error
+        self._pictures: dict[str, bytes] = {}
+        check_page_target(folder)
 
     def section(self, title: str) -> None:
         """A heading."""
@@ -123,28 +129,50 @@ class Page:
         self._body.append(f"<pre>{_text(text)}</pre>")
 
     def write(self) -> Path:
-        """Write `index.html`."""
-        path = self._folder / "index.html"
+        """Write `index.html` and the figures.
+
+        Raises:
+          WriteError: the disk refuses.
+        """
         body = "\n".join(self._body)
-        path.write_text(
+        text = (
             f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n'
             f'<meta name="viewport" content="width=device-width, initial-scale=1">\n'
             f"<title>{_text(self._title)}</title>\n<style>{STYLE}</style></head>\n"
-            f"<body>\n{body}\n</body></html>\n",
-            encoding="utf-8",
+            f"<body>\n{body}\n</body></html>\n"
         )
-        return path
+        with whole_folder(self._folder, overwrite=True, ours=_is_page) as folder:
+            (folder / INDEX).write_text(text, encoding="utf-8")
+            for name, data in self._pictures.items():
+                (folder / f"{name}{PICTURE}").write_bytes(data)
+        return self._folder / INDEX
 
     def _figure(self, name: str, drawn: Figure, caption: str) -> str:
         buffer = io.BytesIO()
         drawn.savefig(buffer, format="png", dpi=DPI)
-        (self._folder / f"{name}.png").write_bytes(buffer.getvalue())
+        self._pictures[name] = buffer.getvalue()
         data = base64.b64encode(buffer.getvalue()).decode()
         width = round(drawn.get_size_inches()[0] * 118)
         return (
             f'<figure><img width="{width}" alt="{_text(caption)}" '
             f'src="data:image/png;base64,{data}"><figcaption>{_text(caption)}</figcaption></figure>'
         )
+
+
+def check_page_target(folder: Path) -> None:
+    """Refuse, before long work, a folder that a page cannot be written to.
+
+    Raises:
+      WriteError: something that is no page is in the way.
+    """
+    check_folder_target(folder, overwrite=True, ours=_is_page)
+
+
+def _is_page(folder: Path) -> bool:
+    """Whether a folder holds a page and nothing else."""
+    names = {path.name for path in folder.iterdir()}
+    others = {name for name in names if not name.endswith(PICTURE)}
+    return INDEX in names and others <= {INDEX, LIST}
 
 
 def _cell(value: object) -> str:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Callable
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -10,7 +13,10 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
 from twin.plot import style
+from twin.plot.ocean_maps import ocean_map
 from twin.plot.registry import FigureKind
+from twin.plot.water import water_of
+from twin.records.logged_trajectory import source_of
 from twin.records.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -24,14 +30,33 @@ def _current(trajectory: Trajectory) -> Array:
     return np.hypot(trajectory["true_current_north"], trajectory["true_current_east"])
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Colour:
+    """What a section can be coloured by."""
+
+    label: str
+    unit: str
+    source: str
+    """The signal that says, in logs, what it is"""
+    values: Callable[[Trajectory], Array]
+
+
 COLOURS = {
-    "speed": ("speed through water [m/s]", _speed),
-    "current": ("current speed [m/s]", _current),
-    "density": ("density [kg/m³]", lambda t: t["true_density"]),
-    "net_mass": ("net buoyancy mass [kg]", lambda t: t["true_net_mass"]),
-    "pitch": ("pitch [°]", lambda t: t["true_pitch"]),
-}
-"""What a section can be coloured by: label and signal."""
+    "speed": Colour(label="speed through water", unit="m/s", source="true_surge", values=_speed),
+    "current": Colour(label="current speed", unit="m/s", source="true_current_north",
+                      values=_current),
+    "density": Colour(label="density", unit="kg/m³", source="true_density",
+                      values=lambda t: t["true_density"]),
+    "temperature": Colour(label="temperature", unit="°C", source="true_temperature",
+                          values=lambda t: water_of(t).temperature),
+    "salinity": Colour(label="salinity", unit="PSS-78", source="true_salinity",
+                       values=lambda t: water_of(t).salinity),
+    "net_mass": Colour(label="net buoyancy mass", unit="kg", source="true_net_mass",
+                       values=lambda t: t["true_net_mass"]),
+    "pitch": Colour(label="pitch", unit="°", source="true_pitch",
+                    values=lambda t: t["true_pitch"]),
+}  # fmt: skip
+"""What a section can be coloured by, by name"""
 
 
 FLOOR_IN_SIGHT = 1.5
@@ -54,21 +79,27 @@ def draw_section(axes: Axes, trajectory: Trajectory, colour: str = "speed") -> N
     """Draw the section into `axes`, with its colour bar."""
     if colour not in COLOURS:
         raise InputError(unknown_name("section colour", colour, COLOURS))
-    label, signal = COLOURS[colour]
+    chosen = COLOURS[colour]
+    word = source_of(trajectory, chosen.source, "")
     time, depth, values = style.thin(
-        trajectory.time, trajectory["true_depth"], signal(trajectory), most=6000
+        trajectory.time, trajectory["true_depth"], chosen.values(trajectory), most=6000
     )
+    if not np.isfinite(values).any():
+        raise InputError(f"this mission has no value of the {chosen.label}: colour by another")
     seconds, unit = style.time_unit(time)
     points = np.column_stack([time / seconds, depth])
     lines = LineCollection(
-        list(np.stack([points[:-1], points[1:]], axis=1)), array=values[:-1], linewidths=1.8
-    )
+        list(np.stack([points[:-1], points[1:]], axis=1)), array=values[:-1], linewidths=1.8,
+        cmap=ocean_map(colour),
+    )  # fmt: skip
     lines.set_capstyle("round")
     low, high = np.nanpercentile(values, [2, 98])
     # Colours that would tell noise apart tell nothing: keep at least 1 % of the value as range.
     span = max(high - low, 0.01 * max(abs(high), abs(low)), 1e-6)
     middle = (low + high) / 2
     lines.set_clim(middle - span / 2, middle + span / 2)
+    if word:  # of a log some values may be unknown
+        axes.plot(time / seconds, depth, color=style.GUIDE, lw=0.6, zorder=1)
     axes.add_collection(lines)
     axes.set_xlim(time[0] / seconds, time[-1] / seconds)
     deepest = float(np.nanmax(depth))
@@ -80,7 +111,7 @@ def draw_section(axes: Axes, trajectory: Trajectory, colour: str = "speed") -> N
     style.depth_axis(axes, deepest)
     style.label_time(axes, unit)
     bar = axes.figure.colorbar(lines, ax=axes, pad=0.02, aspect=22)
-    bar.set_label(label)
+    bar.set_label(f"{chosen.label} [{chosen.unit}]" + (f"\n{word}" if word else ""))
     bar.outline.set_visible(False)
 
 

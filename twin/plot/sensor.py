@@ -10,6 +10,7 @@ from twin.errors import InputError, UnknownName
 from twin.plot import style
 from twin.plot.registry import FigureKind
 from twin.plot.signals import thinned_time, unit_text
+from twin.records.logged_trajectory import MEASURED, LoggedTrajectory, source_of
 from twin.records.schema import HYDROGRAPHY, LOGGED_ONLY, SIMULATED, variable
 from twin.records.trajectory import Trajectory
 from twin.sensors import SENSORS, Sensor
@@ -38,9 +39,18 @@ MOST_SHOWN = 6
 def truth_of(name: str, trajectory: Trajectory) -> Array | None:
     """The true signal that `measured_<name>` observes, or None when truth has no such signal.
 
-    The sensor that measures it says which; of what only real vehicles measure it has that name.
+    The sensor that measures it says which; of what only real vehicles measure it has that name. In
+    a log the measured signal itself stands for the truth of many: these have none to compare with.
     """
+    if source_of(trajectory, f"true_{name}", "") == MEASURED:
+        return None
     return _sensor_of(name).observed(name, trajectory)
+
+
+def word_of(name: str, trajectory: Trajectory) -> str:
+    """What the signal is that `truth_of` gives: true, or what a log has in its place."""
+    bare = name.removeprefix("gps_").removeprefix("onboard_").removeprefix("dvl_")
+    return source_of(trajectory, f"true_{bare}", "true")
 
 
 def _sensor_of(name: str) -> type[Sensor]:
@@ -74,6 +84,13 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
     """
     have = [n.removeprefix("measured_") for n in trajectory.signals if n.startswith("measured_")]
     have = [n for n in have if truth_of(n, trajectory) is not None or _of_ones_own(n, trajectory)]
+    logged = isinstance(trajectory, LoggedTrajectory)
+    if logged:  # its track goes through its fixes
+        have = [n for n in have if not n.startswith("gps_")]
+    if not have and logged:
+        raise InputError(
+            "a log has no truth to compare its sensors with; the log figure shows what it measured"
+        )
     if not have:
         raise InputError("this trajectory has no measured signals: simulate it with sensors")
     for name in names:
@@ -97,7 +114,8 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
             sparse = bool(np.isnan(measured).mean() > 0.5)
             mark = {"marker": ".", "ms": 2.5, "ls": "none"} if sparse else {"lw": 0.8}
             if known:
-                left.plot(time, true, color=style.TRUTH, lw=2.2, label="true")
+                word = word_of(name, trajectory)
+                left.plot(time, true, color=style.TRUTH, lw=2.2, label=word)
             left.plot(time, measured, color=style.ESTIMATE, label="measured", **mark)
             right.axhline(0.0, color=style.GUIDE, lw=0.7)
             right.plot(time, error, color=style.ESTIMATE, **mark)
@@ -105,11 +123,16 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
                 panel.set_ylabel(unit_text(units))
             left.set_title(" ".join(WORDS.get(w, w) for w in name.split("_")))
             finite = error[np.isfinite(error)]
-            spread = f"mean {finite.mean():.2g}, std {finite.std():.2g}" if len(finite) else "none"
+            spread = f"mean {finite.mean():.3g}, std {finite.std():.3g}" if len(finite) else "none"
             if not known:
                 spread = "no true signal"
-            right.set_title(f"measured − true: {spread}", fontweight="normal")
-        axes[0, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.1)
+            what = "difference" if logged else "measured − true"
+            right.set_title(f"{what}: {spread}", fontweight="normal")
+            if logged or left is axes[0, 0]:  # in logs each row may have another reference
+                left.legend(
+                    loc="lower right", bbox_to_anchor=(1.0, 1.2 if logged else 0.98), ncols=2,
+                    borderaxespad=0.1,
+                )  # fmt: skip
         axes[0, 0].set_xlim(time[0], time[-1])
         for panel in axes[-1]:
             style.label_time(panel, unit)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from twin.plot import style
 from twin.plot.registry import FigureKind
+from twin.records.logged_trajectory import LoggedTrajectory, source_of
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
 
@@ -28,6 +29,8 @@ MOST_COLUMNS = 3
 """Columns of a legend at column width"""
 LONG_NAME = 14
 """Letters of a name from which a legend at column width has one column less"""
+ABOVE_LEGEND = 18.0
+"""[point] of a title above the axes, so that start and end are named below it"""
 LEGEND_ROW = 0.16
 """[in] height of a legend's row"""
 
@@ -39,6 +42,8 @@ def track_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> F
         figure = style.new_figure(height=3.3 + LEGEND_ROW * legend_rows(tracks, columns))
         axes = figure.add_subplot()
         draw_track(axes, trajectory, tracks)
+        if not tracks:
+            axes.set_title(source_of(trajectory, "true_north", ""), pad=ABOVE_LEGEND)
         draw_legend(figure, axes, tracks, columns)
     return figure
 
@@ -51,7 +56,8 @@ def draw_track(axes: Axes, trajectory: Trajectory, tracks: Sequence[NamedTrack] 
     extent = [north, east, *(a for t in tracks for a in (t.north, t.east))]
     metres, unit = style.length_unit(*extent)
     if tracks:
-        axes.plot(east / metres, north / metres, color=style.TRUTH, lw=2.4, label="truth")
+        word = source_of(trajectory, "true_north", "truth")
+        axes.plot(east / metres, north / metres, color=style.TRUTH, lw=2.4, label=word)
         for index, track in enumerate(tracks):
             n, e = style.thin(track.north, track.east)
             axes.plot(e / metres, n / metres, lw=1.1, label=track.title, **line_look(index))
@@ -66,7 +72,9 @@ def draw_track(axes: Axes, trajectory: Trajectory, tracks: Sequence[NamedTrack] 
         bar = axes.figure.colorbar(lines, ax=axes, shrink=0.85, pad=0.02, aspect=25)
         bar.set_label(f"time [{time_name}]")
         bar.outline.set_visible(False)
-    for name, (index, marker) in MARKS.items():
+    known = np.flatnonzero(np.isfinite(north) & np.isfinite(east))
+    for name, (end, marker) in MARKS.items():
+        index = known[end]
         axes.plot(
             east[index] / metres,
             north[index] / metres,
@@ -78,10 +86,20 @@ def draw_track(axes: Axes, trajectory: Trajectory, tracks: Sequence[NamedTrack] 
             ls="none",
             label=name,
         )
+    if isinstance(trajectory, LoggedTrajectory):
+        _draw_fixes(axes, trajectory, metres)
     axes.set_xlabel(f"east [{unit}]")
     axes.set_ylabel(f"north [{unit}]")
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.06)
+
+
+def _draw_fixes(axes: Axes, trajectory: LoggedTrajectory, metres: float) -> None:
+    """The fixes of a log, which its track was corrected at."""
+    names = ("measured_gps_east", "measured_gps_north")
+    if all(name in trajectory for name in names):
+        east, north = (trajectory[name] / metres for name in names)
+        axes.plot(east, north, ".", ms=3.5, color=style.COMMAND, ls="none", label="fix", zorder=2.5)
 
 
 def draw_legend(

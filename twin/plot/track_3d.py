@@ -11,6 +11,7 @@ from twin.plot import style
 from twin.plot.registry import FigureKind
 from twin.plot.space import LEGEND, space_axes
 from twin.plot.track import LEGEND_ROW, MARKS, legend_columns, line_look
+from twin.records.logged_trajectory import source_of
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
 
@@ -33,10 +34,12 @@ def track_3d_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -
             most=MOST_3D,
         )
         metres, unit = style.length_unit(north, east)
-        floor = float(depth.max()) * 1.1 + 1.0
+        word = source_of(trajectory, "true_north", "truth")
+        known = np.flatnonzero(np.isfinite(north) & np.isfinite(depth))
+        floor = float(np.nanmax(depth)) * 1.1 + 1.0
         top = 1.0 - (LEGEND_ROW * rows + 0.12) / height
         axes = space_axes(figure, floor=floor, unit=unit, top=top)
-        axes.plot(east / metres, north / metres, depth, color=style.TRUTH, lw=1.6, label="truth")
+        axes.plot(east / metres, north / metres, depth, color=style.TRUTH, lw=1.6, label=word)
         axes.plot(
             east / metres, north / metres, floor, color=style.GUIDE, lw=0.8, label="on the chart"
         )
@@ -44,7 +47,8 @@ def track_3d_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -
             n, e, t = style.thin(track.north, track.east, track.time, most=MOST_3D)
             d = np.interp(t, time, depth)
             axes.plot(e / metres, n / metres, d, lw=0.9, label=track.title, **line_look(index))
-        for name, (index, marker) in MARKS.items():
+        for name, (end, marker) in MARKS.items():
+            index = known[end]
             axes.plot(
                 east[index] / metres, north[index] / metres, depth[index], marker, ms=5,
                 mfc="white", mec=style.COMMAND, mew=1.2, ls="none", label=name, zorder=10,

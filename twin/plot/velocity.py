@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from twin.plot import style
 from twin.plot.registry import FigureKind
 from twin.plot.signals import draw_lines, stack, thinned_time
+from twin.records.logged_trajectory import source_of
 from twin.records.trajectory import Trajectory
 
 
@@ -21,14 +22,18 @@ def velocity_figure(trajectory: Trajectory) -> Figure:
             strict=False,
         ):
             draw_lines(panel, trajectory, [(f"true_{name}", name, style.TRUTH)])
-            panel.set_title(f"{title}, through the water")
+            word = source_of(trajectory, f"true_{name}", "through the water")
+            panel.set_title(f"{title}, {word}")
             panel.set_ylabel("[m/s]")
             style.pad_limits(panel, least=0.01)
         over_ground = np.hypot(trajectory["true_velocity_north"], trajectory["true_velocity_east"])
         time, seconds, unit = thinned_time(trajectory)
         (speed,) = style.thin(over_ground)
         axes[-1].plot(time / seconds, speed, color=style.PALETTE["green"])
-        axes[-1].set_title("horizontal speed over ground")
+        track = source_of(trajectory, "true_velocity_north", "")
+        axes[-1].set_title(
+            f"speed over ground, {track}" if track else "horizontal speed over ground"
+        )
         axes[-1].set_ylabel("[m/s]")
         style.label_time(axes[-1], unit)
         figure.align_ylabels()

@@ -11,9 +11,9 @@ from twin.records.schema import TIME
 
 
 def store_hash(store: str | Path) -> str:
-    """SHA-256 over the names and bytes of all files of a store."""
+    """SHA-256 over the names and bytes of all files of a store that are not hidden."""
     root, digest = Path(store), hashlib.sha256()
-    for path in sorted(p for p in root.rglob("*") if p.is_file()):
+    for path in _files(root):
         digest.update(str(path.relative_to(root)).encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()
@@ -28,7 +28,12 @@ def content_hash(store: str | Path, names: Iterable[str]) -> str:
     digest = hashlib.sha256()
     for name in sorted({TIME, N_SAMPLES, SPLIT, *names}):
         folder = Path(store) / name
-        for path in sorted(p for p in folder.rglob("*") if p.is_file()):
+        for path in _files(folder):
             digest.update(path.relative_to(store).as_posix().encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()
+
+
+def _files(folder: Path) -> list[Path]:
+    """Files of a folder, without the hidden ones: what a killed writer left is no content."""
+    return sorted(p for p in folder.rglob("*") if p.is_file() and not p.name.startswith("."))

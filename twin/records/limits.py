@@ -56,6 +56,8 @@ TABLE: tuple[Quantity, ...] = (
     Quantity("dbar", "", (-20.0, 12_000.0)),
     # freezing brine to a deck in the sun
     Quantity("degree_Celsius", "", (-5.0, 45.0)),
+    # fresh water to brine, warm
+    Quantity("S m-1", "", (-0.1, 10.0)),
     Quantity("1", "immersion", (-1e-6, 1.0 + 1e-6)),
     Quantity("1", "contact", (0.0, 1.0)),
     Quantity("1", "dvl_mode", (0.0, 2.0)),

@@ -24,15 +24,13 @@ from twin.records.attributes import (
     START_TIME,
     says_simulated,
 )
+from twin.records.place import LATITUDE, LONGITUDE, METHOD, METHODS
 from twin.records.reader import MissionStore
 from twin.water.current.origin import HIGHEST_LATITUDE
 
 Array = NDArray[np.float64]
 
 NANOSECONDS = 1e9
-CURRENTS = (("vehicle_dac_north", "vehicle_dac_east"), ("dac_north", "dac_east"))
-"""Depth-averaged currents that a store may have, the better ones first: as the vehicle or its
-basestation reported them, from a flight model, or the import's, from depth rate and pitch."""
 FOLLOWS_WITHIN = 3600.0
 """[s] between the end of a dive and the start of the next for their currents to be alike."""
 OVERLAP = 1.0
@@ -177,30 +175,34 @@ class LogStore(MissionStore):
         a, b, c, d = (float(self.number(name)[mission]) for name in names)
         return (a, b), (c, d)
 
-    def current(self, mission: int) -> tuple[float, float]:
-        """Depth-averaged current [m/s] of a dive, north and east; NaN when the store has none."""
-        for names in CURRENTS:
-            north, east = (float(self.number(name)[mission]) for name in names)
-            if np.isfinite(north) and np.isfinite(east):
-                return north, east
-        return np.nan, np.nan
-
     def positions(self, mission: int) -> tuple[Array, Array, str]:
         """Latitude and longitude [degree] of a dive's samples, and how they were found.
 
-        The vehicle's own track where it logged one, else a straight line in time between the two
-        fixes; NaN where neither is known.
+        Those that the store holds; in stores of earlier versions, which hold none, the vehicle's
+        own track where it logged one, else a straight line in time between the two fixes. NaN where
+        neither is known.
         """
+        if LATITUDE in self:
+            count = int(self.samples[mission])
+            latitude, longitude = (
+                self.row(name, mission)[:count].astype(float) for name in (LATITUDE, LONGITUDE)
+            )
+            word = self.flags(METHOD)[int(self.array(METHOD)[mission])]
+            return latitude, longitude, METHODS[word]
+        return self._positions_without(mission)
+
+    def _positions_without(self, mission: int) -> tuple[Array, Array, str]:
+        """The same of a store that holds none."""
         start, end = self.fixes(mission)
         count = int(self.samples[mission])
         if not np.isfinite(start).all():
-            return np.full(count, np.nan), np.full(count, np.nan), "unknown"
+            return np.full(count, np.nan), np.full(count, np.nan), METHODS["unknown"]
         north, east = (self.signal(f"measured_onboard_{n}", mission) for n in ("north", "east"))
         if np.isfinite(north).any() and abs(start[0]) <= HIGHEST_LATITUDE:
             return *position(north, east, *start), "on-board track"
         if not np.isfinite(end).all():
-            return np.full(count, np.nan), np.full(count, np.nan), "unknown"
+            return np.full(count, np.nan), np.full(count, np.nan), METHODS["unknown"]
         share = np.linspace(0.0, 1.0, count)
         turn = (end[1] - start[1] + 180.0) % 360.0 - 180.0
         latitude = start[0] + share * (end[0] - start[0])
-        return latitude, start[1] + share * turn, "straight line between GPS fixes"
+        return latitude, start[1] + share * turn, METHODS["straight_line"]

@@ -8,7 +8,6 @@ and the mission.
 from __future__ import annotations
 
 import functools
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
@@ -17,7 +16,8 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import StoreError, unknown_name
+from twin.bounded import parse_json
+from twin.errors import InputError, StoreError, unknown_name
 from twin.records.attributes import (
     CONVENTIONS,
     HISTORY,
@@ -66,7 +66,7 @@ class MissionStore:
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
-        self.dataset: xr.Dataset = open_store(self.path)
+        self.dataset: xr.Dataset = open_store(self.path, dask=False)
         if not is_missions(self.attributes):
             self.close()
             found = self.attributes.get(SCHEMA)
@@ -149,8 +149,8 @@ class MissionStore:
           StoreError: it is missing or damaged.
         """
         try:
-            return json.loads(self.attributes[attribute])
-        except (KeyError, ValueError, TypeError) as error:
+            return parse_json(self.attributes[attribute], attribute)
+        except (KeyError, InputError) as error:
             raise StoreError(
                 f"store {self.path}: its attribute {attribute!r} cannot be read "
                 f"({type(error).__name__}: {error})"

@@ -1,7 +1,7 @@
 """Sharded: a store of simulated missions written shard by shard, through zarr.
 
-One mission is one chunk. Chunks are packed into shards of SHARD_MISSIONS missions, so that a store
-of thousands of missions has hundreds of files, and each carries a CRC-32C, so that damage is found
+One mission is one chunk. Chunks are packed into shards of many missions, so that a store of
+thousands of missions has hundreds of files, and each carries a CRC-32C, so that damage is found
 wherever it is read. zarr-python writes all of it: with the codec pipeline `zarrs` where that is
 installed, else with its own, which gives the same bytes and takes three times as long.
 """
@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import functools
 import importlib.util
 import json
 import math
-import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,18 +23,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.records.attributes import SIMULATED_ATTRIBUTES
-from twin.records.schema import MISSION, TIME, VARIABLES
+from twin.records.checksums import FileSum
+from twin.records.files import Files
+from twin.records.schema import MISSION, TIME
 
 if TYPE_CHECKING:
     import zarr
 
-SHARD_MISSIONS = 64
-"""Missions in a shard, or all of a smaller store: 48 h of preset paper, a MB per variable."""
 COMPRESSOR: Literal["zstd"] = "zstd"
 LEVEL = 1
 """Higher levels cost twice the time and gain a tenth of the size."""
 DTYPE = np.dtype("<f4")
+"""Of signals"""
+BESIDE = "coordinates"
+"""CF attribute that names what xarray makes coordinates"""
 METADATA = "zarr.json"
+TEXT = "T"
+"""Kind of numpy's type of strings."""
 PYTHON_PIPELINE = "zarr.core.codec_pipeline.BatchedCodecPipeline"
 RUST_PIPELINE = "zarrs.ZarrsCodecPipeline"
 _MEMBERS = (
@@ -47,10 +50,11 @@ _MEMBERS = (
 
 
 @dataclass(frozen=True)
-class SmallArray:
+class ArrayMeta:
     """An array that is not a signal: a coordinate, or one value or a few of each mission."""
 
-    values: NDArray[Any]
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
     dimensions: tuple[str, ...]
     attributes: Mapping[str, Any]
 
@@ -66,76 +70,104 @@ def stored_values(values: NDArray[np.float64], decimals: int | None) -> NDArray[
     return (np.rint(values * scale) / scale).astype(DTYPE)
 
 
-def shard_missions(missions: int) -> int:
-    """Missions in each shard of a store of `missions`."""
-    return min(missions, SHARD_MISSIONS)
-
-
 class ShardedStore:
     """A store that grows by shards; it is complete when `finish` has written its `zarr.json`.
 
-    Every file appears under its name only when it is whole: shards are written in `staging`, a
-    folder of the same file system, and moved.
+    Any process can write any shard. `files` takes whole files only: shards are encoded in
+    `staging`, a folder of this machine, of the same file system where `files` are local.
     """
 
-    def __init__(self, path: Path, *, missions: int, samples: int, staging: Path):
-        """`samples` are those of the longest mission."""
-        self.path, self.missions, self.samples = path, missions, samples
-        self._staging = staging
+    def __init__(
+        self,
+        files: Files,
+        *,
+        missions: int,
+        samples: int,
+        shard_missions: int,
+        row_missions: int,
+        staging: Path,
+    ):
+        """Describe the store.
 
-    @functools.cached_property
-    def _staged(self) -> dict[str, zarr.Array[Any]]:
-        """An array of the signals' kind in the staging folder, by codec pipeline."""
-        staged = {}
-        for pipeline in {fast_pipeline(), PYTHON_PIPELINE}:
-            with _pipeline(pipeline):
-                shutil.rmtree(self._staging, ignore_errors=True)  # of an earlier run
-                staged[pipeline] = self._signal(str(self._staging))
-        return staged
+        Args:
+          samples: of the longest mission.
+          shard_missions: missions in each shard of a signal.
+          row_missions: missions in each chunk of an array that is no signal.
+        """
+        self.files, self.missions, self.samples = files, missions, samples
+        self.shard_missions, self.row_missions = shard_missions, row_missions
+        self._staging = staging
+        self._staged: dict[tuple[str, np.dtype[Any]], zarr.Array[Any]] = {}
 
     def prepare(self) -> None:
         """Get zarr ready, which takes a tenth of a second; `write_shard` else does it itself."""
-        self._staged  # noqa: B018
+        self._stage(fast_pipeline(), DTYPE)
 
-    def write_shard(self, number: int, signals: Mapping[str, NDArray[np.float32]]) -> None:
-        """Write shard `number` of every signal.
+    def close(self) -> None:
+        """Remove the staging folder."""
+        shutil.rmtree(self._staging, ignore_errors=True)
+
+    def write_shard(self, number: int, name: str, block: NDArray[Any]) -> tuple[str, FileSum]:
+        """Write shard `number` of a signal; its key and checksum.
 
         Args:
-          signals: by schema name, (missions of the shard, samples), padded with NaN.
+          block: (missions of the shard, samples), padded with the fill value of its type.
 
         Raises:
           OSError: the disk refuses.
         """
-        first = number * shard_missions(self.missions)
-        for name, block in signals.items():
-            # zarrs leaves out a chunk of nothing but the fill value, zarr-python keeps it as asked
-            unknown = bool(np.isnan(block).all(axis=1).any())
-            pipeline = PYTHON_PIPELINE if unknown else fast_pipeline()
-            with _pipeline(pipeline), _told(self.path / name):
-                self._staged[pipeline][first : first + len(block)] = block
-            target = self.path / name / "c" / str(number) / "0"
-            target.parent.mkdir(parents=True, exist_ok=True)
-            (self._staging / "c" / str(number) / "0").replace(target)
+        first = number * self.shard_missions
+        # zarrs leaves out a chunk of nothing but the fill value, zarr-python keeps it as asked
+        empty = np.isnan(block) if block.dtype.kind == "f" else block == fill_value(block.dtype)
+        pipeline = PYTHON_PIPELINE if bool(empty.all(axis=1).any()) else fast_pipeline()
+        key = f"{name}/c/{number}/0"
+        with _pipeline(pipeline), _told(self.files.name, key):
+            self._stage(pipeline, block.dtype)[first : first + len(block)] = block
+        return key, self.files.move_in(key, self._staging / f"c/{number}/0")
 
-    def finish(self, arrays: Mapping[str, SmallArray], attributes: Mapping[str, Any]) -> None:
-        """Write everything but the signals; `zarr.json` of the store comes last."""
+    def write_rows(
+        self, name: str, number: int, values: NDArray[Any], length: int, dimensions: Sequence[str]
+    ) -> tuple[str, FileSum]:
+        """Write chunk `number` of an array that is no signal; its key and checksum.
+
+        Args:
+          values: of the chunk; its first axis may be shorter than the array's.
+          length: of the whole array's first axis.
+          dimensions: names of all axes.
+        """
+        memory: dict[str, Any] = {}
+        with _pipeline(PYTHON_PIPELINE):
+            array = self._rows(memory, values.dtype, (length, *values.shape[1:]), dimensions)
+            first = number * array.chunks[0]
+            array[first : first + len(values)] = values
+        (chunk,) = (key for key in memory if key != METADATA)
+        return f"{name}/{chunk}", self.files.put(f"{name}/{chunk}", memory[chunk].to_bytes())
+
+    def finish(
+        self,
+        signals: Mapping[str, tuple[np.dtype[Any], Mapping[str, Any]]],
+        arrays: Mapping[str, ArrayMeta],
+        attributes: Mapping[str, Any],
+    ) -> dict[str, FileSum]:
+        """Write all metadata, that of the store last; keys and checksums.
+
+        Args:
+          signals: type and attributes of each array over mission and time, by name.
+          arrays: the other ones.
+          attributes: of the store.
+        """
         metadata: dict[str, Any] = {}
         with _pipeline(PYTHON_PIPELINE):
-            like_small = functools.cache(_small)
-            for name, small in arrays.items():
-                memory, array = like_small(small.values.shape, small.values.dtype, small.dimensions)
-                array[...] = small.values
-                for key, buffer in memory.items():
-                    if key != METADATA:
-                        (self.path / name / key).parent.mkdir(parents=True, exist_ok=True)
-                        write_whole(self.path / name / key, buffer.to_bytes())
-                metadata[name] = _document(array, small.attributes)
-            signal = self._signal({})
-        for name, variable in VARIABLES.items():
-            if (self.path / name / "c").is_dir():
-                metadata[name] = _document(signal, variable.stored_attributes())
-        for name, document in metadata.items():
-            write_whole(self.path / name / METADATA, _compact(document))
+            like: dict[Any, zarr.Array[Any]] = {}
+            for name, one in arrays.items():
+                kind = (one.shape, one.dtype, one.dimensions)
+                if kind not in like:
+                    like[kind] = self._rows({}, one.dtype, one.shape, one.dimensions)
+                metadata[name] = _document(like[kind], one.attributes)
+            for name, (dtype, said) in signals.items():
+                if dtype not in like:
+                    like[dtype] = self._signal({}, dtype)
+                metadata[name] = _document(like[dtype], said)
         group = {
             "zarr_format": 3,
             "node_type": "group",
@@ -146,50 +178,83 @@ class ShardedStore:
                 "metadata": metadata,
             },
         }
-        write_whole(self.path / METADATA, _compact(group))
+        keys = {f"{name}/{METADATA}": document for name, document in metadata.items()}
+        keys[METADATA] = group
+        return {key: self.files.put(key, _compact(value)) for key, value in keys.items()}
 
-    def _signal(self, store: Any) -> zarr.Array[Any]:
+    def write_group(self, name: str, attributes: Mapping[str, Any]) -> dict[str, FileSum]:
+        """Write a group that holds nothing but attributes; its key and checksum."""
+        document = {"zarr_format": 3, "node_type": "group", "attributes": dict(attributes)}
+        return {f"{name}/{METADATA}": self.files.put(f"{name}/{METADATA}", _compact(document))}
+
+    def _stage(self, pipeline: str, dtype: np.dtype[Any]) -> zarr.Array[Any]:
+        """An array of the signals' kind in the staging folder."""
+        if (pipeline, dtype) not in self._staged:
+            with _pipeline(pipeline):
+                shutil.rmtree(self._staging, ignore_errors=True)  # of another type
+                self._staged[pipeline, dtype] = self._signal(str(self._staging), dtype)
+        return self._staged[pipeline, dtype]
+
+    def _signal(self, store: Any, dtype: np.dtype[Any]) -> zarr.Array[Any]:
         """A new array (mission, time) in a folder or in memory; its attributes come later."""
         import zarr
         from zarr.codecs import BloscCodec, BytesCodec, Crc32cCodec
 
         blosc = BloscCodec(
-            typesize=DTYPE.itemsize, cname=COMPRESSOR, clevel=LEVEL, shuffle="shuffle", blocksize=0
+            typesize=dtype.itemsize, cname=COMPRESSOR, clevel=LEVEL, shuffle="shuffle", blocksize=0
         )
         return zarr.create_array(
             store,
             shape=(self.missions, self.samples),
-            shards=(shard_missions(self.missions), self.samples),
+            shards=(self.shard_missions, self.samples),
             chunks=(1, self.samples),
-            dtype=DTYPE,
-            fill_value=np.nan,
+            dtype=dtype,
+            fill_value=fill_value(dtype),
             serializer=BytesCodec(),
             compressors=[blosc, Crc32cCodec()],
             dimension_names=(MISSION, TIME),
             config={"write_empty_chunks": True},
         )
 
+    def _rows(
+        self,
+        memory: dict[str, Any],
+        dtype: np.dtype[Any],
+        shape: tuple[int, ...],
+        dimensions: Sequence[str],
+    ) -> zarr.Array[Any]:
+        """A new array in memory whose chunks are not compressed."""
+        import zarr
+        from zarr.codecs import BytesCodec, Crc32cCodec
 
-def _small(
-    shape: tuple[int, ...], dtype: np.dtype[Any], dimensions: tuple[str, ...]
-) -> tuple[dict[str, Any], zarr.Array[Any]]:
-    """A new array in one chunk that is not compressed, and the memory that it is in."""
+        rows = self.row_missions if dimensions[0] == MISSION else shape[0]
+        return zarr.create_array(
+            memory,
+            shape=shape,
+            chunks=(min(rows, shape[0]), *shape[1:]),
+            dtype=dtype,
+            fill_value="" if dtype.kind == TEXT else fill_value(dtype),
+            serializer="auto" if dtype.kind == TEXT else BytesCodec(),
+            compressors=[Crc32cCodec()],
+            dimension_names=tuple(dimensions),
+            config={"write_empty_chunks": True},
+        )
+
+
+def read_rows(store: Path, name: str, row: int | None = None) -> NDArray[Any]:
+    """An array of a store on this machine, or one mission of it; raises whatever zarr does where it
+    is damaged."""
     import zarr
-    from zarr.codecs import BytesCodec, Crc32cCodec
 
-    memory: dict[str, Any] = {}
-    array = zarr.create_array(
-        memory,
-        shape=shape,
-        chunks=shape,
-        dtype=dtype,
-        fill_value=np.nan if dtype.kind == "f" else 0,
-        serializer=BytesCodec(),
-        compressors=[Crc32cCodec()],
-        dimension_names=dimensions,
-        config={"write_empty_chunks": True},
-    )
-    return memory, array
+    array = zarr.open_array(store / name, mode="r")
+    return np.asarray(array[...] if row is None else array[row])
+
+
+def fill_value(dtype: np.dtype[Any]) -> Any:
+    """What stands where an array has nothing: NaN, or the least number of 8 bytes, or 0."""
+    if dtype.kind == "f":
+        return np.nan
+    return np.iinfo(dtype).min if dtype == np.dtype("<i8") else 0
 
 
 def _document(array: zarr.Array[Any], attributes: Mapping[str, Any]) -> dict[str, Any]:
@@ -214,12 +279,12 @@ def _pipeline(path: str) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _told(path: Path) -> Iterator[None]:
+def _told(place: str, key: str) -> Iterator[None]:
     """Make an OSError of what the pipeline in Rust raises when the disk refuses."""
     try:
         yield
     except RuntimeError as error:
-        raise OSError(errno.EIO, " ".join(str(error).split()), str(path)) from error
+        raise OSError(errno.EIO, " ".join(str(error).split()), f"{place}/{key}") from error
 
 
 def _compact(value: Mapping[str, Any]) -> bytes:
@@ -234,16 +299,3 @@ def flag_attributes(long_name: str, meanings: Sequence[str], first: int = 0) -> 
         "flag_values": list(range(first, first + len(meanings))),
         "flag_meanings": " ".join(meanings),
     }
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file so that it is there completely or not at all."""
-    # the name of the process: two of them may write the same file, with the same bytes
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        temporary.write_bytes(data)
-        temporary.replace(path)
-    except OSError:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise

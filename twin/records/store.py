@@ -1,27 +1,45 @@
 """Store: missions in zarr, read and written with the schema; `xarray.open_zarr` just works.
 
 Layout: arrays (mission, time) in float32 with NaN padding, `n_samples(mission)`, `time` in
-seconds since each mission's start, `state(mission, time, state)` in float64 with MuJoCo's exact
-state, and attributes that say what the data are. The factory writes the same layout in bulk.
+seconds since each mission's start, `datetime`, `latitude` and `longitude` of each sample,
+`state(mission, time, state)` in float64 with MuJoCo's exact state, and attributes that say what the
+data are. The factory writes the same layout in bulk.
 """
 
 from __future__ import annotations
 
-import json
-import shutil
+import contextlib
+import errno
 import warnings
 from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from twin.errors import StoreError
-from twin.records.attributes import N_SAMPLES, SIMULATED_ATTRIBUTES, VERSION
-from twin.records.place import PLACE, place_arrays, read_place
+from twin.bounded import check_dataset, parse_json
+from twin.errors import InputError, StoreError
+from twin.records.attributes import N_SAMPLES, SIMULATED_ATTRIBUTES, VERSION, is_missions
+from twin.records.checksums import is_listed
+from twin.records.flight_file import flight_message, is_flight
+from twin.records.place import (
+    COORDINATES,
+    FLOWN,
+    NOMINAL,
+    PLACE,
+    flown_coordinates,
+    nominal_array,
+    padded,
+    place_arrays,
+    read_place,
+    sample_variables,
+)
 from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES, declare_stored
 from twin.records.sharded import METADATA
 from twin.records.trajectory import Trajectory
+from twin.records.whole import check_folder_target, recover, whole_folder
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,8 +49,12 @@ COLUMNS = "columns"
 """Attribute of `simulation_state` that names its columns: qpos, qvel, act, ctrl (x north, y west, z
 up; SI, rad, cm3)."""
 
+GENERATING = ".generating"
+"""Ending of the folder beside a store that `factory generate` works in until it is complete."""
+RECIPE = "recipe.json"
+"""In a folder of it: what the store is made by"""
 UNFINISHED = ".generating"
-"""Folder inside a store that the factory has begun and not completed."""
+"""Folder inside a store that an older factory has begun and not completed."""
 
 
 def mission_dataset(
@@ -45,7 +67,8 @@ def mission_dataset(
     import xarray as xr
 
     longest = max(len(t.time) for t in trajectories)
-    coordinates = {
+    provenances = [t.provenance for t in trajectories]
+    coordinates: dict[str, Any] = {
         MISSION: (MISSION, np.arange(len(trajectories)), {"long_name": "mission index"}),
         TIME: (
             TIME,
@@ -57,10 +80,20 @@ def mission_dataset(
         N_SAMPLES: (
             MISSION,
             np.array([len(t.time) for t in trajectories], np.int32),
-            {"units": "1", "long_name": "samples of the mission; later ones are padding"},
+            {
+                "units": "1",
+                "long_name": "number of samples of the mission",
+                "comment": "later ones are padding",
+            },
         )
     }
-    variables.update(place_arrays([t.provenance for t in trajectories]))
+    variables |= nominal_array(provenances)
+    if places := place_arrays(provenances):
+        positions = [flown_coordinates(t.time, *_true_track(t), t.provenance) for t in trajectories]
+        samples = {
+            name: padded(name, [p[name] for p in positions], longest) for name in COORDINATES
+        }
+        coordinates |= sample_variables(samples, FLOWN, (MISSION, TIME)) | places
     for name, entry in VARIABLES.items():
         if not any(name in t.signals for t in trajectories):
             continue
@@ -82,12 +115,19 @@ def mission_dataset(
             COLUMNS: " ".join(trajectories[0].state_columns),
         },
     )
-    said = {n: value for n, value in (attributes or {}).items() if n not in PLACE}
+    said = {n: value for n, value in (attributes or {}).items() if n not in (*PLACE, NOMINAL)}
     dataset = xr.Dataset(variables, coordinates, {**SIMULATED_ATTRIBUTES, **said})
     for name in sorted({key for row in parameters or () for key in row}):
         values = np.array([row.get(name, np.nan) for row in parameters or ()])
         dataset[name] = (MISSION, values)
     return dataset
+
+
+def _true_track(trajectory: Trajectory) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """North and east [m], (time,); NaN where the trajectory was logged and nobody knows them."""
+    unknown = np.full(len(trajectory.time), np.nan)
+    north, east = (trajectory.signals.get(f"true_{name}", unknown) for name in ("north", "east"))
+    return north, east
 
 
 def _state_width(trajectories: Sequence[Trajectory]) -> int:
@@ -110,49 +150,67 @@ def stored_columns(one: xr.Dataset) -> tuple[str, ...]:
 
 
 def write_store(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
-    """Write a dataset as a zarr store.
+    """Write a dataset as a zarr store, whole or not at all, with a list of its files' checksums.
+
+    Args:
+      overwrite: take the place of a store, which stays until the new one is complete.
 
     Raises:
-      StoreError: something else than a store is in the way, it exists and `overwrite` is False,
+      WriteError: something else than a store is in the way, it exists and `overwrite` is False,
         or the disk refuses.
     """
     path = Path(path)
-    prepare_target(path, overwrite=overwrite)
-    try:
-        write_zarr(dataset, path)
-    except OSError as error:
-        raise StoreError(f"cannot write store {path}: {error.strerror or error}") from error
+    with whole_folder(path, overwrite=overwrite, ours=is_store) as folder:
+        write_zarr(dataset, folder)
     return path
 
 
-def write_zarr(dataset: xr.Dataset, path: Path) -> None:
-    """Write any dataset as a zarr v3 group that `xarray.open_zarr(path)` opens without options."""
+def write_zarr(dataset: xr.Dataset, folder: Path) -> None:
+    """Write any dataset as a zarr v3 group that `xarray.open_zarr(path)` opens without options.
+
+    `folder` is one of `whole_folder`: a kill leaves part of the group.
+    """
     with warnings.catch_warnings():
         # zarr 3 warns that its specification does not name consolidated metadata yet
         warnings.filterwarnings("ignore", "Consolidated metadata")
-        dataset.to_zarr(path, mode="w", zarr_format=3, consolidated=True)
+        dataset.to_zarr(folder, mode="w", zarr_format=3, consolidated=True)
 
 
-def prepare_target(path: Path, *, overwrite: bool) -> None:
-    """Make sure that a new store can be written at `path`; removes an old store on `overwrite`."""
-    if path.exists():
-        if not is_store(path):
-            raise StoreError(
-                f"{path} exists and is not a whole store; remove it by hand or choose another --out"
-            )
-        if not overwrite:
-            raise StoreError(f"store {path} already exists; use --overwrite or another --out")
-        shutil.rmtree(path)
+def write_netcdf(
+    dataset: xr.Dataset, path: Path, encoding: Mapping[str, Any] | None = None
+) -> None:
+    """Write any dataset as netCDF4; `path` is one of `whole_file`: a kill leaves half a file.
+
+    Raises:
+      OSError: the disk refuses, of which the netCDF library gives no reason.
+    """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StoreError(f"cannot create {path.parent}: {error.strerror or error}") from error
+        dataset.to_netcdf(path, engine="netcdf4", encoding=encoding)
+    except RuntimeError as error:
+        raise OSError(errno.EIO, " ".join(str(error).split()), str(path)) from error
+
+
+def check_target(path: str | Path, *, overwrite: bool) -> None:
+    """Refuse what `write_store` would refuse, before long work.
+
+    Raises:
+      WriteError: something else than a store is in the way, or it exists and `overwrite` is False.
+    """
+    check_folder_target(path, overwrite=overwrite, ours=is_store)
 
 
 def is_store(path: str | Path) -> bool:
-    """True when `path` is a folder that holds a zarr v3 group, an empty folder included."""
-    path = Path(path)
-    return path.is_dir() and (is_complete(path) or not any(path.iterdir()))
+    """Whether `path` is a folder that holds a zarr v3 group of missions, whatever else it lacks."""
+    try:
+        return is_missions(read_attributes(path))
+    except StoreError:
+        return False
+
+
+def is_derived(path: str | Path) -> bool:
+    """Whether `path` is a zarr group that this program wrote and that holds no missions, such as
+    tracks: what may take its place must not take that of a store."""
+    return is_complete(path) and is_listed(path) and not is_store(path)
 
 
 def is_complete(path: str | Path) -> bool:
@@ -161,8 +219,10 @@ def is_complete(path: str | Path) -> bool:
 
 
 def is_unfinished(path: str | Path) -> bool:
-    """Whether `path` holds a store that `factory generate` has begun and not completed."""
-    return (Path(path) / UNFINISHED).is_dir() and not is_complete(path)
+    """Whether `factory generate` has begun a store at `path` and not completed it."""
+    path = Path(path)
+    begun = path.with_name(path.name + GENERATING).glob(f"*/{RECIPE}")
+    return not is_complete(path) and ((path / UNFINISHED).is_dir() or any(begun))
 
 
 def read_attributes(path: str | Path) -> dict[str, Any]:
@@ -172,16 +232,21 @@ def read_attributes(path: str | Path) -> dict[str, Any]:
       StoreError: its metadata cannot be read.
     """
     try:
-        attributes: dict[str, Any] = json.loads((Path(path) / METADATA).read_bytes())["attributes"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        metadata = parse_json((Path(path) / METADATA).read_bytes(), METADATA)
+        attributes: dict[str, Any] = metadata["attributes"]
+    except (OSError, InputError, KeyError, TypeError) as error:
         raise StoreError(
             f"store {path} is damaged: its {METADATA} cannot be read ({error}); make it again"
         ) from error
     return attributes
 
 
-def open_store(path: str | Path) -> xr.Dataset:
+def open_store(path: str | Path, *, dask: bool = True) -> xr.Dataset:
     """Open a store lazily.
+
+    Args:
+      dask: whether its arrays are dask's, in chunks of the store's own, where that is installed;
+        else an array is read when it is asked for.
 
     Raises:
       StoreError: missing, not a store of this schema, or written by a newer version.
@@ -190,12 +255,17 @@ def open_store(path: str | Path) -> xr.Dataset:
 
     path = Path(path)
     if not path.exists():
-        raise StoreError(f"no store at {path}; make one with `factory generate --out {path}`")
+        with contextlib.suppress(OSError):  # a kill between two renames may have left it beside
+            recover(path)
     if is_unfinished(path):
         raise StoreError(
             f"store {path} is incomplete: the `factory generate` command that began it, with "
             "--resume, completes it"
         )
+    if is_flight(path):
+        raise StoreError(flight_message(path))
+    if not path.exists():
+        raise StoreError(f"no store at {path}; make one with `factory generate --out {path}`")
     if not is_complete(path):
         raise StoreError(f"{path} is not a zarr v3 store; give the folder that ends in .zarr")
     attributes = read_attributes(path)
@@ -211,10 +281,12 @@ def open_store(path: str | Path) -> xr.Dataset:
             f"store {path} has schema version {version}, this program reads up to "
             f"{SCHEMA_VERSION}; upgrade glider-twin"
         )
+    chunks: dict[str, int] | None = {} if dask and find_spec("dask") is not None else None
     try:
-        dataset = xr.open_zarr(path, consolidated=None)
+        dataset = xr.open_zarr(path, consolidated=None, chunks=chunks)
     except Exception as error:
         raise StoreError(f"store {path} cannot be read: {' '.join(str(error).split())}") from error
+    check_dataset(dataset, path, f"store {path}", StoreError)
     declare_signals(dataset)
     return dataset
 
@@ -252,7 +324,7 @@ def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
       StoreError: as `open_store`, there is no such mission (the range is named), or the store is
         damaged: an array is gone, cannot be decoded or has gaps where samples must be.
     """
-    dataset = open_store(path)
+    dataset = open_store(path, dask=False)
     count = dataset.sizes.get(MISSION, 0)
     if not 0 <= mission < count:
         raise StoreError(f"store {path} has missions 0 to {count - 1}, not {mission}")

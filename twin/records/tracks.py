@@ -16,17 +16,20 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.bounded import check_archive, check_dataset
 from twin.errors import InputError, unknown_name
 from twin.records.attributes import TITLE, is_missions
 from twin.records.schema import MISSION, TIME
-from twin.records.store import write_zarr
+from twin.records.store import write_netcdf, write_zarr
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -125,6 +128,7 @@ def _read_dataset(path: Path, mission: int) -> list[NamedTrack]:
     except (OSError, ValueError) as error:
         raise InputError(f"track file {path.name} cannot be read: {error}") from error
     with dataset:
+        check_dataset(dataset, path, f"track file {path.name}")
         if is_missions(dataset.attrs):
             raise InputError(
                 f"{path} is a store of missions, not a file of dead-reckoned tracks; `learn "
@@ -145,6 +149,7 @@ def write_track_dataset(
     """Write tracks as netCDF, or as zarr where the name ends so.
 
     Args:
+      path: of `whole_file`, or of `whole_folder` for zarr.
       missions: numbers of the missions, (mission,).
       time: [s] since each mission's start, (time,).
       arrays: `<name>_north` and `<name>_east` [m], (mission, time).
@@ -160,16 +165,17 @@ def write_track_dataset(
         {TITLE: "Dead-reckoned tracks, metres from each mission's start"},
     )
     if path.suffix == ".nc":
-        dataset.to_netcdf(path)
+        write_netcdf(dataset, path)
     else:
         write_zarr(dataset, path)
 
 
 def _read_npz(path: Path, mission: int) -> list[NamedTrack]:
+    check_archive(path, f"track file {path.name}")
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: np.asarray(file[name], float) for name in file.files}
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError, EOFError, MemoryError, BadZipFile, zlib.error) as error:
         raise InputError(f"track file {path.name} cannot be read: {error}") from error
     return _collect(arrays, mission, path)
 

@@ -123,9 +123,10 @@ class Trajectory(Mapping[str, Array]):
         """True latitude and longitude [degree, WGS84], each of shape (time,).
 
         Raises:
-          InputError: the mission does not say where on Earth it began.
+          InputError: the mission does not say where on Earth it began, as those of stores of
+            earlier versions.
         """
-        from twin.geodesy import from_tangent_plane
+        from twin.geodesy import from_tangent_plane, wrap_longitude
 
         if START_LATITUDE not in self.provenance:
             raise InputError(
@@ -133,7 +134,8 @@ class Trajectory(Mapping[str, Array]):
                 'start={"latitude": 49.0, "longitude": -16.0}'
             )
         place = (self.provenance[START_LATITUDE], self.provenance[START_LONGITUDE])
-        return from_tangent_plane(self["true_north"], self["true_east"], *place)
+        latitude, longitude = from_tangent_plane(self["true_north"], self["true_east"], *place)
+        return latitude, wrap_longitude(longitude)
 
     def distance_through_water(self) -> Array:
         """Path length through the water [m] up to each sample, shape (time,)."""

@@ -7,9 +7,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.bounded import check_dataset
 from twin.errors import InputError, StoreError
 from twin.records.attributes import N_SAMPLES, SCHEMA, SIMULATED_ATTRIBUTES
-from twin.records.place import START_LATITUDE, START_TIME, read_place
+from twin.records.place import (
+    DATETIME,
+    FLOWN,
+    LATITUDE,
+    LONGITUDE,
+    START_LATITUDE,
+    START_TIME,
+    read_place,
+    sample_variables,
+    unix_milliseconds,
+    unix_seconds,
+)
 from twin.records.schema import MISSION, TIME, variable
 from twin.records.store import (
     STATES,
@@ -18,9 +30,11 @@ from twin.records.store import (
     read_trajectory,
     signal_names,
     stored_columns,
+    write_netcdf,
     write_store,
 )
 from twin.records.trajectory import Trajectory
+from twin.records.whole import whole_file
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -32,27 +46,21 @@ def to_xarray(trajectory: Trajectory) -> xr.Dataset:
     """The signals (time,) in full precision, with units and CF attributes of the schema.
 
     A mission that knows its place has the coordinates `latitude` and `longitude` (time,); one
-    that knows its date has `utc` (time,).
+    that knows its date has `datetime` (time,).
     """
     import xarray as xr
 
-    time = (TIME, trajectory.time, {"units": "s", "long_name": "time since the start"})
     signals = {
         name: (TIME, values, variable(name).attributes()) for name, values in trajectory.items()
     }
-    coordinates: dict[str, Any] = {TIME: time}
-    if START_LATITUDE in trajectory.provenance:
-        for name, units, values in zip(
-            ("latitude", "longitude"),
-            ("degree_north", "degree_east"),
-            trajectory.geographic_position(),
-            strict=True,
-        ):
-            coordinates[name] = (TIME, values, {"units": units, "standard_name": name})
+    coordinates: dict[str, Any] = {}
+    if START_LATITUDE in trajectory.provenance and "true_north" in trajectory:
+        coordinates |= zip((LATITUDE, LONGITUDE), trajectory.geographic_position(), strict=True)
     if START_TIME in trajectory.provenance:
-        start = np.datetime64(trajectory.provenance[START_TIME], "ns")
-        moments = start + np.round(trajectory.time * 1e9).astype("timedelta64[ns]")
-        coordinates["utc"] = (TIME, moments, {"standard_name": "time", "long_name": "UTC"})
+        start = unix_seconds(trajectory.provenance[START_TIME])
+        coordinates[DATETIME] = unix_milliseconds(start, trajectory.time)
+    coordinates = sample_variables(coordinates, FLOWN, (TIME,))
+    coordinates[TIME] = (TIME, trajectory.time, {"units": "s", "long_name": "time since the start"})
     return xr.Dataset(signals, coordinates, {**SIMULATED_ATTRIBUTES, **_plain(trajectory)})
 
 
@@ -63,7 +71,7 @@ def save_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: bool
       path: ends in .zarr or .nc.
 
     Raises:
-      InputError: another ending. StoreError: something is in the way, or the disk refuses.
+      InputError: another ending. WriteError: something is in the way, or the disk refuses.
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -72,13 +80,8 @@ def save_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: bool
     dataset = mission_dataset([trajectory], attributes=_plain(trajectory))
     if ending == ".zarr":
         return write_store(dataset, path, overwrite=overwrite)
-    if path.exists() and not (overwrite and path.is_file()):
-        raise StoreError(f"{path} already exists: use overwrite=True or another name")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        dataset.to_netcdf(path, engine="netcdf4")
-    except OSError as error:
-        raise StoreError(f"cannot write {path}: {error.strerror or error}") from error
+    with whole_file(path, overwrite=overwrite) as place:
+        write_netcdf(dataset, place)
     return path
 
 
@@ -97,6 +100,7 @@ def open_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
         raise StoreError(f"no file at {path}; `trajectory.save({str(path)!r})` writes one")
     try:
         with xr.open_dataset(path, engine="netcdf4", decode_times=False) as dataset:
+            check_dataset(dataset, path, f"file {path}", StoreError)
             return _read(dataset.load(), path, mission)
     except (OSError, ValueError) as error:
         if isinstance(error, StoreError):

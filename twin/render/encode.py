@@ -31,7 +31,7 @@ class EncodeError(TwinError):
 
 
 class Encoder:
-    """Writes frames to a video file, which appears when the context manager ends well."""
+    """Writes frames to a video file; until the context manager ends well it is cut."""
 
     def __init__(self, path: Path, width: int, height: int, fps: float):
         """
@@ -46,10 +46,9 @@ class Encoder:
         require("imageio_ffmpeg", extra="video", purpose="writing a video")
         self.path = path
         self._shape = (height, width, 3)
-        self._draft = path.with_name(f".{path.stem}.part{suffix}")
         self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in __exit__
         self._process = subprocess.Popen(
-            [*_command(width, height, fps), *_output(suffix, fps), str(self._draft)],
+            [*_command(width, height, fps), *_output(suffix, fps), str(self.path)],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=self._log,
@@ -64,7 +63,7 @@ class Encoder:
             self._process.stdin.write(np.ascontiguousarray(frame).data)
         except OSError as error:
             self._process.wait()
-            raise EncodeError(f"cannot write {self.path}: {self._last_words()}") from error
+            raise EncodeError(f"cannot write {self.path.name}: {self._last_words()}") from error
 
     def __enter__(self) -> Self:
         return self
@@ -82,14 +81,12 @@ class Encoder:
                 return
             self._process.stdin.close()
             if self._process.wait() != 0:
-                raise EncodeError(f"cannot write {self.path}: {self._last_words()}")
-            self._draft.replace(self.path)
+                raise EncodeError(f"cannot write {self.path.name}: {self._last_words()}")
         finally:
             self._process.wait()
             if kind is not None and not self._process.stdin.closed:
                 _close_quietly(self._process.stdin)
             self._log.close()
-            self._draft.unlink(missing_ok=True)
 
     def _last_words(self) -> str:
         self._log.seek(0)

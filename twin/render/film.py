@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError, TwinError
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
+from twin.records.whole import check_file_target, whole_file
 from twin.render.encode import STILL_FORMATS, VIDEO_FORMATS, Encoder
 from twin.render.painter import Painter
 from twin.render.shot import Shot
@@ -65,8 +66,9 @@ def save_still(path: Path, subject: Subject, shot: Shot, at: float | None = None
 
     if path.suffix.lower() not in STILL_FORMATS:
         raise InputError(f"picture {path.name}: the ending must be {STILL_FORMATS[0]}")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(still(subject, shot, at)).save(path, optimize=True)
+    picture = Image.fromarray(still(subject, shot, at))
+    with whole_file(path) as place:
+        picture.save(place, optimize=True)
 
 
 def save_video(
@@ -92,12 +94,12 @@ def save_video(
     if path.suffix.lower() not in VIDEO_FORMATS:
         raise InputError(f"video {path.name}: the ending must be {' or '.join(VIDEO_FORMATS)}")
     times = shot.frame_times(subject.trajectory.time)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    check_file_target(path)
     workers = min(workers, len(times))
     painted = (
         _frames(subject, shot, times) if workers == 1 else _shared(subject, shot, times, workers)
     )
-    with Encoder(path, shot.width, shot.height, shot.fps) as encoder:
+    with whole_file(path) as place, Encoder(place, shot.width, shot.height, shot.fps) as encoder:
         for frame in painted:
             encoder.write(frame)
             if progress is not None:

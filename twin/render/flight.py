@@ -61,6 +61,9 @@ class Replay:
             },
             net_mass=between(every.net_mass),
             current=between(every.current),
+            pumped=None if every.pumped is None else between(every.pumped),
+            bridged=None if every.bridged is None else between(every.bridged.astype(float)) > 0.0,
+            unknown=every.unknown,
         )
 
 

@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.records.logged_trajectory import LoggedTrajectory
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
 from twin.render import camera
@@ -69,7 +70,7 @@ class Painter:
         self._bearing = camera.follow(np.deg2rad(self.poses.heading), shot.fps)
         self._drift = self._drifts()
         self._fixed = self._fixed_view()
-        notes = self._notes(title)
+        notes = self._notes(title, _sources(trajectory))
         self._hud = Hud(self.stage, self.poses, self._canvas, notes) if shot.hud else None
         self.graphics = Graphics(self.stage.model, shot.width, shot.height)
         self._motion = Motion(self.stage, self.graphics.data, self.graphics.reshape)
@@ -144,8 +145,8 @@ class Painter:
             return camera.map_view(self.stage.layout, self._frame)
         return None
 
-    def _notes(self, title: str) -> list[str]:
-        """The title, and the scales that a reader must know."""
+    def _notes(self, title: str, sources: Sequence[str]) -> list[str]:
+        """The title, and what a reader must know: the scales, and what stands for the truth."""
         shot, layout = self.shot, self.stage.layout
         facts = []
         if self.frames > 1:
@@ -159,4 +160,15 @@ class Painter:
                 facts.append(f"depth × {layout.exaggeration:g}")
             if layout.scale < 1.0:
                 facts.append(f"vehicle × {1 / layout.scale:.0f}")
+        facts += sources
         return [title or "glider twin", *(["   ".join(facts)] if facts else [])]
+
+
+def _sources(trajectory: Trajectory) -> list[str]:
+    """What a log's picture shows in place of the truth: its track and its speed."""
+    if not isinstance(trajectory, LoggedTrajectory):
+        return []
+    parts = [trajectory.sources.get("true_north", "")]
+    if "true_surge" in trajectory.sources:
+        parts.append(f"speed: {trajectory.sources['true_surge']}")
+    return [part for part in parts if part]

@@ -105,7 +105,8 @@ def _draw_legend(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
     face, row, scale = text.font(size), max(canvas.px(ROW), round(LINE * size)), stage.scale
     bar = (canvas.px(BAR[0]), canvas.px(BAR[1]))
     strongest = stage.current.strongest
-    current = f"current, up to {strongest:.2f} m/s" if strongest else ""
+    digits = 2 if strongest >= 0.01 else 3
+    current = f"{stage.current_name}, up to {strongest:.{digits}f} m/s" if strongest else ""
     names = [*(line.name for line in stage.lines[1:]), *([current] if current else [])]
     wide = max(bar[0], text.width(scale.label, size))
     wide = max([wide, *(canvas.px(34) + text.width(name, size) for name in names)])

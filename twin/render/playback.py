@@ -17,8 +17,12 @@ Array = NDArray[np.float64]
 
 SLIDES, TURNS, SPINS = "m", "degree", "rad s-1"
 """Units of what moves on a rail, about an axis, and round and round"""
-NEEDED = ("north", "east", "depth", "roll", "pitch", "heading")
-"""Signals without which nothing can be drawn; true ones, or measured ones in real logs."""
+DISPLACES = "cm3"
+"""Unit of what changes the volume"""
+POSITION = ("north", "east", "depth")
+"""Signals without which nothing can be drawn."""
+ATTITUDE = ("roll", "pitch", "heading")
+BODY = ("surge", "sway", "heave")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -48,6 +52,12 @@ class Poses:
     """[kg], positive is heavy, shape (n,); NaN where unknown"""
     current: Array
     """North, east [m/s], shape (n, 2); NaN where unknown"""
+    pumped: Array | None = None
+    """[cm3] of a log, whose net mass nobody knows, shape (n,); NaN where unknown"""
+    bridged: NDArray[np.bool_] | None = None
+    """Where the log has a gap, so that all but the time is only drawn, shape (n,)"""
+    unknown: frozenset[str] = frozenset()
+    """Which of roll, pitch, heading, speed, net_mass and pumped nothing tells at any time"""
 
 
 def poses(trajectory: Trajectory, times: Array) -> Poses:
@@ -55,6 +65,7 @@ def poses(trajectory: Trajectory, times: Array) -> Poses:
 
     The pose comes from the recorded MuJoCo states, so that at a recorded time it is that state to
     the bit; where a store has none (real logs), it comes from the attitude and position signals.
+    Angles that a log lacks are drawn along the track, and said to be unknown.
 
     Raises:
       InputError: a needed signal is missing or never finite.
@@ -62,21 +73,25 @@ def poses(trajectory: Trajectory, times: Array) -> Poses:
     recorded = trajectory.time
     if len(recorded) < 2:
         raise InputError("this mission has fewer than 2 samples: nothing to draw")
+    unknown = _unknown(trajectory)
+    attitude = {
+        name: along_track(trajectory, name) if name in unknown else signal(trajectory, name)
+        for name in ATTITUDE
+    }
     if len(trajectory.states) == len(recorded):
         quaternions = trajectory.states[:, 3:7]
         position = flip_vector(trajectory.states[:, :3])
     else:
-        signals = {name: signal(trajectory, name) for name in NEEDED}
-        angles = (np.deg2rad(signals[name]) for name in ("roll", "pitch", "heading"))
+        angles = (np.deg2rad(attitude[name]) for name in ATTITUDE)
         quaternions = flip_quaternion(euler_to_quaternion(*angles))
-        position = np.stack([signals[name] for name in ("north", "east", "depth")], axis=-1)
+        position = np.stack([signal(trajectory, name) for name in POSITION], axis=-1)
     joints = moving_parts(trajectory)
-    velocity = [optional(trajectory, name, np.nan) for name in ("surge", "sway", "heave")]
+    velocity = [told(trajectory, name) for name in BODY]
     speed = np.sqrt(np.sum(np.square(velocity), axis=0))
     current = np.stack(
         [optional(trajectory, f"current_{n}", np.nan) for n in ("north", "east")], axis=-1
     )
-    heading = np.unwrap(signal(trajectory, "heading"), period=360.0)
+    heading = np.unwrap(attitude["heading"], period=360.0)
     return Poses(
         time=times,
         position=_interpolate(times, recorded, position),
@@ -84,13 +99,52 @@ def poses(trajectory: Trajectory, times: Array) -> Poses:
         joints=joints,
         parts=part_positions(trajectory, joints, times),
         angles=part_angles(trajectory, joints, times),
-        roll=np.interp(times, recorded, signal(trajectory, "roll")),
-        pitch=np.interp(times, recorded, signal(trajectory, "pitch")),
+        roll=np.interp(times, recorded, attitude["roll"]),
+        pitch=np.interp(times, recorded, attitude["pitch"]),
         heading=np.interp(times, recorded, heading),
         speed=np.interp(times, recorded, speed),
-        net_mass=np.interp(times, recorded, optional(trajectory, "net_mass", np.nan)),
+        net_mass=np.interp(times, recorded, told(trajectory, "net_mass")),
         current=_interpolate(times, recorded, current),
+        pumped=np.interp(times, recorded, _volume(trajectory)),
+        bridged=np.interp(times, recorded, _gaps(trajectory)) > 0.0,
+        unknown=unknown,
     )
+
+
+def _unknown(trajectory: Trajectory) -> frozenset[str]:
+    """Which readouts nothing tells at any time of the mission."""
+    names = {name: (name,) for name in (*ATTITUDE, "net_mass")} | {"speed": BODY}
+    unknown = {
+        name
+        for name, needed in names.items()
+        if not all(np.isfinite(told(trajectory, one)).any() for one in needed)
+    }
+    if not np.isfinite(_volume(trajectory)).any():
+        unknown.add("pumped")
+    return frozenset(unknown)
+
+
+def _volume(trajectory: Trajectory) -> Array:
+    """What all parts together displace by moving oil or water [cm3], (time,); NaN where unknown."""
+    parts = [name for name in actuator_names(VARIABLES) if _unit(name) == DISPLACES]
+    moved = [values for name in parts if np.isfinite(values := told(trajectory, name)).any()]
+    return np.asarray(np.sum(moved, axis=0)) if moved else np.full(len(trajectory.time), np.nan)
+
+
+def _gaps(trajectory: Trajectory) -> Array:
+    """1 where the log has no sample and values are straight lines, else 0, (time,)."""
+    gap = trajectory.signals.get("measured_gap", np.zeros(len(trajectory.time)))
+    return np.nan_to_num(gap, nan=1.0)  # between two dives that are drawn together
+
+
+def along_track(trajectory: Trajectory, name: str) -> Array:
+    """Roll, pitch or heading [degree] of a vehicle that points where it goes, (time,)."""
+    if name == "roll":
+        return np.zeros(len(trajectory.time))
+    north, east, down = (np.gradient(signal(trajectory, n), trajectory.time) for n in POSITION)
+    if name == "heading":
+        return np.degrees(np.arctan2(east, north)) % 360.0
+    return np.degrees(np.arctan2(-down, np.hypot(north, east)))
 
 
 def moving_parts(signals: Collection[str]) -> tuple[str, ...]:
@@ -100,7 +154,7 @@ def moving_parts(signals: Collection[str]) -> tuple[str, ...]:
       signals: names of signals.
     """
     logged = (part for part in actuator_names(VARIABLES) if f"measured_{part}" in signals)
-    parts = actuator_names(signals) or tuple(logged)
+    parts = tuple(dict.fromkeys([*actuator_names(signals), *logged]))
     return tuple(part for part in parts if _unit(part) in (SLIDES, TURNS, SPINS))
 
 
@@ -158,6 +212,15 @@ def optional(trajectory: Trajectory, name: str, default: float) -> Array:
         return signal(trajectory, name)
     except InputError:
         return np.full(len(trajectory.time), default)
+
+
+def told(trajectory: Trajectory, name: str) -> Array:
+    """The true signal `name`, or the measured one, as it is: NaN where nothing tells."""
+    for prefix in ("true_", "measured_"):
+        values = trajectory.signals.get(prefix + name)
+        if values is not None:
+            return values
+    return np.full(len(trajectory.time), np.nan)
 
 
 def closed(time: Array, values: Array, *, circular: bool = False) -> Array:

@@ -25,24 +25,42 @@ class Readout:
 
 
 def readouts(poses: Poses, index: int) -> list[Readout]:
-    """Time, depth, pitch, heading, speed, net buoyancy and the moving parts at one frame."""
+    """Time, depth, pitch, heading, speed, net buoyancy and the moving parts at one frame.
+
+    What nothing tells in the whole mission has no readout; a log shows what it pumped where the net
+    buoyancy is not known. In a gap of a log nothing but the time is known.
+    """
     heading = round(float(poses.heading[index])) % 360
     speed = float(poses.speed[index])
-    return [
-        Readout(name="TIME", value=clock(float(poses.time[index])), widest="00:00:00"),
-        Readout(name="DEPTH", value=f"{plain(poses.position[index, 2], 1)} m", widest="0000.0 m"),
-        Readout(name="PITCH", value=f"{signed(poses.pitch[index], 1)}°", widest="+00.0°"),
-        Readout(name="HEADING", value=f"{heading:03d}°", widest="000°"),
-        Readout(
+    depth = Readout(
+        name="DEPTH", value=f"{plain(poses.position[index, 2], 1)} m", widest="0000.0 m"
+    )
+    others = {
+        "pitch": Readout(name="PITCH", value=f"{signed(poses.pitch[index], 1)}°", widest="+00.0°"),
+        "heading": Readout(name="HEADING", value=f"{heading:03d}°", widest="000°"),
+        "speed": Readout(
             name="SPEED",
             value=f"{speed:.2f} m/s" if np.isfinite(speed) else UNKNOWN,
             widest="0.00 m/s",
         ),
-        Readout(
+        "net_mass": Readout(
             name="NET BUOYANCY", value=buoyancy(float(poses.net_mass[index])), widest="▼ 0.00 kg"
         ),
-        *_parts(poses, index),
-    ]
+    }
+    items = [depth, *(item for name, item in others.items() if name not in poses.unknown)]
+    pumped = None if "pumped" in poses.unknown else poses.pumped
+    if "net_mass" in poses.unknown and pumped is not None:
+        items += _pumped(float(pumped[index]))
+    items += _parts(poses, index)
+    if poses.bridged is not None and poses.bridged[index]:
+        items = [dataclasses.replace(item, value=UNKNOWN) for item in items]
+    return [Readout(name="TIME", value=clock(float(poses.time[index])), widest="00:00:00"), *items]
+
+
+def _pumped(volume: float) -> list[Readout]:
+    """What a log pumped [cm3]; a vehicle that pumps less than nothing is heavy."""
+    value = f"{signed(volume, 0)} cm³" if np.isfinite(volume) else UNKNOWN
+    return [Readout(name="PUMPED", value=value, widest="+000 cm³")]
 
 
 def _parts(poses: Poses, index: int) -> list[Readout]:

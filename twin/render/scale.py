@@ -10,18 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.records.logged_trajectory import source_of
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
-from twin.render.playback import closed
 from twin.render.scene_geometry import nice_step
 
 Array = NDArray[np.float64]
 
 SIGNALS = {
-    "speed": (("true_surge", "true_sway", "true_heave"), "speed through water [m/s]"),
-    "current": (("true_current_north", "true_current_east"), "current speed [m/s]"),
+    "speed": (("true_surge", "true_sway", "true_heave"), "speed through water", "m/s"),
+    "current": (("true_current_north", "true_current_east"), "current speed", "m/s"),
+    "depth": (("true_depth",), "depth", "m"),
 }
-"""Components whose length is the value, and the label"""
+"""Components whose length is the value, the label and the unit"""
 LEAST_RANGE = 0.02
 """[m/s] of a colour scale: less would colour noise"""
 
@@ -40,26 +41,51 @@ class Scale:
 
 
 def track_values(
-    trajectory: Trajectory, colour: str, shown: NDArray[np.bool_], tracks: Sequence[NamedTrack]
+    trajectory: Trajectory,
+    colour: str | None,
+    shown: NDArray[np.bool_],
+    tracks: Sequence[NamedTrack],
 ) -> tuple[Array, Scale]:
     """Values of the samples `shown` and the scale that colours them; `colour` as in `Shot`.
+
+    Of a log they are NaN where nothing tells them.
 
     Raises:
       InputError: the mission does not record the signal, or error is wanted without tracks.
     """
     if colour == "error":
         return _errors(trajectory, shown, tracks)
-    names, label = SIGNALS[colour]
-    found = [trajectory.signals.get(name) for name in names]
-    columns = [c for c in found if c is not None and np.isfinite(c).any()]
-    if len(columns) < len(names):
-        raise InputError(f"cannot colour by {colour}: this mission records no {', '.join(names)}")
-    squares = [np.square(closed(trajectory.time, column)) for column in columns]
+    if colour is None:
+        colour = "speed" if _known(trajectory, "speed") else "depth"
+    names, label, unit = SIGNALS[colour]
+    if not _known(trajectory, colour):
+        able = ", ".join(name for name in SIGNALS if _known(trajectory, name))
+        raise InputError(
+            f"cannot colour by {colour}: this mission records no {', '.join(names)}; it can by "
+            f"{able}"
+        )
+    source = source_of(trajectory, names[0], "")
+    squares = [np.square(trajectory[name]) for name in names]
     values = np.sqrt(np.sum(squares, axis=0))[shown]
-    low, high = (float(v) for v in np.percentile(values, [2.0, 98.0]))
+    if not np.isfinite(values).any():
+        raise InputError(f"cannot colour by {colour}: it is not known in the shown part")
+    low, high = (float(v) for v in np.nanpercentile(values, [2.0, 98.0]))
     step = nice_step(max(high - low, LEAST_RANGE) / 4)
     low, high = step * math.floor(low / step + 1e-9), step * math.ceil(high / step - 1e-9)
+    if colour == "current" and source:
+        label = source
+    elif source:
+        label = f"{label}, {source}"
+    label = f"{label} [{unit}]"
     return values, Scale(label=label, low=low, high=max(high, low + step))
+
+
+def _known(trajectory: Trajectory, colour: str) -> bool:
+    """Whether a mission has anything to colour so."""
+    return all(
+        name in trajectory and bool(np.isfinite(trajectory[name]).any())
+        for name in SIGNALS[colour][0]
+    )
 
 
 def _errors(
@@ -75,4 +101,8 @@ def _errors(
     high = float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
     step = nice_step(max(high, 1.0) / 4)
     high = step * math.ceil(max(high, 1.0) / step - 1e-9)
-    return values, Scale(label=f"position error of {tracks[0].title} [m]", low=0.0, high=high)
+    word = source_of(trajectory, "true_north", "")
+    label = f"position error of {tracks[0].title} [m]"
+    if word:
+        label = f"distance of {tracks[0].title} from the {word} [m]"
+    return values, Scale(label=label, low=0.0, high=high)

@@ -13,7 +13,7 @@ from twin.errors import InputError, unknown_name
 Array = NDArray[np.float64]
 
 CAMERAS = ("orbit", "side", "map", "chase")
-COLOURS = ("speed", "current", "error")
+COLOURS = ("speed", "current", "depth", "error")
 DEFAULT_SECONDS = 20.0
 """[s] of video when no speed-up is given"""
 SMALLEST, LARGEST = 64, 7680
@@ -45,8 +45,9 @@ class Shot:
     end: float | None = None
     """[s] Last mission time shown; None is the mission's end."""
 
-    colour: str = "speed"
-    """What colours the track: speed, current, or error (of the first dead-reckoned track)."""
+    colour: str | None = None
+    """What colours the track: speed, current, depth, or error (of the first dead-reckoned track);
+    None: speed, or depth in a log that does not tell the speed."""
 
     exaggeration: float | None = None
     """Vertical scale over horizontal scale; None chooses one. The chase camera has always 1."""
@@ -64,7 +65,7 @@ class Shot:
     def __post_init__(self) -> None:
         if self.camera not in CAMERAS:
             raise InputError(unknown_name("camera", self.camera, CAMERAS))
-        if self.colour not in COLOURS:
+        if self.colour is not None and self.colour not in COLOURS:
             raise InputError(unknown_name("track colour", self.colour, COLOURS))
         for name, pixels in (("width", self.width), ("height", self.height)):
             if not SMALLEST <= pixels <= LARGEST:

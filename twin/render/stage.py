@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.frames import flip_vector
+from twin.records.logged_trajectory import source_of
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
 from twin.render import arrows, palette, sea, seabed, shapes
@@ -97,6 +98,8 @@ class Stage:
     """Their colour follows the glider's depth"""
     snow: bool
     """Particles are there"""
+    current_name: str
+    """What that current is, for the legend"""
     floor: Array | None
     """Table of the mission's sea floor; None: what is drawn is decoration"""
     ground: list[int]
@@ -192,6 +195,7 @@ def build(
         ],
         scale=scale,
         current=current,
+        current_name=source_of(trajectory, "true_current_north", "current"),
         bands=[model.geom(name).id for name in bands],
         bands_follow=chase or shot.inset,
         snow=snow,

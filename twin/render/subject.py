@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import StoreError
+from twin.errors import InputError, StoreError, VehicleError
+from twin.plot.caption import missions_caption
 from twin.records.attributes import SCENARIO
+from twin.records.logged_trajectory import LoggedTrajectory
 from twin.records.reader import MissionStore
 from twin.records.store import read_trajectory
 from twin.records.tracks import choose_tracks, read_tracks
+from twin.records.trajectory import Trajectory
 from twin.render.film import Subject
-from twin.vehicle.vehicle import load_vehicle
+from twin.render.playback import POSITION
+from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 Array = NDArray[np.float64]
-
-TRACK = ("true_north", "true_east", "true_depth")
-"""Signals without which there is nothing to draw."""
 
 
 def read_subject(
     store: Path,
     mission: int = 0,
     *,
+    missions: Sequence[int] | None = None,
     vehicle: str | None = None,
     tracks: Path | None = None,
     names: str | None = None,
@@ -33,30 +36,65 @@ def read_subject(
 ) -> Subject:
     """A mission of a store, with dead-reckoned tracks if there are any.
 
+    Of a log the corrected track, the flight model's velocities and the measured attitude stand for
+    the truth; see `twin.flight.logged_trajectory`.
+
     Args:
-      vehicle: name or file; None takes the store's, see `MissionStore.vehicle`.
+      missions: dives of a log that are shown as one; None shows `mission` alone.
+      vehicle: name or file; None takes the store's, see `MissionStore.vehicle`. Its flight model,
+        if it has one, tells the velocities of a log.
       tracks: file as in `twin.records.tracks`.
       names: of those tracks, separated by commas; None takes all.
       title: first line of the picture; None is made from the store.
       floor: draw the sea floor of the mission where it has one.
 
     Raises:
-      StoreError, VehicleError, InputError: something cannot be read.
+      StoreError, VehicleError, InputError: something cannot be read, or a log has no track.
     """
-    trajectory, found = read_trajectory(store, mission), MissionStore(store)
-    lacking = [name for name in TRACK if name not in trajectory.signals]
-    if lacking and found.logged:
-        raise StoreError(
-            f"store {store} holds logs of real vehicles, which have no true track to draw: use "
-            f"`twin plot {store} --mission {mission}` or `factory plot {store}`"
+    found = MissionStore(store)
+    drawn = None if vehicle is None else load_vehicle(vehicle)
+    trajectory: Trajectory
+    if found.logged:
+        chosen = [mission] if missions is None else list(missions)
+        trajectory, drawn = _logged(store, chosen, vehicle, drawn)
+        caption = missions_caption(found, chosen, None)
+    elif missions is not None:
+        raise InputError(
+            f"several missions together are for logs: each mission of {store} is a flight of its "
+            "own"
         )
+    else:
+        trajectory, caption = read_trajectory(store, mission), _title(found, mission)
     return Subject(
         trajectory=trajectory,
-        vehicle=found.vehicle if vehicle is None else load_vehicle(vehicle),
+        vehicle=found.vehicle if drawn is None else drawn,
         tracks=() if tracks is None else tuple(choose_tracks(read_tracks(tracks, mission), names)),
-        title=_title(found, mission) if title is None else title,
+        title=caption if title is None else title,
         floor=_floor(found) if floor else None,
     )
+
+
+def _logged(
+    store: Path, missions: list[int], vehicle: str | None, drawn: Vehicle | None
+) -> tuple[LoggedTrajectory, Vehicle | None]:
+    """The dives of a log with their track, and the vehicle to draw; raises StoreError without."""
+    from twin.flight.logged_trajectory import logged_trajectory
+    from twin.identify.start import start_vehicle
+
+    try:
+        trajectory = logged_trajectory(store, missions, vehicle)
+    except VehicleError:  # only drawn: its flight has no model
+        trajectory = logged_trajectory(store, missions)
+    lacking = [name for name in POSITION if f"true_{name}" not in trajectory]
+    if lacking:
+        raise StoreError(
+            f"store {store}: mission {missions[0]} says nothing of its {' and '.join(lacking)}: no "
+            f"flight model ({trajectory.unflown}), no track of its own and no two fixes; "
+            f"`twin plot {store} --figure log` shows what was measured"
+        )
+    if drawn is None and trajectory.vehicle is not None:
+        drawn = start_vehicle(store)
+    return trajectory, drawn
 
 
 def _floor(store: MissionStore) -> Array | None:

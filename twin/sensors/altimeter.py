@@ -22,6 +22,7 @@ from twin.sensors.checks import (
     Drawn,
     Signals,
     drawn_value,
+    require_finite,
     require_non_negative,
     require_positive,
     signal,
@@ -81,6 +82,7 @@ class Altimeter(Sensor):
                 f"Altimeter ranges {self.min_range:g}..{self.max_range:g} m: the longest must "
                 "exceed the shortest"
             )
+        require_finite(self, "tilt_deg", "max_beam_angle_deg")
         for name in ("tilt_deg", "max_beam_angle_deg"):
             if not 0.0 <= getattr(self, name) < 90.0:
                 raise InputError(

@@ -27,6 +27,8 @@ class Surroundings:
 
     latitude: float = 36.8
     """[deg]"""
+    longitude: float = -121.8
+    """[deg] for the composition of the salt; the default is that of `twin.water.density`"""
     density: DensityProfile | None = None
     """None: constant, the default profile"""
     bottom_depth: ArrayLike | None = None

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
+from twin.numbers import number
 
 Array = NDArray[np.float64]
 Signals = Mapping[str, NDArray[Any]]
@@ -17,8 +18,11 @@ Drawn = Mapping[str, float]
 
 
 def _values(config: Any, name: str) -> Iterable[float]:
+    """The numbers of a field, which has several where its default has."""
     value = getattr(config, name)
-    return value if isinstance(value, tuple) else (value,)
+    several = isinstance(getattr(type(config), name), tuple) and isinstance(value, tuple)
+    label = f"{type(config).__name__}.{name}"
+    return [number(one, label) for one in (value if several else (value,))]
 
 
 def require_non_negative(config: Any, *names: str) -> None:

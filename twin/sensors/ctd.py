@@ -1,4 +1,4 @@
-"""CTD: temperature, salinity and density, with the instrument's lags.
+"""CTD: temperature, conductivity, salinity and density, with the instrument's lags.
 
 The thermistor follows the water with a first-order lag. The wall of the conductivity cell keeps
 the heat of the water before, so that the cell holds water of another temperature than the
@@ -45,7 +45,9 @@ class Ctd(Sensor):
     name = "ctd"
     reads = ("true_depth", "measured_pressure")
     reads_if_there = ("true_temperature", "true_salinity", "true_density")
-    writes = variables("measured_temperature", "measured_salinity", "measured_density")
+    writes = variables(
+        "measured_temperature", "measured_salinity", "measured_density", "measured_conductivity"
+    )
     draws: ClassVar[Mapping[str, str]] = {
         "ctd_temperature_offset": "degree_Celsius", "ctd_conductivity_offset": "S m-1",
     }  # fmt: skip
@@ -94,7 +96,8 @@ class Ctd(Sensor):
         rng: np.random.Generator,
         surroundings: Surroundings = NOWHERE,
     ) -> dict[str, NDArray[Any]]:
-        """measured_temperature [degree_Celsius], measured_salinity [1], measured_density [kg m-3].
+        """measured_temperature [degree_Celsius], measured_salinity [1], measured_density [kg m-3],
+        measured_conductivity [S m-1].
 
         Nothing where the signals have no temperature and salinity.
         """
@@ -103,7 +106,7 @@ class Ctd(Sensor):
         import gsw
 
         from twin.sensors.kernels import thermal_kernel
-        from twin.water.density import DEFAULT_LONGITUDE, DensityProfile
+        from twin.water.density import DensityProfile
 
         water = surroundings.density or DensityProfile.constant()
         temperature, salinity = (signal(signals, name) for name in self.reads_if_there[:2])
@@ -121,9 +124,10 @@ class Ctd(Sensor):
         conductivity = _rounded(conductivity, self.conductivity_resolution)
         gauge = signal(signals, "measured_pressure")
         practical = gsw.SP_from_C(conductivity * MILLISIEMENS_PER_CM, shown, gauge)
-        absolute = gsw.SA_from_SP(practical, gauge, DEFAULT_LONGITUDE, latitude)
+        absolute = gsw.SA_from_SP(practical, gauge, surroundings.longitude, latitude)
         density = gsw.rho_t_exact(absolute, shown, gauge)
-        return dict(zip((v.name for v in self.writes), (shown, practical, density), strict=True))
+        made = (shown, practical, density, conductivity)
+        return dict(zip((v.name for v in self.writes), made, strict=True))
 
 
 def _rounded(values: NDArray[np.float64], step: float) -> NDArray[np.float64]:

@@ -168,6 +168,7 @@ class Dvl(Sensor):
         for name in ("outlier_probability", "wrong_beam_share"):
             if getattr(self, name) > 1.0:
                 raise InputError(f"Dvl.{name} is {getattr(self, name):g}: it must be at most 1")
+        require_finite(self, "tilt_deg", "max_beam_angle_deg")
         for name in ("tilt_deg", "max_beam_angle_deg"):
             if not 0.0 < getattr(self, name) < 90.0:
                 raise InputError(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, UnknownName
+from twin.numbers import number
 from twin.records.schema import Variable, declare, variable
 from twin.records.trajectory import actuator_names
 from twin.sensors.base import NOWHERE, Sensor, Surroundings
@@ -39,8 +40,16 @@ class Encoders(Sensor):
 
     def __post_init__(self) -> None:
         require_non_negative(self, "shift_resolution", "rotation_resolution_deg", "pump_resolution")
-        object.__setattr__(self, "resolutions", dict(self.resolutions))
-        for part, step in self.resolutions.items():
+        if not isinstance(self.resolutions, Mapping):
+            raise InputError(
+                f"Encoders.resolutions is {self.resolutions!r}: give a mapping of parts and steps"
+            )
+        steps = {
+            part: number(step, f"Encoders.resolutions[{part!r}]")
+            for part, step in self.resolutions.items()
+        }
+        object.__setattr__(self, "resolutions", steps)
+        for part, step in steps.items():
             if not (math.isfinite(step) and step >= 0.0):
                 raise InputError(
                     f"Encoders.resolutions[{part!r}] is {step:g}: it must be finite and at least 0"

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.numbers import number
 from twin.records.schema import variables
 from twin.sensors.base import NOWHERE, Sensor, Surroundings
 from twin.sensors.checks import Drawn, Signals, drawn_value, require_non_negative, signal
@@ -62,8 +63,10 @@ class Pressure(Sensor):
                     f"Pressure.vehicle_density is {density!r}: give {STANDARD_OCEAN!r}, a density "
                     "in kg/m3, or None"
                 )
-        elif density is not None and not 900.0 <= density <= 1100.0:
-            raise InputError(f"Pressure.vehicle_density is {density:g} kg/m3: give 900 to 1100")
+        elif density is not None:
+            value = number(density, "Pressure.vehicle_density [kg/m3]")
+            if not 900.0 <= value <= 1100.0:
+                raise InputError(f"Pressure.vehicle_density is {value:g} kg/m3: give 900 to 1100")
 
     @classmethod
     def ideal(cls) -> Pressure:

@@ -85,6 +85,8 @@ class SensorSuite(Mapping[str, Sensor]):
         Raises:
           InputError: a sensor that is not registered here, or a setting that it has not.
         """
+        if not isinstance(settings, Mapping):
+            raise InputError(f"sensor settings are {settings!r}: give a table of sensors")
         sensors = {}
         for name, values in settings.items():
             if name not in SENSORS:
@@ -92,6 +94,8 @@ class SensorSuite(Mapping[str, Sensor]):
                     f"{unknown_name('sensor', name, SENSORS)}; import the module that registers "
                     "it, or install the distribution that brings it"
                 )
+            if not isinstance(values, Mapping):
+                raise InputError(f"settings of sensor {name!r} are {values!r}: give a table")
             known = [field.name for field in dataclasses.fields(cast(Any, SENSORS[name]))]
             for key in values:
                 if key not in known:
@@ -181,6 +185,7 @@ class SensorSuite(Mapping[str, Sensor]):
         drawn: Mapping[str, float] | None = None,
         bottom_depth: ArrayLike | None = None,
         latitude: float = 36.8,
+        longitude: float = -121.8,
         density: DensityProfile | None = None,
         current: NDArray[np.float64] | None = None,
         floor: NDArray[np.float64] | None = None,
@@ -190,7 +195,8 @@ class SensorSuite(Mapping[str, Sensor]):
         truth: the arrays of `reads`, shape (n,), every `dt` [s], beside others; they are not
         changed, and a sensor without errors returns them themselves. rng_seed: the mission's seed,
         left as it was. drawn: the mission's constants, by default `draw(rng_seed)`. bottom_depth
-        [m]: a number or shape (n,); None puts the bottom out of the DVL's reach. latitude [deg].
+        [m]: a number or shape (n,); None puts the bottom out of the DVL's reach. latitude,
+        longitude [deg].
         density: default constant. current: compiled current field for the DVL's water cells.
         floor: compiled sea floor for the altimeter's beam.
         Raises InputError for a missing or misshapen signal, for a wrong dt, latitude or bottom,
@@ -200,6 +206,7 @@ class SensorSuite(Mapping[str, Sensor]):
         drawn = self.draw(rng_seed) if drawn is None else drawn
         surroundings = Surroundings(
             latitude=latitude,
+            longitude=longitude,
             density=density,
             bottom_depth=bottom_depth,
             floor=floor,
@@ -211,14 +218,15 @@ class SensorSuite(Mapping[str, Sensor]):
             channels = [entry.name for entry in sensor.channels(truth)]
             if not channels:  # nothing that this vehicle and this sea let it measure
                 continue
-            if _exact(sensor, drawn):
-                made = {c: np.asarray(truth[f"true_{c[len('measured_') :]}"]) for c in channels}
-            else:
+            known = _truths(channels, truth) if _exact(sensor, drawn) else {}
+            made = known
+            if len(known) < len(channels):  # what has no truth, such as conductivity, is measured
                 made = sensor.measure(
                     signals, dt=dt, drawn=drawn, rng=sensor_generator(rng_seed, name),
                     surroundings=surroundings,
                 )  # fmt: skip
                 _check_made(name, made, channels, n)
+                made = {**made, **known}
             for channel in channels:
                 out[channel] = signals[channel] = made[channel]
         return out
@@ -256,6 +264,12 @@ class SensorSuite(Mapping[str, Sensor]):
                     "positive down; None puts the bottom out of reach"
                 )
         return int(n[0])
+
+
+def _truths(channels: list[str], truth: Signals) -> dict[str, NDArray[Any]]:
+    """The true signals behind the channels that have one, as they are."""
+    behind = {channel: f"true_{channel.removeprefix('measured_')}" for channel in channels}
+    return {c: np.asarray(truth[name]) for c, name in behind.items() if name in truth}
 
 
 def _exact(sensor: Sensor, drawn: Mapping[str, float]) -> bool:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from twin.errors import VehicleError, unknown_name
 from twin.frames import flip_vector
+from twin.vehicle.file_limits import check_file
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,7 @@ class MjcfReader:
 
     def __init__(self, xml: str, path: Path):
         self.path, self.xml = path, xml
+        check_file(xml, path)
         try:
             self.root = ElementTree.fromstring(xml)
         except ElementTree.ParseError as error:

@@ -22,8 +22,10 @@ class Uncertainty:
     """of the factory's parameter after `vehicle.`; that of a part follows the part's own name"""
     spread: str
     """distribution of the real value, as the factory writes it"""
+    long_name: str
+    """what it is, a short noun phrase"""
     why: str
-    """one line: what it is and why this spread"""
+    """one line: why this spread, and conventions"""
     unit: str = "1"
     """as CF writes it; "1" is a factor on the file's value"""
     certain: float = 1.0
@@ -39,5 +41,10 @@ class Uncertainty:
 
 def coefficient(name: str, what: str, *, field: str | None = None) -> Uncertainty:
     """A factor on a coefficient of the vehicle file."""
-    why = f"{what}: factor on the vehicle file's value; +-10 % is our guess of how well it is known"
-    return Uncertainty(name=name, spread=COEFFICIENT_SPREAD, why=why, field=field)
+    return Uncertainty(
+        name=name,
+        spread=COEFFICIENT_SPREAD,
+        long_name=f"factor on the {what}",
+        why="of the vehicle file; +-10 % is our guess of how well it is known",
+        field=field,
+    )

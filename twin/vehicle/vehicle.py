@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.bounded import read_text
 from twin.errors import VehicleError, unknown_name
 from twin.frames import flip_vector
 from twin.vehicle.assembly import read_masses, read_parts, read_steering
 from twin.vehicle.assets import assets_folder
+from twin.vehicle.file_limits import MOST_XML
 from twin.vehicle.laws import LAWS, FlowFrame, HullLaw
 from twin.vehicle.mjcf import USER, MjcfReader
 from twin.vehicle.moving_mass import MovingMass
@@ -36,6 +39,9 @@ CONTROLS = ("pitch", "heading", "buoyancy", "speed", "trim")
 
 USUAL_GLIDE = (math.radians(30.0), 0.3)
 """[rad], [kg] of vehicles whose files do not say: the Sea-Wing's"""
+
+LEVEL = 1e-6
+"""[m] that rounding may put the centre of gravity above the centre of buoyancy"""
 
 IDENTIFIED = ("hull_and_water", "sensor_errors", "identification", "pump_position")
 """Names of what `twin identify` writes into a vehicle file for itself"""
@@ -210,6 +216,12 @@ class Vehicle:
                 f"{', '.join(self.part_names) or 'none'}"
             )
         return part
+
+    @property
+    def metacentric_height(self) -> float:
+        """[m], CB above CG with the moving masses hanging down; negative: it turns over."""
+        moments = self.static_mass * float(self.static_cg[2])
+        return (moments + sum(m.mass * m.eccentricity for m in self.masses)) / self.mass
 
     # --- parts ------------------------------------------------------------------------------------
 
@@ -418,10 +430,7 @@ def load_vehicle(vehicle: str | Path = "glider") -> Vehicle:
 
 
 def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise VehicleError(f"cannot read vehicle file {path}: {error}") from error
+    return read_text(path, "vehicle file", VehicleError, most=MOST_XML)
 
 
 def _unknown_vehicle(name: str) -> str:
@@ -508,6 +517,15 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         },
     )
     _refuse_unknown(reader)
+    if vehicle.metacentric_height < -LEVEL:
+        warnings.warn(
+            f"vehicle {vehicle.name!r} ({path}): its centre of gravity is "
+            f"{-1e3 * vehicle.metacentric_height:.2g} mm above its centre of buoyancy, so that it "
+            "turns over at rest; vehicles have it some millimetres below (<inertial pos> of body "
+            "'hull', the place of the moving mass)",
+            RuntimeWarning,
+            stacklevel=2,
+        )
     return vehicle
 
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.compiled import jit
 from twin.errors import InputError
+from twin.numbers import number, numbers
 
 Array = NDArray[np.float64]
 
@@ -29,6 +30,8 @@ DEFAULT_LONGITUDE = -121.8
 """[deg], Monterey Bay: longitude only enters the small composition anomaly of salinity"""
 DEFAULT_LATITUDE = 36.8
 """[deg], Monterey Bay, where the paper's vehicle sailed"""
+DEEPEST = 12_000.0
+"""[m] of a profile: the deepest sea has 10 935 m. The table of a run has a row a metre"""
 DEFAULT_SPACING = 1.0
 """[m], grid of a compiled profile whose own depths are not equally spaced"""
 SEA_COMPRESSIBILITY = 4.35e-10
@@ -106,6 +109,10 @@ def _check_table(depth: Array, values: Array, name: str) -> None:
             raise InputError(
                 f"density profile: {label} is {array[row]} in row {row}; drop that row"
             )
+    if depth.max() > DEEPEST:
+        raise InputError(
+            f"density profile: depth is {depth.max():g} m; no sea is deeper than {DEEPEST:g} m"
+        )
     if depth[0] < 0.0:
         raise InputError(
             f"density profile: depth {depth[0]:g} m is negative; depth counts positive downwards"
@@ -132,8 +139,8 @@ class DensityProfile:
     """[1], shape (n,), practical (PSS-78); None: not known"""
 
     def __post_init__(self) -> None:
-        depth = np.array(self.depth, float, copy=True)
-        values = np.array(self.values, float, copy=True)
+        depth = numbers(self.depth, "density profile: depth")
+        values = numbers(self.values, "density profile: values")
         _check_table(depth, values, "density")
         low, high = DENSITY_RANGE
         if values.min() < low or values.max() > high:
@@ -148,7 +155,7 @@ class DensityProfile:
         for name in ("temperature", "salinity"):
             given = getattr(self, name)
             if given is not None:
-                columns[name] = np.array(given, float, copy=True)
+                columns[name] = numbers(given, f"density profile: {name}")
                 _check_table(depth, columns[name], name)
         for name, column in columns.items():
             column.flags.writeable = False
@@ -220,9 +227,13 @@ class DensityProfile:
             ("decay_depth", decay_depth),
             ("max_depth", max_depth),
         ):
+            value = number(value, f"density profile: {name}")
             low_ok = value >= 0.0 if name == "mixed_layer_depth" else value > 0.0
-            if not (np.isfinite(value) and low_ok):
-                raise InputError(f"density profile: {name} is {value:g} m; give a positive depth")
+            if not (value <= DEEPEST and low_ok):
+                raise InputError(
+                    f"density profile: {name} is {value:g} m; give a positive depth of at most "
+                    f"{DEEPEST:g} m"
+                )
         z = np.linspace(0.0, max_depth, max(2, int(np.ceil(max_depth / DEFAULT_SPACING)) + 1))
         decay = np.exp(-np.maximum(z - mixed_layer_depth, 0.0) / decay_depth)
         temperature = deep_temperature + (surface_temperature - deep_temperature) * decay

@@ -6,6 +6,7 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from twin.bounded import read_text
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,10 +29,7 @@ def read_table_file(path: Path, what: str, error: type[InputError] = InputError)
     """
     import pandas as pd
 
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as cause:
-        raise error(f"cannot read the {what} {path}: {cause}") from cause
+    text = read_text(path, f"the {what}", error)
     lines = {
         number: line
         for number, line in enumerate(text.splitlines(), start=1)
@@ -53,9 +51,13 @@ def read_table_file(path: Path, what: str, error: type[InputError] = InputError)
             raise error(
                 f"{what} {path} row {number}: {line.count(',') + 1} values, the header has {width}"
             )
-    frame = pd.read_csv(
-        io.StringIO("\n".join(lines.values())), header=None, dtype=str, na_filter=False
-    )
+    try:
+        frame = pd.read_csv(
+            io.StringIO("\n".join(lines.values())), header=None, dtype=str, na_filter=False
+        )
+    except ValueError as cause:  # a quote that does not end
+        why = " ".join(str(cause).split())
+        raise error(f"{what} {path} is not a table of cells: {why}") from cause
     frame = frame.apply(lambda column: column.str.strip())
     frame.columns = pd.Index(frame.iloc[0])
     frame = frame.iloc[1:]

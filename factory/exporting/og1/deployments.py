@@ -7,7 +7,7 @@ coordinate and stays complete.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.exporting.base import Advance, no_progress
-from factory.exporting.og1.flight_terms import JoinedDives, flight_terms, reckoning
+from factory.exporting.og1.flight_terms import JoinedDives, flight_terms
 from factory.exporting.og1.flown import Flown, flown
 from factory.exporting.og1.metadata import Metadata
+from factory.exporting.og1.places import corrected_places, gps_fixes, tracks
 from factory.exporting.og1.quality import ENDING, quality
+from factory.exporting.og1.seawater import conductivity, payload
 from factory.exporting.og1.terms import (
     ASCENT,
     COORDINATES,
@@ -28,24 +30,27 @@ from factory.exporting.og1.terms import (
     LONG_NAMES,
     MEASURED,
     NOT_LOGGED,
+    PAYLOAD,
     PHASE_FLAGS,
     PHASES,
+    RAW_TIMES,
     SENSOR_TYPES,
     SURFACING,
     TIME_FILL,
+    TRACKS,
+    VARIATION,
     VOCABULARY,
     log_attributes,
 )
 from factory.exporting.og1.variables import (
     Og1Variable,
     deployment_place,
+    dvl_mode,
     flags,
-    position,
     text,
     time_attributes,
     write_og1,
 )
-from twin.flight.place import place_of
 from twin.records.logs import LogStore
 from twin.records.schema import VARIABLES
 
@@ -64,20 +69,14 @@ SENSOR_NAMES = {
     "SENSOR_CTD": "conductivity, temperature and depth sensor",
     "SENSOR_DVL": "Doppler velocity log",
 }
-MS_PER_CM = 10.0
-"""gsw gives conductivity in mS/cm; 1 S/m is 10 of them."""
-RAW_TIMES = {
-    "measured_depth_time": "TIME_DEPTH",
-    "measured_attitude_time": "TIME_ATTITUDE",
-    "measured_ctd_time": "TIME_CTD",
-}
-"""Times of the original samples beside those of the grid"""
+DVL_MODE = "measured_dvl_mode"
 ELSEWHERE = frozenset(
     {
-        "measured_depth", "measured_phase", "measured_gap", "measured_gps_north",
-        "measured_gps_east", "measured_onboard_north", "measured_onboard_east",
+        *("measured_depth", "measured_phase", "measured_gap", DVL_MODE),
+        *("measured_gps_north", "measured_gps_east", *PAYLOAD),
+        *(f"{stored}_{axis}" for stored, _, _ in TRACKS for axis in ("north", "east")),
     }
-)  # fmt: skip
+)
 """Signals that have variables of their own"""
 PHASE_CODES = np.array([SURFACING, DESCENT, ASCENT, INFLECTION])
 """By the flag of `measured_phase`"""
@@ -148,12 +147,13 @@ def _series(
     elapsed["ancillary_variables"] = f"TIME{ENDING}"
     yield "TIME", Og1Variable(time, elapsed, TIME_FILL)
     yield quality("TIME", time)
-    yield from _places(track, found)
+    yield from corrected_places(track, found)
+    yield from tracks(track)
     gap = track.signal("measured_gap") > 0.0
     depth = track.signal("measured_depth")
     yield "DEPTH", _depth(depth)
     yield quality("DEPTH", depth, estimated=gap)
-    yield from _gps(track, time)
+    yield from gps_fixes(track, time)
     start = np.array(time[0])
     yield (
         "DEPLOYMENT_TIME",
@@ -163,6 +163,11 @@ def _series(
     yield "PHASE", _phase(track.signal("measured_phase"))
     dive = {"long_name": "number of the dive", "units": "1", **at}
     yield "DIVE_NUMBER", Og1Variable(track.repeated("dive"), dive, fill=-1, kind="i4")
+    if "magnetic_variation" in logs.dataset:
+        added = {"long_name": "magnetic variation that HEADING contains, east positive", **at}
+        added["units"] = "degree"
+        values = track.repeated("magnetic_variation")
+        yield VARIATION, Og1Variable(values, added, fill=np.nan)
     seen = set(logs.signals())
     fitted = [sensor for _, stored, sensor in MEASURED if sensor and stored in seen]
     for name in dict.fromkeys(fitted):
@@ -177,14 +182,17 @@ def _series(
                 own["ancillary_variables"] = f"{name}{ENDING}"
                 yield quality(name, values)
             yield name, _signal(values, stored, own)
-    yield from _conductivity(track, seen)
+    yield from conductivity(track)
+    yield from payload(track)
     for stored in PROFILER:
         if stored in seen:
             yield stored.upper(), _signal(track.signal(stored), stored, {})
     written = {stored for _, stored, _ in MEASURED} | {*PROFILER, *ELSEWHERE}
-    for stored in logs.signals():
+    for stored in logs.signals():  # parts of other vehicles, commands, any payload
         if stored not in written and stored not in RAW_TIMES:
             yield stored.upper(), _signal(track.signal(stored), stored, {})
+    if DVL_MODE in seen:
+        yield "DVL_MODE", dvl_mode(track.signal(DVL_MODE), VARIABLES[DVL_MODE].long_name)
     for stored, name in RAW_TIMES.items():
         if stored in seen:
             yield name, _raw_time(track, stored)
@@ -198,85 +206,6 @@ def _raw_time(track: JoinedDives, stored: str) -> Og1Variable:
     values = track.gather(lambda mission: logs.starts[mission] + logs.signal(stored, mission))
     attributes = time_attributes(VARIABLES[stored].long_name)
     return Og1Variable(values, {**attributes, "coordinates": COORDINATES}, TIME_FILL)
-
-
-def _conductivity(track: JoinedDives, seen: set[str]) -> Iterator[tuple[str, Og1Variable]]:
-    """What the CTD measured, from temperature, salinity and pressure."""
-    names = ("measured_salinity", "measured_temperature", "measured_pressure")
-    if not set(names) <= seen:
-        return
-    import gsw
-
-    values = np.asarray(gsw.C_from_SP(*(track.signal(name) for name in names))) / MS_PER_CM
-    attributes = {
-        "long_name": "conductivity, from practical salinity, temperature and pressure",
-        "standard_name": "sea_water_electrical_conductivity",
-        "units": "S m-1",
-        "coordinates": COORDINATES,
-        "sensor": "SENSOR_CTD",
-        "ancillary_variables": f"CNDC{ENDING}",
-    }
-    yield quality("CNDC", values)
-    yield "CNDC", Og1Variable(values, attributes, fill=np.nan, kind="f4")
-
-
-def _places(track: JoinedDives, found: Flown) -> Iterator[tuple[str, Og1Variable]]:
-    """The corrected track, its deviation and flags, and the vehicle's own track beside it."""
-    logs = track.logs
-    methods = ", ".join(dict.fromkeys(found.tracks[mission].method for mission in track.missions))
-
-    def degrees(of: Callable[[int], Array]) -> Array:
-        """Latitude and longitude of each dive's metres, (samples, 2)."""
-        return track.gather(lambda m: np.stack(place_of(logs, m).degrees(*of(m).T), axis=1))
-
-    latitude, longitude = degrees(lambda mission: found.tracks[mission].position).T
-    reckoned = track.gather(lambda mission: found.tracks[mission].reckoned) > 0.0
-    for name, values, word, vocabulary in (
-        ("LONGITUDE", longitude, "longitude of each measurement and GPS location", "LON/"),
-        ("LATITUDE", latitude, "Latitude north (WGS84)", "LAT/"),
-    ):
-        own = {
-            "interpolation_methodology": methods,
-            f"{name.lower()}_vocabulary": VOCABULARY + vocabulary,
-            "ancillary_variables": f"{name}{ENDING} POSITION_SD DEAD_RECKONING",
-        }
-        yield name, position(values, word, name.lower(), own)
-        yield quality(name, values, estimated=reckoned, good=~reckoned)
-    yield from reckoning(reckoned, track.gather(lambda mission: found.tracks[mission].deviation))
-    if "measured_onboard_north" in logs:
-        names = ("measured_onboard_north", "measured_onboard_east")
-        own_track = degrees(lambda m: np.stack([logs.signal(name, m) for name in names], axis=1))
-        for name, values in zip(("LATITUDE", "LONGITUDE"), own_track.T, strict=True):
-            word = f"{name.lower()} by the vehicle's own dead reckoning"
-            at = {"coordinates": COORDINATES}
-            yield f"{name}_ONBOARD", position(values, word, name.lower(), at)
-
-
-def _gps(track: JoinedDives, time: Array) -> Iterator[tuple[str, Og1Variable]]:
-    """The fixes at the ends of the dives, each at its own time beside the nearest sample."""
-    logs = track.logs
-    places = np.full((3, len(time)), np.nan)
-    for mission in track.missions:
-        start, end = logs.fixes(mission)
-        begin = logs.starts[mission]
-        last = begin + float(logs.log_rows[mission].duration)
-        for when, fix in ((begin, start), (last, end)):
-            if np.isfinite([*fix, when]).all():
-                places[:, int(np.argmin(np.abs(time - when)))] = when, *fix
-    at = {"coordinates": COORDINATES}
-    yield (
-        "TIME_GPS",
-        Og1Variable(places[0], time_attributes("time of each GPS location"), TIME_FILL),
-    )
-    yield (
-        "LONGITUDE_GPS",
-        position(_wrap(places[2]), "longitude of each GPS location", "longitude", at),
-    )
-    yield "LATITUDE_GPS", position(places[1], "latitude of each GPS location", "latitude", at)
-
-
-def _wrap(longitude: Array) -> Array:
-    return np.asarray(np.mod(longitude + 180.0, 360.0) - 180.0)
 
 
 def _depth(depth: Array) -> Og1Variable:

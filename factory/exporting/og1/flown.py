@@ -18,6 +18,7 @@ from twin.flight import DiveCurrent, Drift, Fixes, corrected_track, estimate_fli
 from twin.flight.current import USUAL_CHANGE, USUAL_DURATION
 from twin.flight.dive import FlownDive
 from twin.flight.fixes import fixes_of
+from twin.flight.track import track_velocity
 from twin.records.reader import MissionStore
 
 Array = NDArray[np.float64]
@@ -125,21 +126,10 @@ def _reckoned(run: MissionStore, mission: int) -> Array:
 
 
 def _on_board(run: MissionStore, mission: int, fixes: Fixes) -> Array | None:
-    """North, east [m/s] of the vehicle's own track, (time, 2); None without one.
-
-    A vehicle sets its track to a fix when it gets one: that jump is no motion.
-    """
+    """North, east [m/s] of the vehicle's own track, (time, 2); None without one."""
     names = ("measured_onboard_north", "measured_onboard_east")
     if any(name not in run for name in names):
         return None
     count = int(run.samples[mission])
     track = np.stack([run.row(name, mission)[:count].astype(float) for name in names], axis=1)
-    known = np.isfinite(track).all(axis=1)
-    if known.sum() < 2:
-        return None
-    index = np.arange(count)
-    track = np.stack([np.interp(index, index[known], axis[known]) for axis in track.T], axis=1)
-    steps = np.diff(track, axis=0)
-    jumps = fixes.sample[(fixes.sample > 1) & (fixes.sample < count)]
-    steps[jumps - 1] = steps[jumps - 2]
-    return np.concatenate([steps, steps[-1:]]) / run.period
+    return track_velocity(track, run.period, fixes)

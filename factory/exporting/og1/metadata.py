@@ -8,13 +8,19 @@ as `netcdf_variables`, are for pyglider itself and are left alone.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from twin.bounded import MOST_SETTINGS, read_text
 from twin.errors import InputError
 from twin.records.attributes import DEPLOYMENT_METADATA
 from twin.records.reader import MissionStore
+
+MOST_DEPTH = 32
+"""Sections inside each other in a metadata file; pyglider's has 3"""
+MOST_REFERENCES = 8
+"""References (*name) in it; merged into each other, each can double the one before"""
 
 GLOBAL = ("metadata", "global")
 DEVICES = ("glider_devices", "sensors")
@@ -86,11 +92,7 @@ def read_metadata(path: Path) -> Metadata:
     Raises:
       InputError: it cannot be read or has another layout.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read metadata {path}: {error}") from error
-    return parse_metadata(text, str(path))
+    return parse_metadata(read_text(path, "metadata", most=MOST_SETTINGS), str(path))
 
 
 def parse_metadata(text: str, path: str) -> Metadata:
@@ -101,9 +103,14 @@ def parse_metadata(text: str, path: str) -> Metadata:
     """
     import yaml
 
+    if len(text) > MOST_SETTINGS:
+        raise InputError(f"metadata {path} is longer than {MOST_SETTINGS // 1024} kB")
     try:
+        _refuse_bombs(yaml.parse(text, yaml.SafeLoader), path)
         loaded: Any = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+    except InputError:
+        raise
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that there is not
         raise InputError(f"metadata {path} is not YAML: {' '.join(str(error).split())}") from error
     if not isinstance(loaded, dict) or not any(name in loaded for name in GLOBAL):
         raise InputError(
@@ -128,6 +135,21 @@ def parse_metadata(text: str, path: str) -> Metadata:
         serial=said.get("glider_serial", "") or vehicle.get("serial", ""),
         model=said.get("glider_model", "") or vehicle.get("type", ""),
     )
+
+
+def _refuse_bombs(events: Iterable[Any], path: str) -> None:
+    """Raise InputError before values that refer to each other, or nest, grow without end."""
+    depth = references = 0
+    for event in events:
+        kind = type(event).__name__
+        depth += kind in ("MappingStartEvent", "SequenceStartEvent")
+        depth -= kind in ("MappingEndEvent", "SequenceEndEvent")
+        references += kind == "AliasEvent"
+        if depth > MOST_DEPTH or references > MOST_REFERENCES:
+            raise InputError(
+                f"metadata {path} has more than {MOST_DEPTH} values inside each other, or more "
+                f"than {MOST_REFERENCES} references (*name): write them out"
+            )
 
 
 def _words(path: str, loaded: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, str]:

@@ -25,8 +25,6 @@ from factory.exporting.og1.terms import (
     ASCENT,
     COORDINATES,
     DESCENT,
-    DVL_MODE_FILL,
-    DVL_MODES,
     FILL,
     INFLECTION,
     LONG_NAMES,
@@ -45,6 +43,7 @@ from factory.exporting.og1.terms import (
 from factory.exporting.og1.variables import (
     Og1Variable,
     deployment_place,
+    dvl_mode,
     flags,
     position,
     text,
@@ -58,6 +57,9 @@ from twin.geodesy import from_tangent_plane
 from twin.records.schema import VARIABLES
 
 Array = NDArray[np.float64]
+
+PLACES = ("true", "measured_onboard", "measured_gps")
+"""Signals in metres from the origin, which the file has as latitude and longitude"""
 
 
 def export_og1(
@@ -207,25 +209,15 @@ def _series(
         yield name, Og1Variable(empty, sensor_attributes(run, name), dimensions=(), kind="i1")
     for name, stored, sensor in terms:
         yield name, _signal(row(stored), stored, {"sensor": sensor} if sensor else {})
-    yield (
-        "DVL_MODE",
-        Og1Variable(
-            row("measured_dvl_mode"),
-            {
-                "long_name": "what the DVL's velocity is relative to (simulated)",
-                **flags(DVL_MODES),
-                "coordinates": COORDINATES,
-                "sensor": "SENSOR_DVL",
-            },
-            fill=DVL_MODE_FILL,
-            kind="i1",
-        ),
-    )
+    word = "what the DVL's velocity is relative to (simulated)"
+    yield "DVL_MODE", dvl_mode(row("measured_dvl_mode"), word)
     true_latitude, true_longitude = from_tangent_plane(row("true_north"), row("true_east"), *place)
     yield "TRUE_LONGITUDE", position(true_longitude, "true longitude", "longitude", at)
     yield "TRUE_LATITUDE", position(true_latitude, "true latitude", "latitude", at)
-    for stored in run.signals():
-        if stored.startswith("true_"):
+    written = {stored for _, stored, _ in terms} | {"measured_dvl_mode", "measured_depth"}
+    places = {f"{one}_{axis}" for one in PLACES for axis in ("north", "east")}
+    for stored in run.signals():  # truth, commands, whatever sensors of one's own measured
+        if stored not in written | places:
             yield stored.upper(), _signal(row(stored), stored, {})
 
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import datetime
 from dataclasses import dataclass
 
+from factory.flight.mission_place import mission_place
 from factory.stores.generated import GeneratedStore
 from factory.stores.stored_flight import StoredFlight
 from twin.errors import StoreError
-from twin.records.place import START_LATITUDE, START_LONGITUDE, START_TIME
+from twin.records.place import NOMINAL, START_LATITUDE, START_LONGITUDE, START_TIME, read_place
+from twin.records.schema import MISSION
 from twin.version import __version__
-from twin.water.current.origin import Origin
+from twin.water.current.origin import DEFAULT_TIME, Origin
 
-NOMINAL_DEPLOYMENT = datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC)
-"""Start of missions without a date: OG1.0 needs one"""
 EARLIEST = datetime.datetime(2001, 9, 9, 1, 46, 40, tzinfo=datetime.UTC)
 """OG1.0's valid_min of times, 1e9 s after 1970"""
 
@@ -51,15 +51,14 @@ def simulated_mission(run: GeneratedStore | StoredFlight, mission: int) -> Simul
 
 def _of_factory(run: GeneratedStore, mission: int) -> SimulatedMission:
     preset, seed, vehicle = run.settings["preset"], run.seed, str(run.settings["vehicle"])
-    origin = Origin(latitude_deg=run.parameters(mission).number("water.latitude"))
+    latitude, longitude, start, _ = _began(run, mission)
     return SimulatedMission(
         name=f"{preset}_seed{seed}_mission{mission}",
-        said=f"Preset {preset}, seed {seed}, mission {mission}, split {run.splits[mission]}; the "
-        "date is nominal.",
+        said=f"Preset {preset}, seed {seed}, mission {mission}, split {run.splits[mission]}.",
         vehicle=vehicle,
-        latitude=origin.latitude_deg,
-        longitude=origin.longitude_deg,
-        start=NOMINAL_DEPLOYMENT,
+        latitude=latitude,
+        longitude=longitude,
+        start=start,
         duration=float(run.array("duration")[mission]),
         source=f"simulation: glider-twin {__version__}, vehicle {vehicle}",
         history=str(run.history),
@@ -67,32 +66,46 @@ def _of_factory(run: GeneratedStore, mission: int) -> SimulatedMission:
 
 
 def _flight(run: StoredFlight, mission: int) -> SimulatedMission:
-    place, default = run.place(mission), Origin()
-    start = NOMINAL_DEPLOYMENT
-    if START_TIME in place:
-        start = datetime.datetime.fromisoformat(str(place[START_TIME]))
-        start = start.replace(tzinfo=datetime.UTC)
-    if start < EARLIEST:
-        raise StoreError(
-            f"mission {mission} of {run.path} begins at {place[START_TIME]}: OG1.0 has no dates "
-            f"before {EARLIEST:%Y-%m-%d}; fly it at a later start time"
-        )
-    nominal = [
-        word
-        for word, name in (("place", START_LATITUDE), ("date", START_TIME))
-        if name not in place
-    ]
-    words = f"; its {' and '.join(nominal)} {'is' if len(nominal) == 1 else 'are'} nominal"
+    latitude, longitude, start, nominal = _began(run, mission)
+    verb = "are" if " and " in nominal else "is"
     plan, vehicle = str(run.attributes["mission"]), str(run.attributes["vehicle"])
     samples = int(run.samples[mission])
     return SimulatedMission(
         name=f"{plan.replace(' ', '_')}_mission{mission}",
-        said=f"Mission {plan!r}{words if nominal else ''}.",
+        said=f"Mission {plan!r}{f'; its {nominal} {verb} nominal' if nominal else ''}.",
         vehicle=vehicle,
-        latitude=float(place.get(START_LATITUDE, default.latitude_deg)),
-        longitude=float(place.get(START_LONGITUDE, default.longitude_deg)),
+        latitude=latitude,
+        longitude=longitude,
         start=start,
         duration=(samples - 1) * run.period,
         source=f"simulation: glider-twin, vehicle {vehicle}",
         history=f"{run.path.name}: twin.simulate",
     )
+
+
+def _began(
+    run: GeneratedStore | StoredFlight, mission: int
+) -> tuple[float, float, datetime.datetime, str]:
+    """Latitude, longitude [degree], UTC, and which of place and date are nominal.
+
+    Stores of earlier versions may not say it: those of the factory have the parameters, for single
+    flights the defaults of today stand.
+    """
+    place, default = read_place(run.dataset.isel({MISSION: mission})), Origin()
+    if not place and isinstance(run, GeneratedStore):
+        place = mission_place(run.parameters(mission), run.given_current)
+    lacking = [
+        word
+        for word, name in (("place", START_LATITUDE), ("date", START_TIME))
+        if name not in place
+    ]
+    nominal = str(place.get(NOMINAL, " and ".join(lacking)))
+    said = str(place.get(START_TIME, DEFAULT_TIME))
+    start = datetime.datetime.fromisoformat(said).replace(tzinfo=datetime.UTC)
+    if start < EARLIEST:
+        raise StoreError(
+            f"mission {mission} of {run.path} begins at {said}: OG1.0 has no dates "
+            f"before {EARLIEST:%Y-%m-%d}; fly it at a later start time"
+        )
+    latitude = float(place.get(START_LATITUDE, default.latitude_deg))
+    return latitude, float(place.get(START_LONGITUDE, default.longitude_deg)), start, nominal

@@ -89,13 +89,35 @@ def simulated_terms(signals: Sequence[str]) -> list[tuple[str, str, str]]:
     gliders = {f"measured_{name}" for name in actuator_names(SIMULATED)}
     own = {f"measured_{name}" for name in parts}
     terms = [term for term in SIMULATED_MEASURED if term[1] not in gliders - own]
-    terms += [term for term in CTD_MEASURED if term[1] in signals]
+    ctd = (*CTD_MEASURED, ("CNDC", "measured_conductivity", "SENSOR_CTD"))
+    terms += [term for term in ctd if term[1] in signals]
     named = {stored for _, stored, _ in terms}
     return terms + [(name.upper(), name, "") for name in sorted(own - named)]
 
 
 LOGGED_MEASURED = (("RUDDER", "measured_fin", ""),)
 """The same of what only real vehicles log"""
+TRACKS = (
+    ("measured_onboard", "{}_ONBOARD", "by the vehicle's own dead reckoning"),
+    ("commanded_waypoint", "WAYPOINT_{}", "of the waypoint that the vehicle was sent to"),
+    ("true", "TRUE_{}", "where the simulated vehicle really was"),
+)
+"""Signals `..._north` and `..._east` [m] of stores, their names as latitude and longitude"""
+RAW_TIMES = {
+    "measured_depth_time": "TIME_DEPTH",
+    "measured_attitude_time": "TIME_ATTITUDE",
+    "measured_ctd_time": "TIME_CTD",
+}
+"""Times of the original samples beside those of the grid"""
+VARIATION = "MAGNETIC_VARIATION"
+PAYLOAD = {
+    "measured_oxygen": ("DOXY", "umol kg-1"),
+    "measured_chlorophyll": ("CHLA", "mg m-3"),
+    "measured_dissolved_organic_matter": ("CDOM", "1e-9"),
+    "measured_turbidity": ("TURBIDITY", "1"),
+}
+"""Name and unit in the file of what the format has names for; oxygen is per mass there. 1 mg m-3
+is 1 ug L-1."""
 MEASURED = SIMULATED_MEASURED + CTD_MEASURED + LOGGED_MEASURED
 LONG_NAMES = {
     "measured_pressure": "sea water pressure, equals 0 at sea level, by the transducer",

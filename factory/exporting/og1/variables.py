@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,8 +12,15 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.og1.terms import COORDINATES, EPOCH, FILL, N_MEASUREMENTS, bounds
-from twin.errors import InputError
+from factory.exporting.og1.terms import (
+    COORDINATES,
+    DVL_MODE_FILL,
+    DVL_MODES,
+    EPOCH,
+    FILL,
+    N_MEASUREMENTS,
+    bounds,
+)
 
 Array = NDArray[np.float64]
 
@@ -37,15 +45,15 @@ def write_og1(
     """Write a file into `folder`, under the name that the format prescribes: the attribute `id`.
 
     Raises:
-      InputError: the disk refuses.
+      OSError: the disk refuses, of which the netCDF library gives no reason.
     """
     path = folder / f"{identity['id']}.nc"
+    folder.mkdir(parents=True, exist_ok=True)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         with netCDF4.Dataset(path, "w", format="NETCDF4") as file:
             _fill(file, identity, variables, samples)
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+    except RuntimeError as error:
+        raise OSError(errno.EIO, " ".join(str(error).split()), str(path)) from error
     return path
 
 
@@ -112,6 +120,17 @@ def flags(meanings: Mapping[int, str]) -> dict[str, Any]:
         "flag_values": np.array(list(meanings), np.int8),
         "flag_meanings": " ".join(meanings.values()),
     }
+
+
+def dvl_mode(values: Array, long_name: str) -> Og1Variable:
+    """What the Doppler log's velocity is relative to, as codes."""
+    attributes = {
+        "long_name": long_name,
+        **flags(DVL_MODES),
+        "coordinates": COORDINATES,
+        "sensor": "SENSOR_DVL",
+    }
+    return Og1Variable(values, attributes, fill=DVL_MODE_FILL, kind="i1")
 
 
 def time_attributes(long_name: str) -> dict[str, Any]:

@@ -13,23 +13,24 @@ import numpy as np
 from factory.exporting.base import Advance, no_progress
 from factory.stores.generated import GeneratedStore
 from factory.stores.stored_flight import StoredFlight
-from twin.errors import InputError
 from twin.records.attributes import COMMENT, HISTORY, PLATFORM, SCENARIO, TITLE
 from twin.records.logs import LogStore
+from twin.records.place import ATTRIBUTES, DATETIME, LATITUDE, LONGITUDE
 from twin.records.reader import MissionStore
+from twin.records.timeseries import sample_coordinates
 
 
 def export_parquet(
     run: MissionStore, missions: Sequence[int], path: Path, advance: Advance = no_progress
 ) -> Path:
-    """Write the samples of `missions`: columns mission, split, time, then every signal.
+    """Write the samples of `missions`: mission, split, time, when and where, then every signal.
 
-    Logs have also the deployment, the dive, the moment in UTC, and where the vehicle was. One row
-    group for each mission; units and meanings are in the columns' metadata.
+    Logs have also the deployment and the dive. One row group for each mission; units and meanings
+    are in the columns' metadata.
 
     Raises:
       ModuleNotFoundError: pyarrow is not installed.
-      InputError: the disk refuses.
+      OSError: the disk refuses.
       StoreError: no such mission, or its data cannot be read.
     """
     pa, pq = import_module("pyarrow"), import_module("pyarrow.parquet")
@@ -40,38 +41,40 @@ def export_parquet(
         pa.field("mission", pa.int32(), metadata={"units": "1"}),
         pa.field("split", pa.string()),
         pa.field("time", pa.float64(), metadata={"units": "s"}),
+        pa.field(DATETIME, pa.timestamp("ms", tz="UTC")),
+        *(
+            pa.field(name, pa.float64(), metadata={"units": ATTRIBUTES[name]["units"]})
+            for name in (LATITUDE, LONGITUDE)
+        ),
     ]
     if isinstance(run, LogStore):
         fields += [
             pa.field("deployment", pa.string()),
             pa.field("dive", pa.int32(), metadata={"units": "1"}),
-            pa.field("moment", pa.timestamp("us", tz="UTC")),
-            pa.field("latitude", pa.float64(), metadata={"units": "degree_north"}),
-            pa.field("longitude", pa.float64(), metadata={"units": "degree_east"}),
         ]
     for name in names:
         attributes = run.dataset[name].attrs
         metadata = {key: str(attributes[key]) for key in ("units", "long_name", "signal_group")}
         fields.append(pa.field(name, pa.float32(), metadata=metadata))
     schema = pa.schema(fields, metadata=_about(run))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with pq.ParquetWriter(path, schema, compression="zstd") as writer:
-            for mission in missions:
-                samples = int(run.samples[mission])
-                columns = [
-                    np.full(samples, mission, np.int32),
-                    [run.splits[mission]] * samples,
-                    np.arange(samples) * run.period,
-                ]
-                if isinstance(run, LogStore):
-                    columns += _logged(run, mission)
-                columns += [run.row(name, mission)[:samples] for name in names]
-                arrays = [pa.array(c, f.type) for c, f in zip(columns, fields, strict=True)]
-                writer.write_table(pa.table(arrays, schema=schema))
-                advance()
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+    with pq.ParquetWriter(path, schema, compression="zstd") as writer:
+        for mission in missions:
+            samples = int(run.samples[mission])
+            where = sample_coordinates(run, mission)
+            columns = [
+                np.full(samples, mission, np.int32),
+                [run.splits[mission]] * samples,
+                np.arange(samples) * run.period,
+                where[DATETIME].astype("datetime64[ms]"),
+                where[LATITUDE],
+                where[LONGITUDE],
+            ]
+            if isinstance(run, LogStore):
+                columns += _logged(run, mission)
+            columns += [run.row(name, mission)[:samples] for name in names]
+            arrays = [pa.array(c, f.type) for c, f in zip(columns, fields, strict=True)]
+            writer.write_table(pa.table(arrays, schema=schema))
+            advance()
     return path
 
 
@@ -89,15 +92,7 @@ def _about(run: MissionStore) -> dict[str, str]:
 def _logged(logs: LogStore, mission: int) -> list[Any]:
     """Columns that only logs have."""
     samples = int(logs.samples[mission])
-    latitude, longitude, _ = logs.positions(mission)
     return [
         [logs.deployments[mission]] * samples,
         np.full(samples, logs.number("dive")[mission]).astype(np.int32),
-        np.round(logs.time(mission) * MICROSECONDS).astype("datetime64[us]"),
-        latitude,
-        longitude,
     ]
-
-
-MICROSECONDS = 1e6
-"""Per second: the resolution of the table's moments."""

@@ -15,7 +15,8 @@ from factory.importing.dives.dive_checks import complete, standing
 from factory.importing.dives.dive_current import averaged_current
 from factory.importing.dives.dive_rows import FRAMES, DiveRow, rows_dataset
 from factory.importing.dives.pieces import pieces
-from factory.importing.dives.resample import grid, on_grid
+from factory.importing.dives.positions import row_positions
+from factory.importing.dives.resample import frame_origin, grid, on_grid
 from factory.importing.dives.segments import Segment, cut
 from factory.importing.reading.deployment_log import Channel, DeploymentLog
 from factory.importing.reading.tally import ImportReport, Tally, summarise
@@ -75,6 +76,12 @@ def build(
     Raises:
       InputError: no log holds a dive.
     """
+    for log in logs:
+        if not log.channels:
+            tally.add("left out", log.deployment, 1, "no signal has a value")
+    logs = [log for log in logs if log.channels]
+    if not logs:
+        raise InputError(f"{summarise(files)}: no signal has a value")
     rows: list[DiveRow] = []
     lacking: dict[str, list[str]] = {}
     deepened: list[DeploymentLog] = []
@@ -119,7 +126,15 @@ def build(
                 complete=whole and log.pieces is None,
                 driven=numbers.get("thruster_fraction", 0.0),
             )  # fmt: skip
-            rows.append(DiveRow(log=log, segment=segment, signals=signals, numbers=numbers))
+            positions = row_positions(
+                signals, frame_origin(log, segment), period,
+                driven=numbers.get("thruster_fraction", 0.0),
+            )  # fmt: skip
+            rows.append(
+                DiveRow(
+                    log=log, segment=segment, signals=signals, numbers=numbers, positions=positions
+                )
+            )
     tell_unread(tally)
     instead = likely_replacements(tuple(lacking), unread(tally))
     by_depth = any(log.pieces is None for log in logs)

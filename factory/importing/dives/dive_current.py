@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 ATTACK = 3.0
 """[degree] Angle between a glider's nose and its path, as glider people take it (OceanGliders)."""
-METHOD = (
+CURRENT_METHOD = (
     "(displacement over ground between the fixes - displacement through the water) / dive_duration;"
     " through the water at depth rate / tan(|pitch| + 3 degree) along the true heading, zero at the"
     " surface, bridged where |pitch| is below 10 degree. NaN without two fixes, pitch or heading,"
@@ -50,33 +50,44 @@ def averaged_current(
       complete: whether the log holds the dive to its end.
       driven: part of the time with the thruster on.
     """
-    nothing = (float("nan"), float("nan"))
-    names = ("measured_depth", "measured_pitch", "measured_heading", "measured_phase")
-    if any(name not in signals for name in names) or not np.isfinite(segment.displacement).all():
-        return nothing
-    if not complete or driven > _DRIVEN:
-        return nothing
-    depth, pitch, heading, phase = (signals[name] for name in names)
-    known = signals["measured_gap"] < 0.5
-    under = (depth > _AFLOAT) & (phase != SURFACE)
-    if not under.any() or known[under].mean() < _KNOWN:
-        return nothing
-    speed = level_speed(depth, pitch, period)
-    if speed is None:
-        return nothing
-    speed = np.where(under, speed, 0.0)
-    course = np.radians(heading)
+    velocity = through_water(signals, period, driven=driven)
+    if velocity is None or not complete or not np.isfinite(segment.displacement).all():
+        return float("nan"), float("nan")
     # the trapezoid between samples: the first and last are the fixes
-    weight = np.full(len(depth), period)
+    weight = np.full(len(velocity), period)
     weight[[0, -1]] *= 0.5
-    through = (
-        float(np.sum(weight * speed * np.cos(course))),
-        float(np.sum(weight * speed * np.sin(course))),
-    )
+    through = [float(np.sum(weight * axis)) for axis in velocity.T]
     return (
         (segment.displacement[0] - through[0]) / segment.duration,
         (segment.displacement[1] - through[1]) / segment.duration,
     )
+
+
+def through_water(
+    signals: Mapping[str, Array], period: float, *, driven: float = 0.0
+) -> Array | None:
+    """North and east [m/s] through the water by depth rate and pitch, (time, 2).
+
+    None where they do not say it: no such signal, no glide, a log with holes, or propulsion.
+
+    Args:
+      signals, period, driven: as `averaged_current`.
+    """
+    names = ("measured_depth", "measured_pitch", "measured_heading", "measured_phase")
+    if any(name not in signals for name in names) or driven > _DRIVEN:
+        return None
+    depth, pitch, heading, phase = (signals[name] for name in names)
+    known = signals["measured_gap"] < 0.5
+    under = (depth > _AFLOAT) & (phase != SURFACE)
+    if not under.any() or known[under].mean() < _KNOWN:
+        return None
+    speed = level_speed(depth, pitch, period)
+    if speed is None:
+        return None
+    speed = np.where(under, speed, 0.0)
+    course = np.radians(heading)
+    velocity = np.stack([speed * np.cos(course), speed * np.sin(course)], axis=1)
+    return velocity if np.isfinite(velocity).all() else None
 
 
 def level_speed(depth: Array, pitch: Array, period: float) -> Array | None:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.dives.dive_current import METHOD
+from factory.importing.dives.dive_current import CURRENT_METHOD
+from factory.importing.dives.positions import Positions
 from factory.importing.dives.segments import PHASES, Segment
 from factory.importing.reading.deployment_log import Array, DeploymentLog
 from twin.records.attributes import (
@@ -23,10 +24,25 @@ from twin.records.attributes import (
     SAMPLE_PERIOD,
     SPLIT,
     SPLITS,
-    START_TIME,
     TITLE,
 )
+from twin.records.place import (
+    ATTRIBUTES,
+    DATETIME,
+    LATITUDE,
+    LOGGED,
+    LONGITUDE,
+    METHOD,
+    START_LATITUDE,
+    START_LONGITUDE,
+    START_TIME,
+    method_array,
+    padded,
+    sample_variables,
+    unix_milliseconds,
+)
 from twin.records.schema import MISSION, TIME, VARIABLES
+from twin.records.trajectory import sample_times
 from twin.version import __version__
 
 if TYPE_CHECKING:
@@ -51,11 +67,10 @@ class DiveRow:
     signals: dict[str, Array]
     numbers: dict[str, float]
     """Per-row numbers besides those of the segment: dive, vehicle_dac_north ..."""
+    positions: Positions
 
 
 NUMBERS: dict[str, tuple[str, str]] = {
-    "start_latitude": ("degree_north", "latitude of the fix before the dive"),
-    "start_longitude": ("degree_east", "longitude of the fix before the dive"),
     "end_latitude": ("degree_north", "latitude of the first fix after the dive"),
     "end_longitude": ("degree_east", "longitude of the first fix after the dive"),
     "displacement_north": ("m", "displacement over ground between the fixes, north"),
@@ -65,10 +80,10 @@ NUMBERS: dict[str, tuple[str, str]] = {
     "surface_drift_north": ("m s-1", "drift at the surface before the dive, north"),
     "surface_drift_east": ("m s-1", "drift at the surface before the dive, east"),
     "magnetic_variation": ("degree", "magnetic variation that was applied, east positive"),
-    "vehicle_dac_north": ("m s-1", "depth-averaged current that the vehicle reported, north"),
-    "vehicle_dac_east": ("m s-1", "depth-averaged current that the vehicle reported, east"),
-    "dac_north": ("m s-1", "depth-averaged current by the fixes and w/tan(pitch + 3 deg), north"),
-    "dac_east": ("m s-1", "depth-averaged current by the fixes and w/tan(pitch + 3 deg), east"),
+    "vehicle_dac_north": ("m s-1", "depth-averaged northward current by the vehicle"),
+    "vehicle_dac_east": ("m s-1", "depth-averaged eastward current by the vehicle"),
+    "dac_north": ("m s-1", "depth-averaged northward current"),
+    "dac_east": ("m s-1", "depth-averaged eastward current"),
     "thruster_fraction": ("1", "part of the row's time with the thruster on"),
 }
 """Units and meaning of the per-row numbers."""
@@ -85,7 +100,11 @@ def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, A
         N_SAMPLES: (
             MISSION,
             lengths,
-            {"units": "1", "long_name": "samples of the row; later ones are padding"},
+            {
+                "units": "1",
+                "long_name": "number of samples of the row",
+                "comment": "later ones are padding",
+            },
         )
     }
     for name in names:
@@ -99,7 +118,10 @@ def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, A
             described["flag_meanings"] = " ".join(PHASES[flag] for flag in _PHASE_FLAGS)
         variables[name] = ((MISSION, TIME), values, described)
     variables |= _per_row(rows)
-    coordinates = {
+    variables[METHOD] = method_array([row.positions.method for row in rows])
+    coordinates: dict[str, Any] = {
+        **_start(rows),
+        **_where_and_when(rows, longest, period),
         MISSION: (MISSION, np.arange(len(rows)), {"long_name": "row of the store"}),
         TIME: (
             TIME,
@@ -150,16 +172,50 @@ def blocks(count: int) -> NDArray[np.int8]:
     )
 
 
+def _start(rows: Sequence[DiveRow]) -> dict[str, Any]:
+    """Time and place of the starts, (mission,); a row without a fix before it has no place."""
+    nothing = (float("nan"), float("nan"))
+    fixes = [row.segment.start_fix or nothing for row in rows]
+    values = {
+        START_TIME: [row.segment.start for row in rows],
+        START_LATITUDE: [fix[0] for fix in fixes],
+        START_LONGITUDE: [fix[1] for fix in fixes],
+    }
+    comments = dict.fromkeys(values, "of the fix before the dive")
+    comments[START_TIME] = "of the row's first sample: the fix before the dive, if any"
+    return {
+        name: (
+            MISSION,
+            np.array(values[name], np.float64),
+            {**ATTRIBUTES[name], "comment": comments[name]},
+        )
+        for name in values
+    }
+
+
+def _where_and_when(rows: Sequence[DiveRow], longest: int, period: float) -> dict[str, Any]:
+    """Time and place of the samples, (mission, time)."""
+    counts = [len(row.positions.latitude) for row in rows]
+    arrays: dict[str, list[NDArray[Any]]] = {
+        DATETIME: [
+            unix_milliseconds(row.segment.start, sample_times(count, period))
+            for row, count in zip(rows, counts, strict=True)
+        ],
+        LATITUDE: [row.positions.latitude for row in rows],
+        LONGITUDE: [row.positions.longitude for row in rows],
+    }
+    whole = {name: padded(name, values, longest) for name, values in arrays.items()}
+    return sample_variables(whole, LOGGED, (MISSION, TIME))
+
+
 def _per_row(rows: Sequence[DiveRow]) -> dict[str, Any]:
     nothing = (float("nan"), float("nan"))
     numbers = []
     for row in rows:
         segment = row.segment
-        start, end = segment.start_fix or nothing, segment.end_fix or nothing
+        end = segment.end_fix or nothing
         numbers.append(
             {
-                "start_latitude": start[0],
-                "start_longitude": start[1],
                 "end_latitude": end[0],
                 "end_longitude": end[1],
                 "displacement_north": segment.displacement[0],
@@ -177,22 +233,12 @@ def _per_row(rows: Sequence[DiveRow]) -> dict[str, Any]:
             values = np.array([entry.get(name, np.nan) for entry in numbers], np.float64)
             described = {"units": units, "long_name": long_name}
             if name.startswith("dac_"):
-                described["comment"] = METHOD
+                described["comment"] = CURRENT_METHOD
             variables[name] = (MISSION, values, described)
     variables[DIVE] = (
         MISSION,
         np.array([int(entry["dive"]) for entry in numbers], np.int32),
         {"units": "1", "long_name": "number of the dive: the vehicle's own, or counted from 0"},
-    )
-    variables[START_TIME] = (
-        MISSION,
-        np.array([row.segment.start for row in rows], np.float64),
-        {
-            "units": "seconds since 1970-01-01T00:00:00",
-            "calendar": "proleptic_gregorian",
-            "long_name": "UTC time of the row's first sample: of the fix before the dive, if any",
-            "standard_name": "time",
-        },
     )
     variables[DEPLOYMENT] = (
         MISSION,

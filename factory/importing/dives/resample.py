@@ -62,6 +62,11 @@ def on_grid(
     """
     signals: dict[str, Array] = {}
     for name, channel in log.channels.items():
+        if log.gridded and (name in WATER or (name in VARIABLES and VARIABLES[name].gaps)):
+            values = _close(channel, times, _step(log, period))
+            if np.isfinite(values).any():
+                signals[name] = values
+            continue
         if name in HELD | KNOWN_FROM:
             if channel.time[0] <= times[-1]:
                 signals[name] = _hold(channel, times)
@@ -92,10 +97,14 @@ def on_grid(
         if name in signals:  # of a simulated log, from its own origin
             signals[name] = signals[name] - signals[name][0]
     _fill_density(signals, tally)
+    _put_true_track(log, segment, times, signals)
     gap = _gaps(log, times, period)
     tally.add("interpolated", "attitude or depth", int(gap.sum()), "grid samples within gaps")
     signals["measured_gap"] = gap.astype(np.float64)
-    if "measured_depth" in signals:
+    stored = log.channel("phase_stored")
+    if len(stored):
+        signals["measured_phase"] = _close(stored, times, _step(log, period))
+    elif "measured_depth" in signals:
         signals["measured_phase"] = float_at_fixes(
             phases(times - times[0], signals["measured_depth"], rules.surface_depth),
             signals["measured_depth"],
@@ -104,7 +113,7 @@ def on_grid(
         )
     _put_fixes(log, segment, times, period, signals)
     _put_waypoint(log, segment, times, signals)
-    _put_times(log, times, signals)
+    _put_times(log, times, period, signals)
     _put_onboard(log, segment, times, signals)
     _put_truth(log, times, signals)
     return signals
@@ -122,6 +131,11 @@ def _close(channel: Channel, times: Array, reach: float) -> Array:
     return np.where(np.abs(at - times) <= reach, values, np.nan)
 
 
+def _step(log: DeploymentLog, period: float) -> float:
+    """[s] Half of the wider of two grids: that of the log and that of the store."""
+    return 0.5 * max(period, log.period or 0.0)
+
+
 def _hold(channel: Channel, times: Array) -> Array:
     """The last sample at or before each time; the first one before it."""
     index = np.searchsorted(channel.time, times, side="right") - 1
@@ -135,6 +149,9 @@ def _gaps(log: DeploymentLog, times: Array, period: float) -> NDArray[np.bool_]:
     that time: one that samples every minute at depth has no gap there.
     """
     gap = np.zeros(len(times), bool)
+    stored = log.channel("gap_stored")
+    if len(stored):
+        return _close(stored, times, _step(log, period)) > 0.5
     for names in (("measured_pitch",), ("measured_depth", "measured_pressure")):
         channel = next((c for n in names if len(c := log.channel(n))), None)
         if channel is not None:
@@ -205,9 +222,7 @@ def _put_fixes(
     log: DeploymentLog, segment: Segment, times: Array, period: float, signals: dict[str, Array]
 ) -> None:
     """GPS [m] from the row's start at the samples nearest to its fixes; NaN elsewhere."""
-    origin = segment.start_fix or segment.end_fix
-    if len(segment.inside):
-        origin = segment.start_fix or _onboard_at(log, segment.start) or _first(segment.inside)
+    origin = frame_origin(log, segment)
     if origin is None:
         return
     north, east = np.full(len(times), np.nan), np.full(len(times), np.nan)
@@ -221,6 +236,13 @@ def _put_fixes(
     signals["measured_gps_north"], signals["measured_gps_east"] = north, east
 
 
+def frame_origin(log: DeploymentLog, segment: Segment) -> tuple[float, float] | None:
+    """Latitude and longitude [degree] from which a row counts its metres; None without a fix."""
+    if len(segment.inside):
+        return segment.start_fix or _onboard_at(log, segment.start) or _first(segment.inside)
+    return segment.start_fix or segment.end_fix
+
+
 def _first(fixes: Fixes) -> tuple[float, float]:
     return float(fixes.latitude[0]), float(fixes.longitude[0])
 
@@ -232,6 +254,18 @@ def _onboard_at(log: DeploymentLog, time: float) -> tuple[float, float] | None:
         return None
     at = np.array([time])
     return float(latitude.at(at)[0]), float(longitude.at(at)[0])
+
+
+def _put_true_track(
+    log: DeploymentLog, segment: Segment, times: Array, signals: dict[str, Array]
+) -> None:
+    """Where a simulated vehicle really was [m] from the row's start, which is a fix."""
+    latitude, longitude = log.channel("true_latitude"), log.channel("true_longitude")
+    origin = segment.start_fix or segment.end_fix
+    if origin is None or not len(latitude):
+        return
+    values = offset(latitude.at(times), longitude.at(times), *origin)
+    signals["true_north"], signals["true_east"] = values
 
 
 def _put_waypoint(
@@ -256,11 +290,14 @@ _ORIGINALS = {
 """Raw times beside the grid, and the channels that they are of: the first that the log has."""
 
 
-def _put_times(log: DeploymentLog, times: Array, signals: dict[str, Array]) -> None:
+def _put_times(log: DeploymentLog, times: Array, period: float, signals: dict[str, Array]) -> None:
     """Times [s] from the row's start of the original samples nearest to those of the grid."""
     for name, sources in _ORIGINALS.items():
+        kept = log.channel(name.replace("_time", "_original"))
         channel = next((c for n in sources if len(c := log.channel(n))), None)
-        if channel is not None:
+        if len(kept):
+            signals[name] = _close(kept, times, _step(log, period)) - times[0]
+        elif channel is not None:
             signals[name] = nearest(channel.time, times) - times[0]
 
 

@@ -134,7 +134,10 @@ def _between_holes(
 
 def longest_stretch(depth: Channel, deeper: float) -> float:
     """[s] For how long at a stretch the samples are deeper; each stands for the time around it,
-    and for no more than `_STANDS_FOR` usual spacings."""
+    and for no more than `_STANDS_FOR` usual spacings.
+
+    Fewer than `_SEVERAL` are noise where a dive would have more: a restarted sensor shows two.
+    """
     if not len(depth) or not (depth.values > deeper).any():
         return 0.0
     if len(depth) < 3:
@@ -143,11 +146,15 @@ def longest_stretch(depth: Channel, deeper: float) -> float:
     stands = 0.5 * (np.append(gap, gap[-1]) + np.append(gap[:1], gap))
     under = np.concatenate([[0], (depth.values > deeper).astype(np.int8), [0]])
     edges = np.flatnonzero(np.diff(under)).reshape(-1, 2)
-    return max(float(stands[start:end].sum()) for start, end in edges)
+    fewest = _SEVERAL if depth.spacing < _OFTEN else 1
+    long = [float(stands[start:end].sum()) for start, end in edges if end - start >= fewest]
+    return max(long, default=0.0)
 
 
 _STANDS_FOR = 3.0
 """Usual spacings that one sample stands for at most."""
+_SEVERAL, _OFTEN = 3, 20.0
+"""Samples that a dive of a minute has at least where they usually come within so many seconds."""
 _DAY = 86400.0
 """[s]"""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import gzip
+import io
 import math
 import warnings
 import zlib
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.reading.tally import Tally
+from twin.bounded import check_declared
 from twin.errors import InputError
 from twin.extras import require
 
@@ -29,6 +31,11 @@ MISSING = frozenset({"", "nan", "na", "null", "none", "n/a", "--"})
 """Words that mean no value (compared in lower case)."""
 CSV_FORMATS = ("%d/%m/%Y %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S")
 """SeaExplorer's time stamps."""
+LONGEST_HEADER = 2**20
+"""Characters of the line of column names; a Slocum's two thousand names have a tenth"""
+UNPACKED_BYTES = 2**25
+"""[byte] of text that any compressed table may have, however small it is: in memory it takes
+thirty times as much"""
 _SECONDS_FROM, _SECONDS_TO = 3.0e8, 4.2e9
 """Unix seconds from 1979 to 2103: what a log's time can be."""
 
@@ -59,7 +66,7 @@ def read_table(path: Path) -> Table:
     """
     if path.stat().st_size == 0:
         raise InputError(f"{path} is empty")
-    if path.suffix == ".parquet":
+    if path.suffix.lower() == ".parquet":
         return _parquet(path)
     return _csv(path)
 
@@ -95,7 +102,7 @@ def _parquet(path: Path) -> Table:
 
 def column_names(path: Path) -> list[str]:
     """Names of the columns of a csv, csv.gz or parquet file. Errors as `read_table`."""
-    if path.suffix == ".parquet":
+    if path.suffix.lower() == ".parquet":
         with _opened_parquet(path) as parquet:
             return [str(name) for name in parquet.schema_arrow.names]
     try:
@@ -110,14 +117,46 @@ _UNREADABLE = (OSError, EOFError, zlib.error)
 
 
 def _opened(path: Path) -> TextIO:
-    opener: Any = gzip.open if path.suffix == ".gz" else open
-    file: TextIO = opener(path, "rt", newline="", encoding="utf-8-sig", errors="replace")
-    return file
+    def opened() -> io.BufferedReader:
+        packed = path.suffix.lower() == ".gz"
+        return io.BufferedReader(_Unpacked(path)) if packed else path.open("rb")
+
+    with opened() as binary:
+        wide = binary.read(2) in (b"\xff\xfe", b"\xfe\xff")  # as spreadsheets write "Unicode text"
+    encoding = "utf-16" if wide else "utf-8-sig"
+    return io.TextIOWrapper(opened(), newline="", encoding=encoding, errors="replace")
+
+
+class _Unpacked(io.RawIOBase):
+    """What a gzip file unpacks to; raises InputError where it is far more than the file's size."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._size, self._given = path, path.stat().st_size, 0
+        self._file = gzip.open(path, "rb")  # noqa: SIM115 - closed by `close`
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        data = self._file.read(len(buffer))
+        buffer[: len(data)] = data
+        self._given += len(data)
+        check_declared(self._given, self._size, str(self._path), free=UNPACKED_BYTES)
+        return len(data)
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
 
 
 def _header(file: TextIO) -> tuple[list[str], str]:
     """Column names in the first line, and what separates them: a comma, semicolon or tab."""
-    line = file.readline()
+    line = file.readline(LONGEST_HEADER)
+    if len(line) == LONGEST_HEADER:
+        raise InputError(
+            f"{file.name} has a first line of more than {LONGEST_HEADER} characters: it is no "
+            "table of columns"
+        )
     delimiter = max(",;\t", key=line.count)
     return [word.strip().strip('"') for word in line.rstrip("\r\n").split(delimiter)], delimiter
 
@@ -151,6 +190,9 @@ def _csv(path: Path) -> Table:
         raise InputError(
             f"{path}: row {beyond[0] + 1} of the values has more cells than the header has names"
         )
+    # files that were put together behind each other have their line of names again
+    again = (frame[list(range(len(names)))] == names).all(axis=1)
+    frame = frame[~again]
     columns: dict[str, Array] = {}
     texts: dict[str, NDArray[Any]] = {}
     for k, name in enumerate(names):
@@ -158,11 +200,17 @@ def _csv(path: Path) -> Table:
             continue
         words = frame[k].str.strip()
         numbers = _numbers(words)
+        if numbers is None and delimiter != ",":
+            numbers = _numbers(words.str.replace(_DECIMAL_COMMA, r"\1.\2", regex=True))
         if numbers is None:
             texts[name] = words.to_numpy(object)
         else:
             columns[name] = numbers
     return Table(path, columns, texts)
+
+
+_DECIMAL_COMMA = r"^([-+]?\d*),(\d+(?:[eE][-+]?\d+)?)$"
+"""As many countries write numbers."""
 
 
 def _numbers(words: pd.Series[str]) -> Array | None:
@@ -195,6 +243,7 @@ def parse_stamps(words: NDArray[Any]) -> Array:
 
 
 def _stamp(word: str) -> float:
+    word = word.removesuffix("UTC").removesuffix("GMT").rstrip()
     try:
         moment = datetime.fromisoformat(word)
     except ValueError:

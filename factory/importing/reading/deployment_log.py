@@ -89,9 +89,12 @@ class DeploymentLog:
     rows are made from and a store does not keep as it is: `dive` (number), `latitude`/`longitude`
     (on-board track, degree), `onboard_north`/`onboard_east` (m, any origin), `dac_north`/`dac_east`
     (what the vehicle reported, m/s, at the time it became known), `waypoint_latitude`/`_longitude`
-    (where it was sent, degree), `velocity_north/_east/_down`
+    (where it was sent, degree), `true_latitude`/`_longitude` (of a simulated one, degree),
+    `velocity_north/_east/_down`
     (truth through the water, m/s), `thruster` (1 = on), `afloat` (times at which the vehicle says
-    that it is at the surface).
+    that it is at the surface). A log that is on a grid already has
+    `measured_depth_original`, `measured_attitude_original`, `measured_ctd_original` (times of the
+    samples it was made of), `gap_stored` (1 where it is interpolated) and `phase_stored`.
     """
 
     deployment: str
@@ -112,8 +115,12 @@ class DeploymentLog:
     """[s] unix start and end of each row; None: a row is a dive, found by its depth."""
     period: float | None = None
     """[s] between the samples of a store, where the log asks for one."""
+    gridded: bool = False
+    """True when the samples are those of a store's grid already: its holes stay holes."""
     held: frozenset[str] = frozenset()
     """Channels that keep their last value between samples."""
+    said: str | None = None
+    """What people said of the deployment, as the text of a pyglider `deployment.yml`."""
     model: str | None = None
     """Vehicle file that stands for the vehicle; None: the one of its kind of log."""
 

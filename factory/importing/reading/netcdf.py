@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from factory.importing.reading.columns import parse_stamps, unix_seconds
 from factory.importing.reading.tally import Tally
+from twin.bounded import check_declared
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -26,15 +27,30 @@ def open_netcdf(path: Path) -> Any:
     import netCDF4
 
     try:
-        return netCDF4.Dataset(path)
+        file = netCDF4.Dataset(path)
     except (OSError, RuntimeError) as error:
-        with path.open("rb") as file:
-            start = file.read(8)
+        with path.open("rb") as raw:
+            start = raw.read(8)
         known = start.startswith((b"CDF", b"\x89HDF")) or b"MATLAB" in start
         why = "truncated or damaged" if known else "of another format"
         raise InputError(
             f"{path.name} cannot be opened as netCDF-4 or HDF5: {why} ({type(error).__name__})"
         ) from error
+    try:
+        check_declared(_declared(file), path.stat().st_size, path.name)
+    except InputError:
+        file.close()
+        raise
+    return file
+
+
+def _declared(group: Any) -> float:
+    """Bytes of the values that a file or group says it has; 8 for a value of no fixed size."""
+    own = sum(
+        float(variable.size) * getattr(variable.dtype, "itemsize", 8)
+        for variable in group.variables.values()
+    )
+    return own + sum(_declared(inner) for inner in group.groups.values())
 
 
 def as_array(values: object) -> Array:

@@ -35,7 +35,7 @@ KNOWN = (
         signal="measured_oxygen",
         sources=(
             "sci_oxy4_oxygen", "sci_oxy3835_oxygen", "sci_oxy3835_wphase_oxygen", "AROD_FT_DO",
-            "LEGATO_CODA_DO", "eng_aa4330_O2",
+            "LEGATO_CODA_DO", "eng_aa4330_O2", "DOXY",
         ),
         units="umol L-1",
         long_name="dissolved oxygen",
@@ -55,7 +55,7 @@ KNOWN = (
     ),
     PayloadSignal(
         signal="measured_dissolved_organic_matter",
-        sources=("sci_flbbcd_cdom_units", "FLBBCD_CDOM_SCALED"),
+        sources=("sci_flbbcd_cdom_units", "FLBBCD_CDOM_SCALED", "CDOM"),
         units="1e-9",
         long_name="coloured dissolved organic matter by its fluorescence, ppb",
         limits=(-100.0, 10_000.0),
@@ -69,7 +69,7 @@ KNOWN = (
     ),
     PayloadSignal(
         signal="measured_turbidity",
-        sources=("sci_flntu_turb_units", "FLNTU_NTU_SCALED"),
+        sources=("sci_flntu_turb_units", "FLNTU_NTU_SCALED", "TURBIDITY"),
         units="1",
         long_name="turbidity, NTU",
         limits=(-100.0, 10_000.0),

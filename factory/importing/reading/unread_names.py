@@ -34,13 +34,22 @@ def note_unread(kind: str, present: Iterable[str], read: Iterable[str], tally: T
         states.setdefault(name, READ if name in known else NOT_READ)
 
 
-def leave_out(names: Iterable[str], why: str, tally: Tally, *, samples: int = 1) -> None:
-    """Names that the reader knows and does not use, because of another one in the same file."""
+def leave_out(
+    names: Iterable[str], why: str, tally: Tally, *, samples: int = 1, together: str = ""
+) -> None:
+    """Names that the reader knows and does not use, because of another one in the same file.
+
+    One line each, or one of them `together` under that subject.
+    """
+    names = list(names)
     for name in names:
         for states in tally.names.values():
             if name in states:
                 states[name] = LEFT_OUT
-        tally.add("left out", name, samples, why)
+        if not together:
+            tally.add("left out", name, samples, why)
+    if together:
+        tally.add("left out", together, len(names), f"{summarise(names, _NAMED)}: {why}")
 
 
 def note_empty(kind: str, names: Iterable[str], tally: Tally) -> None:

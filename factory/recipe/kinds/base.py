@@ -65,6 +65,8 @@ def keeps_level(vehicle: Vehicle) -> bool:
     return vehicle.depth_pid is not None and all(part is not None for part in steered)
 
 
-def survey_row(name: str, unit: str, paper: str, field: str, why: str) -> Parameter:
+def survey_row(
+    name: str, unit: str, paper: str, field: str, long_name: str, why: str = ""
+) -> Parameter:
     """A row that is drawn for every segment."""
-    return Parameter(f"mission.{name}", unit, paper, field, why, per_segment=True)
+    return Parameter(f"mission.{name}", unit, paper, field, long_name, why, per_segment=True)

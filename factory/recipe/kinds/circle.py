@@ -13,8 +13,8 @@ from twin.vehicle.vehicle import Vehicle
 
 _RADIUS = "uniform(-150, 150) except (-50, 50)"
 _ROWS = (
-    survey_row("radius_m", "m", _RADIUS, _RADIUS, "of a circle, positive to starboard"),
-    survey_row("turns", "1", "uniform(1, 4)", "uniform(1, 4)", "of a circle"),
+    survey_row("radius_m", "m", _RADIUS, _RADIUS, "radius of the circle", "positive to starboard"),
+    survey_row("turns", "1", "uniform(1, 4)", "uniform(1, 4)", "number of turns of the circle"),
 )
 
 

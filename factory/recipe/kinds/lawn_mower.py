@@ -12,10 +12,12 @@ from twin.vehicle.vehicle import Vehicle
 _SPACING = "uniform(-160, 160) except (-80, 80)"
 _ROWS = (
     survey_row("leg_length_m", "m", "uniform(150, 500)", "uniform(150, 500)",
-               "of a lawn-mower's leg"),
+               "length of a leg of the lawn-mower"),
     survey_row("spacing_m", "m", _SPACING, _SPACING,
-               "between a lawn-mower's legs, positive to starboard; two turning circles fit in"),
-    survey_row("legs", "1", "choice(3, 4, 5, 6)", "choice(3, 4, 5, 6)", "of a lawn-mower"),
+               "spacing of the lawn-mower's legs",
+               "positive to starboard; two turning circles fit in"),
+    survey_row("legs", "1", "choice(3, 4, 5, 6)", "choice(3, 4, 5, 6)",
+               "number of legs of the lawn-mower"),
 )  # fmt: skip
 
 

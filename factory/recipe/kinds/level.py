@@ -16,9 +16,9 @@ SHALLOWEST_FLOOR_M = 25.0
 """[m] The sea floor of a survey is cut off here; the depths and altitudes below keep clear of it"""
 _ROWS = (
     survey_row("level_by", "1", f"choice({DEPTH}: 2, {ALTITUDE}: 1)",
-               f"choice({DEPTH}, {ALTITUDE})", "what a level segment holds"),
+               f"choice({DEPTH}, {ALTITUDE})", "quantity that a level segment holds"),
     survey_row("depth_m", "m", "uniform(4, 16)", "uniform(4, 16)",
-               f"depth of a level segment; the sea is {SHALLOWEST_FLOOR_M:g} m deep or more"),
+               "depth of a level segment", f"the sea is {SHALLOWEST_FLOOR_M:g} m deep or more"),
     survey_row("altitude_m", "m", "uniform(8, 18)", "uniform(8, 18)",
                "height of a level segment above the sea floor"),
 )  # fmt: skip

@@ -15,7 +15,7 @@ from logs import Flight, example, write_slocum
 from factory.exporting import EXPORTERS, Exporter
 from factory.importing import import_logs
 from factory.stores.generated import open_missions
-from twin.errors import InputError, StoreError
+from twin.errors import InputError, StoreError, WriteError
 from twin.records.store import write_store
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -49,6 +49,16 @@ def test_stores_are_written_and_progress_is_told(
     assert target.name.startswith("store")
     with pytest.raises(StoreError, match="not 77"):
         exporter.export(run, [77], target)
+    with pytest.raises(WriteError, match="already exists; use --overwrite"):
+        exporter.export(run, [0], target)
+    (again,) = exporter.export(run, [0], target, overwrite=True)
+    assert again in (target, written[0])
+    if exporter.target == "folder":
+        assert {path.name for path in target.iterdir()} == {again.name, "checksums.json"}
+        (target / "notes.txt").write_text("precious")
+        with pytest.raises(WriteError, match="glider-twin did not write it"):
+            exporter.export(run, [0], target, overwrite=True)
+    assert [path for path in tmp_path.iterdir() if path != target] == []
 
 
 @EVERY

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import functools
-import importlib.util
 from pathlib import Path
 
 import netCDF4
 import numpy as np
 import pytest
+from compliance import complaints, needs_checker
 from logs import Flight, write_seaglider, write_slocum
 from simulated_logs import simulated_flight
 
@@ -92,38 +91,16 @@ def test_what_people_said_beside_the_log_is_in_the_file(og1: Path) -> None:
         assert ctd.sensor_calibration_date == "2023-05-23"
 
 
-@pytest.mark.skipif(
-    importlib.util.find_spec("compliance_checker") is None,
-    reason="compliance-checker is not installed (extra `test`)",
-)
+@needs_checker
 @pytest.mark.filterwarnings("ignore:Passing the dataset:DeprecationWarning")
 def test_it_passes_the_cf_and_the_acdd_check(
     og1: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """ACDD wants a standard name for each variable: it is missing only where CF has none."""
-    import json
-
-    from compliance_checker.cf import util
-    from compliance_checker.runner import CheckSuite, ComplianceChecker
-
-    for name in (  # the checker asks the same thousands of times
-        "get_auxiliary_coordinate_variables", "get_axis_variables", "get_geophysical_variables",
-        "get_time_variable", "get_time_variables", "get_z_variable", "get_z_variables",
-        "get_latitude_variables", "get_longitude_variables", "get_axis_map",
-        "get_climatology_variable", "coordinate_dimension_matrix", "guess_feature_type",
-    ):  # fmt: skip
-        monkeypatch.setattr(util, name, functools.cache(getattr(util, name)))
-    CheckSuite.load_all_available_checkers()
-    report = tmp_path / "report.json"
-    ComplianceChecker.run_checker(
-        str(og1), ["cf:1.10", "acdd:1.3"], verbose=0, criteria="strict",
-        output_filename=str(report), output_format="json",
-    )  # fmt: skip
-    found = json.loads(report.read_text())
-    assert [p["msgs"] for p in found["cf:1.10"]["all_priorities"] if p["msgs"]] == []
-    demands = ("high_priorities", "medium_priorities")
-    complaints = [m for part in demands for p in found["acdd:1.3"][part] for m in p["msgs"]]
-    assert set(complaints) <= {"standard_name"}, complaints
+    found = complaints(og1, ["cf:1.10", "acdd:1.3"], tmp_path, monkeypatch)
+    assert not any(found["cf:1.10"].values()), found["cf:1.10"]
+    acdd = found["acdd:1.3"]
+    assert set(acdd["high_priorities"] + acdd["medium_priorities"]) <= {"standard_name"}, acdd
 
 
 def test_flight_terms_and_currents_are_those_of_the_flight_model(og1: Path, store: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from factory.generation.bulk import generate
+from factory.generation.generate import generate
 from factory.recipe.recipe import make_recipe
 from factory.stores.generated import GeneratedStore
 

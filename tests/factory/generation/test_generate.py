@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import resource
 import shutil
@@ -11,40 +10,51 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import mujoco
+import numpy as np
 import pytest
 
-import factory.generation.workers
-import twin.records.sharded
-from factory.generation.bulk import generate
-from factory.generation.checkpoint import Checkpoint
+import factory.generation.block
+import factory.generation.generate
+import twin.records.files
+from factory.generation.block import fly_block
+from factory.generation.generate import generate
+from factory.generation.job import Job
+from factory.generation.layout import LEAST_SHARD
+from factory.generation.site import Site, generating, locked
 from factory.inspect.info import unfinished
 from factory.inspect.replay import replay_failure
 from factory.inspect.verify import verify_store
 from factory.recipe.recipe import Recipe
 from factory.stores.generated import GeneratedStore
 from twin.errors import InputError, StoreError, TwinError
-from twin.records.sharded import SHARD_MISSIONS
-from twin.records.store import UNFINISHED, open_store
+from twin.records.store import open_store
 
 Recipes = Callable[..., Recipe]
 
 
-def contents(store: Path) -> dict[str, Any]:
-    """Every file of a store, but for what the promise of equal bytes leaves out: `history`."""
-    files: dict[str, Any] = {
+def contents(store: Path) -> dict[str, bytes]:
+    """Every file of a store."""
+    return {
         str(path.relative_to(store)): path.read_bytes()
         for path in store.rglob("*")
         if path.is_file()
     }
-    group = json.loads(files["zarr.json"])
-    del group["attributes"]["history"]
-    files["zarr.json"] = group
-    return files
+
+
+def kept(store: Path) -> int:
+    """Missions that an unfinished store has."""
+    begun = unfinished(store) if generating(store).is_dir() else None
+    return begun.missions_kept if begun else 0
+
+
+def site_of(made: Recipe, store: Path) -> Site:
+    return Site(store, made.digest)
 
 
 def test_one_worker_two_workers_and_two_kills_give_the_same_bytes(
@@ -52,7 +62,7 @@ def test_one_worker_two_workers_and_two_kills_give_the_same_bytes(
 ) -> None:
     settings = {"hours": 3.4, "changes": {"mission.duration_h": "uniform(0.03, 0.06)"}}
     made = recipe(**settings)
-    assert len(made.plan) > SHARD_MISSIONS  # more than one shard
+    assert len(made.plan) > LEAST_SHARD  # more than one shard
     generate(made, tmp_path / "one.zarr", workers=1)
     generate(made, tmp_path / "two.zarr", workers=2)
     expected = contents(tmp_path / "one.zarr")
@@ -62,68 +72,125 @@ def test_one_worker_two_workers_and_two_kills_give_the_same_bytes(
     command = [sys.executable, "-m", "factory", "generate", "--hours", "3.4", "--workers", "2"]
     command += ["--out", str(killed), "--resume", "--set"]
     command += [f"{name}={text}" for name, text in made.changes.items()]
-    kept = 0
+    there = 0
     for _ in range(2):
         process = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-        kept = _kill_after(process, killed, kept + 15)
+        there = _kill_after(process, killed, there + 15)
         with pytest.raises(StoreError, match=r"is incomplete.*--resume"):
             open_store(killed)
-    assert 30 <= kept < len(made.plan)
+    assert 30 <= there < len(made.plan)
     summary = generate(made, killed, workers=2, resume=True)
     assert 0 < summary.flown <= len(made.plan) - 30  # what was finished is not flown again
     assert contents(killed) == expected
-    assert not (killed / UNFINISHED).exists()
+    assert sorted(path.name for path in tmp_path.iterdir() if path.is_dir()) == [
+        "killed.zarr",
+        "one.zarr",
+        "two.zarr",
+    ]
 
 
 def _kill_after(process: subprocess.Popen[bytes], store: Path, missions: int) -> int:
     """Send SIGKILL once that many missions are kept; how many there are then."""
     deadline = time.monotonic() + 60.0
     while time.monotonic() < deadline and process.poll() is None:
-        if Checkpoint(store).count_missions() >= missions:
+        if kept(store) >= missions:
             process.send_signal(signal.SIGKILL)
             break
         time.sleep(0.005)
     process.wait()
     assert process.returncode == -signal.SIGKILL, "the run ended before it could be killed"
-    return Checkpoint(store).count_missions()
+    return kept(store)
 
 
 def test_a_kill_between_any_two_files_of_a_shard_loses_nothing(
     tmp_path: Path, recipe: Recipes, paper_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    written = twin.records.sharded.write_whole
+    written = twin.records.files.LocalFiles._parent
     store = tmp_path / "missions.zarr"
-    for allowed in (0, 3, 40, 60, 90):  # inside the shard, and among the last files
+    for allowed in (0, 3, 40, 70, 90):  # blocks, the shard, and among the last files
         left = [allowed]
 
-        def write(path: Path, data: bytes, left: list[int] = left) -> None:
+        def parent(files: Any, key: str, left: list[int] = left) -> Path:
             if left[0] == 0:
                 raise KeyboardInterrupt
             left[0] -= 1
-            written(path, data)
+            return written(files, key)
 
-        monkeypatch.setattr(twin.records.sharded, "write_whole", write)
+        monkeypatch.setattr(twin.records.files.LocalFiles, "_parent", parent)
         with pytest.raises(KeyboardInterrupt):
-            generate(recipe(), store, workers=1, resume=True)
+            generate(recipe(), store, executor=Here(), resume=True)
         assert unfinished(store) is not None
-    monkeypatch.setattr(twin.records.sharded, "write_whole", written)
-    generate(recipe(), store, workers=1, resume=True)
+        assert not store.exists()
+    monkeypatch.setattr(twin.records.files.LocalFiles, "_parent", written)
+    generate(recipe(), store, executor=Here(), resume=True)
     assert contents(store) == contents(paper_store)
 
 
-def test_a_damaged_checkpoint_is_flown_again(
+class Here(Executor):
+    """Runs everything at once in this process."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+def test_any_executor_makes_the_same_bytes(
+    tmp_path: Path, recipe: Recipes, paper_store: Path
+) -> None:
+    with ThreadPoolExecutor(3) as threads:
+        generate(recipe(), tmp_path / "threads.zarr", executor=threads)
+    assert contents(tmp_path / "threads.zarr") == contents(paper_store)
+    with pytest.raises(StoreError, match="either workers or an executor"):
+        generate(recipe(), tmp_path / "both.zarr", executor=Here(), workers=2)
+
+
+def test_a_damaged_block_is_flown_again(
     tmp_path: Path, recipe: Recipes, paper_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = tmp_path / "missions.zarr"
     _stop_before_shards(monkeypatch, recipe(), store)
-    parts = sorted((store / UNFINISHED).glob("mission-*.npz"))
-    whole = parts[0].read_bytes()
-    parts[0].write_bytes(whole[: len(whole) // 2])  # cut short
-    parts[1].write_bytes(whole[:100] + bytes([whole[100] ^ 1]) + whole[101:])  # one bit
-    parts[2].write_bytes(b"")
+    blocks = sorted((site_of(recipe(), store).folder / "blocks").glob("*.npz"))
+    assert len(blocks) == len(recipe().plan)
+    whole = blocks[0].read_bytes()
+    blocks[0].write_bytes(whole[: len(whole) // 2])  # cut short
+    whole = blocks[1].read_bytes()
+    blocks[1].write_bytes(whole[:1000] + bytes([whole[1000] ^ 1]) + whole[1001:])  # one bit
     summary = generate(recipe(), store, workers=1, resume=True)
-    assert summary.flown == 3
+    assert summary.flown == 2
     assert contents(store) == contents(paper_store)
+
+
+def test_a_block_of_another_recipe_is_never_taken(
+    tmp_path: Path, recipe: Recipes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mine, other = tmp_path / "mine.zarr", tmp_path / "other.zarr"
+    _stop_before_shards(monkeypatch, recipe(), mine)
+    _stop_before_shards(monkeypatch, recipe(seed=1), other)
+    for path in (site_of(recipe(seed=1), other).folder / "blocks").iterdir():
+        shutil.copy(path, site_of(recipe(), mine).folder / "blocks" / path.name)
+    with pytest.raises(StoreError, match=rf"recipe {recipe(seed=1).digest[:12]}, expected") as told:
+        generate(recipe(), mine, workers=1, resume=True)
+    assert recipe().digest[:12] in str(told.value)
+
+
+def test_a_block_made_twice_with_other_bytes_is_told(
+    tmp_path: Path, recipe: Recipes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two kinds of processor in one cluster would do that."""
+    made, store = recipe(), tmp_path / "missions.zarr"
+    _stop_before_shards(monkeypatch, made, store)
+    job = Job(made, site_of(made, store))
+    assert fly_block(job, 0).number == 0  # the same bytes again
+    fly = factory.generation.block.fly_mission
+
+    def rounded(*arguments: Any) -> Any:
+        flown, signals = fly(*arguments)
+        return flown, {**signals, "true_depth": signals["true_depth"] + np.float32(1e-3)}
+
+    monkeypatch.setattr(factory.generation.block, "fly_mission", rounded)
+    with pytest.raises(StoreError, match="block 0 was made twice with different bytes"):
+        fly_block(job, 0)
 
 
 def _stop_before_shards(monkeypatch: pytest.MonkeyPatch, made: Recipe, store: Path) -> None:
@@ -131,7 +198,7 @@ def _stop_before_shards(monkeypatch: pytest.MonkeyPatch, made: Recipe, store: Pa
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("factory.generation.bulk.write_shard", stop)
+        patch.setattr(factory.generation.generate, "assemble", stop)
         with pytest.raises(KeyboardInterrupt):
             generate(made, store, workers=1)
 
@@ -220,11 +287,11 @@ def test_a_full_disk_is_told_and_leaves_a_store_to_resume(
     tmp_path: Path, recipe: Recipes, paper_store: Path, size: int
 ) -> None:
     store = tmp_path / "missions.zarr"
-    # 2 000 bytes stop the settings, 20 000 the workers' parts, 60 000 the shards
+    # 2 000 bytes stop the recipe, 20 000 and 60 000 the blocks
     with largest_file(size), pytest.raises(StoreError, match=r"cannot write .*--resume") as caught:
         generate(recipe(), store, workers=2)
     assert "\n" not in str(caught.value)
-    assert not list(store.rglob(".*.*"))  # no half-written files are left behind
+    assert not list(tmp_path.rglob(".*.*"))  # no half-written files are left behind
     generate(recipe(), store, workers=2, resume=True)
     assert contents(store) == contents(paper_store)
 
@@ -244,8 +311,7 @@ def test_a_path_through_a_file_is_told(tmp_path: Path, recipe: Recipes) -> None:
 
 def test_two_runs_cannot_write_one_store(tmp_path: Path, recipe: Recipes) -> None:
     store = tmp_path / "missions.zarr"
-    Checkpoint(store).start(recipe().describe())
-    with Checkpoint(store).locked():
+    with locked(store):
         with pytest.raises(StoreError, match="another run is generating"):
             generate(recipe(), store, workers=1, resume=True)
         with pytest.raises(StoreError, match="another run is generating"):
@@ -273,7 +339,7 @@ def test_an_unstable_mission_is_recorded_replaced_and_counted(
     assert summary.failed == len(failures) == sum(heard) > 0
     assert run.array("attempt").sum() == len(failures)
     for mission, failure in failures:
-        assert failure.values["vehicle.k_q"] == 400.0
+        assert run.recipe.parameters(mission, failure.attempt).values["vehicle.k_q"] == 400.0
         assert failure.time_s is not None
         assert f"at {failure.time_s:.1f} s" in failure.reason
         warn = mujoco.get_mju_user_warning()
@@ -300,9 +366,9 @@ def test_a_dead_worker_is_told(
     tmp_path: Path, recipe: Recipes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        factory.generation.workers, "fly_mission", lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+        factory.generation.block, "fly_mission", lambda *_: os.kill(os.getpid(), signal.SIGKILL)
     )
-    with pytest.raises(TwinError, match="a worker process ended by signal 9"):
+    with pytest.raises(TwinError, match=r"a worker process ended abruptly.*--resume"):
         generate(recipe(), tmp_path / "missions.zarr", workers=2)
 
 
@@ -312,9 +378,10 @@ def test_a_bug_in_a_worker_keeps_its_traceback(
     def fail(*_: object) -> None:
         raise ZeroDivisionError("a bug")
 
-    monkeypatch.setattr(factory.generation.workers, "fly_mission", fail)
-    with pytest.raises(RuntimeError, match=r"(?s)in fail.*ZeroDivisionError: a bug"):
+    monkeypatch.setattr(factory.generation.block, "fly_mission", fail)
+    with pytest.raises(ZeroDivisionError, match="a bug") as caught:
         generate(recipe(), tmp_path / "missions.zarr", workers=1)
+    assert "in fail" in str(caught.value.__cause__)
 
 
 def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(tmp_path: Path) -> None:
@@ -328,7 +395,7 @@ def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(tmp_path: Pat
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     deadline = time.monotonic() + 60.0
-    while time.monotonic() < deadline and Checkpoint(store).count_missions() < 2:
+    while time.monotonic() < deadline and kept(store) < 2:
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: parent and workers
     _, error = process.communicate(timeout=60.0)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from unchanged import PRESETS, SEED, array_hashes, differences, expected_hashes
 
-from factory.generation.bulk import generate
+from factory.generation.generate import generate
 from factory.recipe.recipe import make_recipe
 
 

@@ -21,7 +21,7 @@ from logs import (
 from numpy.typing import NDArray
 
 from factory.importing import import_logs
-from factory.importing.formats.csv.mapping import load_mapping, parse_mapping, shipped_names
+from factory.importing.formats.csv.mapping_file import load_mapping, parse_mapping, shipped_names
 from factory.importing.reading.units import in_unit
 from factory.inspect.verify_logs import verify_logs
 from twin.errors import InputError

@@ -26,6 +26,8 @@ from factory.importing import import_logs
 from factory.importing.reading.units import in_unit
 from factory.stores.generated import GeneratedStore
 from twin.errors import InputError
+from twin.records.logs import LogStore
+from twin.records.store import write_store
 
 FLIGHT = Flight(depth=100.0, variation=17.0, surface=600.0)
 EXPLORER, SHORE = SHARED / "seaexplorer_pyglider", SHARED / "lrauv_shore_2013"
@@ -111,7 +113,7 @@ def test_og1_files_of_our_own_come_back_sample_for_sample(
     assert report.count("note", path.name) == 1  # it says that it is simulated
     assert "simulated" in dataset.attrs["comment"]
     starts = dataset["start_time"].values.astype(float)
-    begin = np.datetime64("2020-01-01", "s").astype(float)
+    begin = run.array("start_time")[0].astype("datetime64[s]").astype(float)
     checked = 0
     for row in range(dataset.sizes["mission"]):
         first = (starts[row] - begin) / 0.5
@@ -315,11 +317,24 @@ def test_lrauv_units_in_text(tmp_path: Path) -> None:
         "platform_pitch_angle": [f"{np.radians(p):.6f} rad" for p in state["pitch"]],
         "platform_buoyancy_position": [f"{p:.6f} cc" for p in state["pump"]],
         "platform_mass_position": ["nan"] * len(time),
+        "platform_elevator_angle": [f"{-np.radians(p):.6f} rad" for p in state["pitch"]],
+        "platform_rudder_angle": ["5.000000 arcdeg"] * len(time),
+        "platform_propeller_rotation_rate": ["300.0 rpm"] * len(time),
+        "VerticalControl.elevatorAngleAction": ["2.0 arcdeg"] * len(time),
     }
     dataset, report = import_logs("lrauv", [write_csv(tmp_path / "a.csv", columns)])
     assert report.rows == FLIGHT.dives
     assert np.nanmax(dataset["measured_pitch"]) == pytest.approx(FLIGHT.pitch, abs=1e-3)
     assert "simulated" in dataset.attrs["comment"]
+    n = int(dataset["n_samples"][0])
+    one = {name: dataset[name].values[0, :n] for name in dataset.data_vars if name[0] in "mc"}
+    np.testing.assert_allclose(one["measured_elevator"], -one["measured_pitch"], atol=1e-3)
+    np.testing.assert_allclose(one["measured_rudder"], 5.0)
+    np.testing.assert_allclose(one["measured_propeller"], 10.0 * np.pi, rtol=1e-6)
+    np.testing.assert_allclose(one["commanded_elevator"], 2.0)
+    store = LogStore(write_store(dataset, tmp_path / "a.zarr"))
+    assert {"elevator", "rudder", "propeller"} <= set(store.vehicle.part_names)
+    assert {dataset[f"measured_{n}"].attrs["units"] for n in ("elevator", "rudder")} == {"degree"}
     columns["depth"][3] = "2 rad"
     with pytest.raises(InputError, match="column depth mixes the units"):
         import_logs("lrauv", [write_csv(tmp_path / "a.csv", columns)])
@@ -338,7 +353,15 @@ def test_lrauv_shore_logs_and_simulator() -> None:
     # propelled at about 1 m/s
     speed = np.hypot(dataset["displacement_north"], dataset["displacement_east"])
     assert 0.5 < float((speed / dataset["dive_duration"]).max()) < 1.3
-    _, report = import_logs("lrauv", [ONBOARD])
+    dataset, report = import_logs("lrauv", [ONBOARD])
+    turned = []  # a positive elevator pitches the nose down
+    for row in np.flatnonzero(dataset["thruster_fraction"] > 0.9):
+        one = dataset.isel(mission=row, time=slice(0, int(dataset["n_samples"][row])))
+        pitching, elevator = np.gradient(one["measured_pitch"]), one["measured_elevator"].values
+        known = np.isfinite(pitching + elevator) & (one["measured_depth"].values > 1.0)
+        turned.append(np.corrcoef(pitching[known], elevator[known])[0, 1])
+    assert len(turned) > 5
+    assert max(turned) < -0.1
     assert report.rows == 15
     assert report.rows_with_fixes == 0
 

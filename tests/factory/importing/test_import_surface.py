@@ -18,7 +18,9 @@ from logs import (
 )
 
 from factory.importing import import_logs
+from factory.importing.dives.segments import longest_stretch
 from factory.importing.reading.columns import read_table
+from factory.importing.reading.deployment_log import Channel
 from factory.importing.repairs.dive_rules import DiveRules
 
 FLIGHT = Flight()
@@ -444,6 +446,43 @@ def test_single_depths_of_a_noisy_sensor_at_the_surface_are_no_dive(tmp_path: Pa
     assert report.rows == report.rows_with_fixes == flight.dives
     assert dataset["dive_duration"].values == pytest.approx(2.0 * flight.leg, abs=20.0)
     assert why(report, "left out", "deeper than 5 m for less than 30 s") == 5 * flight.dives
+
+
+def test_two_depths_of_a_restarted_sensor_are_no_dive() -> None:
+    """Every 15 s, with 40 min before and behind them, as modena wrote in 2016; not every 60 s."""
+    surface = np.arange(0.0, 60.0, 15.0)
+    time = np.concatenate([surface, 2400.0 + np.arange(0.0, 60.0, 15.0), 5000.0 + surface])
+    depth = np.zeros(12)
+    depth[[5, 6]] = 10.1, 11.9
+    assert longest_stretch(Channel(time, depth), 5.0) == 0.0
+    depth[7] = 6.0
+    assert longest_stretch(Channel(time, depth), 5.0) > 30.0
+    rare = np.arange(0.0, 600.0, 60.0)
+    assert longest_stretch(Channel(rare, np.where(rare == 300.0, 12.0, 0.0)), 5.0) == 60.0
+
+
+def test_dives_without_science_are_filled_from_the_depth_of_a_satellite_file(
+    tmp_path: Path,
+) -> None:
+    """It has no pressure of the vehicle's own; the CTD wakes once and shows what it had last."""
+    flight = Flight(dives=12)
+    columns = slocum_columns(flight)
+    start, end = flight.dive_times(1)
+    off = (flight.time > start - 100.0) & (flight.time < end + 100.0)
+    ctd = np.where(off, np.nan, columns["m_pressure"])
+    ctd[np.searchsorted(flight.time, start + 100.0)] = 0.4
+    paths = write_slocum(
+        tmp_path, flight, sci_water_pressure=ctd, m_pressure=None,
+        sci_water_temp=np.where(off, np.nan, 8.0),
+    )  # fmt: skip
+    dataset, report = import_logs("slocum", paths)
+    assert why(report, "note", "from m_depth where sci_water_pressure was silent") > 100
+    assert report.rows == flight.dives
+    n = int(dataset["n_samples"][1])
+    times = float(dataset["start_time"][1]) + dataset["time"].values[:n]
+    apart = np.abs(dataset["measured_depth"].values[1, :n] - flight.state(times)["depth"])
+    assert np.percentile(apart, 99.0) < 0.5
+    assert float(dataset["measured_gap"][1].sum()) == 0.0
 
 
 def test_one_wrong_sample_beside_a_step_takes_no_days_with_it(tmp_path: Path) -> None:

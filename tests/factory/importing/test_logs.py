@@ -19,14 +19,20 @@ from factory.__main__ import PROGRAM
 from factory.exporting.og1.deployments import export_og1_logs
 from factory.exporting.parquet.flat_table import export_parquet
 from factory.importing import import_logs
-from factory.inspect.logs_page import deployment_page, dive_figures
+from factory.inspect.logs_page import (
+    OURS,
+    THEIRS,
+    averaged,
+    current_errors,
+    deployment_page,
+    dive_figures,
+)
 from factory.inspect.verify_logs import verify_logs
 from factory.stores.generated import GeneratedStore, open_missions
 from twin.errors import InputError, StoreError
 from twin.records.logs import LogStore
 from twin.records.store import write_store
 from twin.records.tracks import read_tracks
-from twin.render.subject import read_subject
 
 FLIGHT = Flight(dives=3)
 PERIOD = 4.0
@@ -183,8 +189,8 @@ def test_parquet_of_a_log_says_when_and_where(store: Path, tmp_path: Path) -> No
     table = pq.read_table(export_parquet(logs, [0, 2], tmp_path / "real.parquet"))
     assert table.num_rows == logs.samples[0] + logs.samples[2]
     assert set(table["deployment"].to_pylist()) == {"unit1"}
-    moments = table["moment"].to_numpy().astype("datetime64[us]").astype(float) / 1e6
-    np.testing.assert_allclose(moments[: logs.samples[0]], logs.time(0), atol=1e-6)
+    moments = table["datetime"].to_numpy().astype("datetime64[us]").astype(float) / 1e6
+    np.testing.assert_allclose(moments[: logs.samples[0]], logs.time(0), atol=1e-3)
     assert table["latitude"].to_numpy()[0] == pytest.approx(logs.fixes(0)[0][0])
     assert b"Recorded by vehicles" in table.schema.metadata[b"comment"]
 
@@ -276,25 +282,47 @@ def test_currents_are_drawn_and_pages_are_named_by_deployment(
     data, _ = import_logs("seaglider", files)
     path = write_store(data, tmp_path / "two.zarr")
     logs = LogStore(path)
-    assert logs.current(0) == pytest.approx((FLIGHT.north, FLIGHT.east))
+    missions = logs.missions_of(logs.deployments[0])
+    theirs = averaged(logs, missions, THEIRS)
+    np.testing.assert_allclose(theirs, [(FLIGHT.north, FLIGHT.east)] * len(missions), atol=1e-6)
     page = deployment_page(logs, logs.deployments[0])
     page.draw_without_rendering()
-    ((axes, arrows),) = [(a, c) for a in page.axes for c in a.collections if isinstance(c, Quiver)]
-    tips = np.asarray(arrows.XY) + np.column_stack([arrows.U, arrows.V])
-    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
-    assert ((tips > (west, south)) & (tips < (east, north))).all()
+    arrows = [c for c in page.axes[0].collections if isinstance(c, Quiver)]
+    shown = [np.column_stack([one.V, one.U]) for one in arrows]
+    ours = averaged(logs, missions, OURS)
+    for found, drawn in zip((ours, theirs), shown, strict=True):
+        np.testing.assert_allclose(drawn, found, atol=1e-6)
+    texts = [text.get_text() for axes in page.axes for text in axes.texts]
+    for name in ("ours", "base station's"):
+        assert any(text.endswith(f" cm/s, {name}") for text in texts)
+    (west, east), (south, north) = page.axes[0].get_xlim(), page.axes[0].get_ylim()
+    for one in arrows:
+        assert (((west, south) < one.XY) & ((east, north) > one.XY)).all()
     code, out, _ = call(capsys, "plot", path, "--json")
     assert code == 0
     assert sorted(Path(p).name for p in json.loads(out)["pages"]) == ["two-SG1.png", "two-SG2.png"]
 
 
-def test_better_currents_come_first(imported: xr.Dataset, tmp_path: Path) -> None:
+def test_currents_are_judged_by_the_profiler(imported: xr.Dataset, tmp_path: Path) -> None:
+    given = {"dac": (0.1, 0.0), "vehicle_dac": (0.1, 0.3)}
     data = imported.assign(
-        {name: ("mission", np.full(3, 0.1 * k)) for k, name in
-         enumerate(("vehicle_dac_north", "vehicle_dac_east", "dac_north", "dac_east"))}
-    )  # fmt: skip
+        {
+            f"{kind}_{axis}": ("mission", np.full(3, value))
+            for kind, pair in given.items()
+            for axis, value in zip(("north", "east"), pair, strict=True)
+        }
+    )
+    for axis, value in (("north", 0.1), ("east", 0.04)):
+        data[f"true_current_{axis}"] = xr.full_like(data["measured_depth"], value)
     logs = LogStore(write_store(data, tmp_path / "currents.zarr"))
-    assert logs.current(1) == pytest.approx((0.0, 0.1))
+    errors = current_errors(logs, [0, 1, 2])
+    assert list(errors) == ["ours", "vehicle's own"]
+    assert errors["ours"] == pytest.approx(0.04, abs=1e-6)
+    assert errors["vehicle's own"] == pytest.approx(0.26, abs=1e-6)
+    page = deployment_page(logs, "unit1")
+    (said,) = [t.get_text() for a in page.axes for t in a.texts if "profiler" in t.get_text()]
+    assert said == "error against the profiler [m/s]: ours 0.040, vehicle's own 0.260"
+    assert current_errors(LogStore(write_store(imported, tmp_path / "none.zarr")), [0, 1, 2]) == {}
 
 
 def test_info_lists_deployments(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -353,9 +381,7 @@ def test_what_a_log_cannot_be_asked_is_told(
     assert len(err.splitlines()) == 1
 
 
-def test_pictures_of_a_log_lead_to_its_plots(store: Path) -> None:
-    with pytest.raises(StoreError, match=r"logs of real vehicles, .* `twin plot .*--mission 1`"):
-        read_subject(store, 1)
+def test_a_log_is_no_file_of_tracks(store: Path) -> None:
     with pytest.raises(InputError, match=r"is a store of missions, not a file of dead-reckoned"):
         read_tracks(store)
 

@@ -13,7 +13,7 @@ from factory.flight.bounds import Impossible
 from factory.flight.fly import build_mission, build_scenario, fly
 from factory.flight.mission_water import DEEPEST_FLOOR_M
 from factory.flight.vehicle_errors import spread_vehicle
-from factory.generation.bulk import generate
+from factory.generation.generate import generate
 from factory.inspect.missions_page import store_page
 from factory.inspect.replay import replay_mission
 from factory.inspect.verify import verify_store

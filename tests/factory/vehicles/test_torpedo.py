@@ -14,7 +14,7 @@ import factory
 from factory.__main__ import PROGRAM
 from factory.flight.fly import build_scenario
 from factory.flight.vehicle_errors import encoder_zeros, spread_vehicle
-from factory.generation.bulk import generate
+from factory.generation.generate import generate
 from factory.inspect.info import drawn_rows
 from factory.inspect.missions_page import store_page
 from factory.inspect.replay import replay_mission

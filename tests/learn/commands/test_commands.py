@@ -11,14 +11,14 @@ from navigation import add_fixes, trimmed_mission, write_store
 
 from factory.commands.generate import DEFAULT_OUT
 from learn.__main__ import PROGRAM
-from learn.files import write_json
+from learn.files import SEAL, write_json, write_sealed
 from learn.navigation.baselines.registry import BASELINES
 from learn.networks.config import NetworkConfig
 from learn.runs.run import DEFAULT_STORE, newest_run, open_run
 from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
-from twin.errors import InputError, StoreError
+from twin.errors import InputError, StoreError, WriteError
 
 PAGE = Path(__file__).parents[3] / "docs" / "learn.md"
 SMALL = {"epochs": 1, "hidden": 6, "layers": 1, "members": 1, "workers": 1}
@@ -124,7 +124,7 @@ def test_a_name_in_use_is_refused_and_resume_completes_it(here, capsys):
     shutil.copytree(here / "runs" / "first", half)
     (half / "sway-0.json").unlink()
     description = json.loads((half / "run.json").read_text())
-    (half / "run.json").write_text(json.dumps({**description, "complete": False}))
+    write_sealed(half / "run.json", {**description, "complete": False})
     with pytest.raises(StoreError, match="not finished"):
         open_run(half)
     before = (half / "surge-0.safetensors").stat().st_mtime_ns
@@ -314,7 +314,10 @@ def damage(folder, name, change):
     path = folder / name
     found = json.loads(path.read_text())
     change(found)
-    path.write_text(json.dumps(found))
+    if SEAL in found:
+        write_sealed(path, found)
+    else:
+        path.write_text(json.dumps(found))
 
 
 DAMAGES = {
@@ -377,7 +380,7 @@ def test_json_files_are_written_whole(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "replace", full)
-    with pytest.raises(OSError, match="No space"):
+    with pytest.raises(WriteError, match=r"cannot write .*figures\.json: No space"):
         write_json(path, {"a": 2})
     assert json.loads(path.read_text()) == {"a": 1}
 
@@ -451,7 +454,7 @@ def test_without_runs_the_newest_is_bad_input(tmp_path, monkeypatch):
 
 
 def test_a_factory_store_brings_the_papers_test(tmp_path, monkeypatch, capsys):
-    from factory.generation.bulk import generate
+    from factory.generation.generate import generate
     from factory.recipe.recipe import make_recipe
 
     monkeypatch.chdir(tmp_path)

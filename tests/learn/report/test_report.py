@@ -322,6 +322,27 @@ def test_the_model_card_has_its_head_and_says_what_it_is_not(judged, tmp_path):
     assert "trained on samples of what they are judged on" in model_card(run, judged.figures, "all")
 
 
+def test_the_model_card_shows_what_stores_say_as_text(judged, tmp_path):
+    hostile = "x|y <script>alert(1)</script>\n# `no` [head](http://x)"
+    settings = {
+        "store": hostile,
+        "features": [hostile],
+        "members": 2,
+        "division": "missions",
+        "network": {"kind": "elman", "layers": 3, "hidden": 50, "delays": 5},
+        "training": {"optimiser": "scg", "seed": hostile},
+    }
+    run = Run(tmp_path / "a\n```\n<b>", {"settings": settings, "store": {"preset": hostile}})
+    card = model_card(run, judged.figures, "test")
+    outside = "".join(card.split("\n```")[::2])
+    assert "<script>" not in card
+    assert "<b>" not in outside
+    assert "\n# `no`" not in card
+    assert "](http" not in card.replace(r"\](http", "")
+    assert card.count("\n```\n") == 2
+    assert r"x\|y &lt;script&gt;alert(1)&lt;/script&gt; # \`no\` \[head\](http://x)" in card
+
+
 def test_showcase_keeps_the_longest(judged):
     showcase = Showcase(most=1)
     for shown in judged.shown:
@@ -331,8 +352,22 @@ def test_showcase_keeps_the_longest(judged):
 
 def test_a_page_into_an_impossible_folder_is_bad_input(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="cannot make folder"):
+    with pytest.raises(InputError, match="is a file, not a folder"):
         Page(tmp_path / "file" / "page", "t", "l")
+
+
+def test_a_page_replaces_a_page_and_nothing_else(tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("precious")
+    with pytest.raises(InputError, match="glider-twin did not write it"):
+        Page(tmp_path / "mine", "t", "l")
+    for title in ("one", "two"):
+        page = Page(tmp_path / "page", title, "l")
+        page.figure(title, Figure(figsize=(1, 1)), "a figure")
+        assert not (tmp_path / "page" / f"{title}.png").exists()
+        page.write()
+    names = sorted(path.name for path in (tmp_path / "page").iterdir())
+    assert names == ["checksums.json", "index.html", "two.png"]
 
 
 def test_pages_escape_what_they_are_given(tmp_path):

@@ -16,6 +16,7 @@ import learn.training.fitting
 import learn.training.workers
 from learn.__main__ import PROGRAM
 from learn.commands.fit import Fit
+from learn.files import write_sealed
 from learn.networks.config import NetworkConfig
 from learn.runs.rollback import Rollback, aside, recover
 from learn.runs.run import METRICS, Run, newest_run, open_run, read_description
@@ -198,7 +199,7 @@ def test_a_killed_replacement_is_tidied_up_by_the_next_fit(here):
 def unfinish(folder):
     """As after a kill: sway is not trained."""
     description = json.loads((folder / "run.json").read_text())
-    (folder / "run.json").write_text(json.dumps({**description, "complete": False}))
+    write_sealed(folder / "run.json", {**description, "complete": False})
     for ending in (".json", ".safetensors"):
         (folder / f"sway-0{ending}").unlink()
 

@@ -2,7 +2,11 @@
 
 import dataclasses
 import itertools
+import json
 import math
+import os
+import pickle
+import zipfile
 
 import numpy as np
 import pytest
@@ -10,6 +14,7 @@ import torch
 
 from learn.data.features import DEFAULT_GROUPS, select_features
 from learn.data.preparation import prepare
+from learn.files import write_sealed
 from learn.networks.config import NetworkConfig
 from learn.networks.predictor import Ensemble, Predictor, free_run, load_predictor
 from learn.training.schedule import TrainingConfig, step_size
@@ -232,18 +237,47 @@ def test_damaged_networks_are_explained(predictors, tmp_path):
         load_predictor(tmp_path / "none")
     predictors[0].save(tmp_path / "surge")
     text = (tmp_path / "surge.json").read_text()
-    (tmp_path / "surge.json").write_text(text.replace('"format": 1', '"format": 99'))
-    with pytest.raises(StoreError, match="has format 99, this program reads 1"):
+    (tmp_path / "surge.json").write_text(text.replace('"format": 2', '"format": 99'))
+    with pytest.raises(StoreError, match="has format 99, this program reads 1 and 2"):
         load_predictor(tmp_path / "surge")
-    (tmp_path / "surge.json").write_text(text.replace('"hidden": 10', '"hidden": 20'))
+    found = json.loads(text)
+    write_sealed(tmp_path / "surge.json", {**found, "network": {**found["network"], "hidden": 20}})
     with pytest.raises(StoreError, match=r"surge\.safetensors does not fit"):
         load_predictor(tmp_path / "surge")
-    (tmp_path / "surge.json").write_text(text.replace('"sin_pitch"', '"sin_pich"'))
+    write_sealed(tmp_path / "surge.json", json.loads(text.replace('"sin_pitch"', '"sin_pich"')))
     with pytest.raises(InputError, match="unknown feature 'sin_pich': did you mean 'sin_pitch'"):
         load_predictor(tmp_path / "surge")
     (tmp_path / "surge.json").write_text("{")
     with pytest.raises(StoreError, match="damaged"):
         load_predictor(tmp_path / "surge")
+
+
+def test_every_changed_bit_of_a_network_is_found_when_it_is_loaded(predictors, tmp_path):
+    stem = tmp_path / "surge"
+    predictors[0].save(stem)
+    random = np.random.default_rng(0)
+    for path in (stem.with_suffix(".json"), stem.with_suffix(".safetensors")):
+        whole = path.read_bytes()
+        for place in random.integers(len(whole), size=150):
+            bit = 1 << int(random.integers(8))
+            path.write_bytes(whole[:place] + bytes([whole[place] ^ bit]) + whole[place + 1 :])
+            with pytest.raises(StoreError, match=r"surge\.(json|safetensors)") as told:
+                load_predictor(stem)
+            assert "\n" not in str(told.value)
+        path.write_bytes(whole)
+    assert load_predictor(stem).features == predictors[0].features
+
+
+def test_networks_of_older_versions_have_no_hash_and_are_read(predictors, tmp_path):
+    stem = tmp_path / "surge"
+    predictors[0].save(stem)
+    found = json.loads(stem.with_suffix(".json").read_text())
+    old = {name: found[name] for name in ("network", "normalisation")}
+    stem.with_suffix(".json").write_text(json.dumps({"format": 1, **old}))
+    assert load_predictor(stem).features == predictors[0].features
+    stem.with_suffix(".json").write_text(json.dumps({**found, "format": 1}))
+    with pytest.raises(StoreError, match="its sha256 is not that of its text"):
+        load_predictor(stem)
 
 
 def test_an_ensemble_has_mean_and_spread(predictors, small_store):
@@ -258,3 +292,33 @@ def test_an_ensemble_has_mean_and_spread(predictors, small_store):
     assert not Ensemble((predictors[0],)).predict(missions)[0][1].any()
     with pytest.raises(InputError, match="at least one"):
         Ensemble(())
+
+
+class Run:
+    """Pickles to a call of `os.mkdir`: what loads it as a pickle runs it."""
+
+    def __init__(self, path):
+        self.path = str(path)
+
+    def __reduce__(self):
+        return os.mkdir, (self.path,)
+
+
+@pytest.mark.parametrize("hostile", ["pickle", "call", "other", "text", "bomb"])
+def test_a_hostile_checkpoint_is_refused_and_never_run(surge, tmp_path, hostile):
+    path, ran = tmp_path / "checkpoint.pt", tmp_path / "ran"
+    if hostile == "pickle":
+        path.write_bytes(pickle.dumps(Run(ran)))
+    elif hostile == "call":
+        torch.save({"identity": Run(ran)}, path)
+    elif hostile == "other":
+        torch.save([1, 2], path)
+    elif hostile == "text":
+        path.write_text("PK")
+    else:
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("archive/data/0", bytes(300 * 2**20))
+    with pytest.raises(StoreError, match=r"checkpoint .*; remove it to start over") as raised:
+        trainer(surge, dataclasses.replace(ADAM, epochs=1), checkpoint=path).run()
+    assert "\n" not in str(raised.value)
+    assert not ran.exists()

@@ -265,16 +265,32 @@ def test_python_dash_m_is_the_same_program() -> None:
         assert done.stdout.startswith(f"{name} ")
 
 
-def test_a_reader_that_goes_away_is_no_error() -> None:
+@pytest.mark.parametrize("words", [["--help"], ["trim", "--help"], ["vehicles"]])
+def test_a_reader_that_goes_away_is_no_error(words: list[str]) -> None:
     # Nobody holds the reading end when the program writes, as after `| head -0`.
     reading, writing = os.pipe()
     os.close(reading)
     done = subprocess.run(
-        [sys.executable, "-m", "twin", "--help"], stdout=writing, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "twin", *words], stdout=writing, stderr=subprocess.PIPE, text=True
     )
     os.close(writing)
     assert done.returncode == 0
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize("words", [["vehicles", "--json"], ["vehicles"], ["--help"]])
+def test_a_full_disk_is_one_line_and_a_failure(words: list[str]) -> None:
+    with open("/dev/full", "w") as full:  # noqa: PTH123 - a device
+        done = subprocess.run(
+            [sys.executable, "-m", "twin", *words], stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert (done.returncode, done.stderr) == (1, "twin: error: No space left on device\n")
+
+
+def test_a_full_disk_for_messages_leaves_the_exit_code() -> None:
+    with open("/dev/full", "w") as full:  # noqa: PTH123 - a device
+        done = subprocess.run([sys.executable, "-m", "twin", "nonsense"], stderr=full)
+    assert done.returncode == 2
 
 
 def _modules_after(program: str, words: list[str]) -> tuple[set[str], str]:
@@ -398,3 +414,8 @@ def test_progress_on_a_terminal_is_a_bar() -> None:
 
 def test_durations() -> None:
     assert [format_duration(s) for s in (7, 65, 3725)] == ["0:07", "1:05", "1:02:05"]
+
+
+def test_the_name_of_a_value_that_has_none_is_no_option(capsys: pytest.CaptureFixture[str]) -> None:
+    assert TWIN.main(["simulate", "--mission", "mine.toml"]) == 2
+    assert "--mission is no option: give its value alone" in capsys.readouterr().err

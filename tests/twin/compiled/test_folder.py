@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -80,3 +81,52 @@ def test_only_versions_that_nobody_uses_are_removed(tmp_path):
     assert (tmp_path / "old-1").exists()
     folder.version_folder(tmp_path, "newest-1")
     assert {path.name for path in tmp_path.iterdir()} == {"used-1", "new-1", "newest-1"}
+
+
+def test_no_name_in_a_shared_folder_is_a_place(monkeypatch, tmp_path):
+    """Others could make it first, or a link to a folder of ours whose old files would then go."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    assert not any(tmp_path in place.parents for place in folder.candidates())
+
+
+def test_without_a_trusted_place_a_fresh_folder_serves_one_process(monkeypatch, tmp_path):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(folder, "candidates", lambda: iter(()))
+    ended = []
+    monkeypatch.setattr(folder.atexit, "register", ended.append)
+    with pytest.warns(RuntimeWarning, match="every start compiles again"):
+        first = folder.cache_root.__wrapped__()
+    with pytest.warns(RuntimeWarning):
+        second = folder.cache_root.__wrapped__()
+    assert first != second
+    assert {first.parent, second.parent} == {tmp_path.resolve()}
+    assert first.stat().st_mode & 0o777 == 0o700
+    monkeypatch.setattr(os, "getpid", lambda: -1)
+    ended[0]()  # in a forked process: the folder stays
+    assert first.exists()
+    monkeypatch.undo()
+    for remove in ended:
+        remove()
+    assert not first.exists()
+
+
+@pytest.mark.parametrize("left", ["link", "open", "file"])
+def test_what_others_left_in_the_folder_is_never_read(tmp_path, left):
+    """A version's folder from a time when its root was open to others."""
+    root, elsewhere = tmp_path / "root", tmp_path / "elsewhere"
+    root.mkdir()
+    elsewhere.mkdir()
+    (elsewhere / "code").write_text("theirs")
+    if left == "link":
+        (root / "v-1").symlink_to(elsewhere)
+    elif left == "file":
+        (root / "v-1").write_text("theirs")
+    else:
+        (root / "v-1").mkdir()
+        (root / "v-1" / "code").write_text("theirs")
+        (root / "v-1").chmod(0o777)
+    found = folder.version_folder(root, "v-1")
+    assert list(found.iterdir()) == []
+    assert found.stat().st_mode & 0o777 == 0o700
+    assert (elsewhere / "code").exists()

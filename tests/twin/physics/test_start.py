@@ -10,6 +10,7 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
+import xarray as xr
 
 import twin
 from factory.stores.stored_flight import open_exportable
@@ -129,7 +130,7 @@ def test_density_and_pressure_follow_the_latitude() -> None:
             mission=YO, density="thermocline", sensors="ideal", duration=120.0, **options
         )
 
-    default, named = fly(), fly(start={"latitude": 36.8, "longitude": -121.8})
+    default, named = fly(), fly(start={"latitude": 36.8, "longitude": -122.4})
     np.testing.assert_array_equal(default.states, named.states)
     north = fly(start={"latitude": 80.0, "longitude": 0.0})
     assert np.abs(north["true_density"] - default["true_density"]).max() > 1e-4
@@ -177,15 +178,26 @@ def test_stores_hold_the_place_and_give_it_back(tmp_path: Path, ending: str) -> 
         store = twin.open_store(path)
         assert store["start_time"].values[0] == np.datetime64("2003-08-01T00:00")
         assert store["start_latitude"].attrs["units"] == "degree_north"
-    assert again.to_xarray()["utc"].values[-1] == np.datetime64("2003-08-01T00:00:30")
+    assert again.to_xarray()["datetime"].values[-1] == np.datetime64("2003-08-01T00:00:30")
 
 
-def test_without_a_place_nothing_is_invented(tmp_path: Path) -> None:
+@pytest.mark.parametrize("ending", [".zarr", ".nc"])
+def test_without_a_place_the_default_stands_and_is_called_one(tmp_path: Path, ending: str) -> None:
     run = twin.simulate(mission=YO, duration=30.0)
-    assert not [name for name in run.provenance if name.startswith("start")]
-    assert "start_latitude" not in twin.open_store(run.save(tmp_path / "run.zarr"))
-    with pytest.raises(InputError, match="has no place on Earth"):
-        run.geographic_position()
+    assert run.provenance["start_nominal"] == "place and date"
+    path = run.save(tmp_path / f"run{ending}")
+    again = twin.open_trajectory(path)
+    for name in ("start_latitude", "start_longitude", "start_time", "start_nominal"):
+        assert again.provenance[name] == run.provenance[name], name
+    assert again.to_xarray().attrs["start_nominal"] == "place and date"
+    with xr.open_dataset(path, **({"engine": "zarr"} if ending == ".zarr" else {})) as store:
+        flag = store["start_nominal"]
+        words = flag.attrs["flag_meanings"].split()
+        assert words[int(flag[0])] == "place_and_date"
+        assert float(store["latitude"][0, 0]) == pytest.approx(36.8, abs=1e-4)
+        assert store["datetime"].values[0, 0] == np.datetime64("2020-01-01")
+    said = twin.simulate(mission=YO, start={"latitude": 49.0, "longitude": -16.0}, duration=30.0)
+    assert said.provenance["start_nominal"] == "date"
 
 
 def test_an_export_is_at_the_true_place_and_date(tmp_path: Path) -> None:
@@ -218,7 +230,7 @@ def test_an_export_says_what_is_nominal_and_refuses_what_it_cannot_hold(tmp_path
         assert "its place and date are nominal" in file.comment
     early = saved("b.zarr", sensors="ideal", start={**PLACE, "time": "1999-01-01"})
     with pytest.raises(StoreError, match="no dates before 2001-09-09"):
-        EXPORTERS["og1"].export(open_exportable(early), [0], tmp_path / "og1")
+        EXPORTERS["og1"].export(open_exportable(early), [0], tmp_path / "early")
     with pytest.raises(StoreError, match="flown without sensors"):
         open_exportable(saved("c.zarr"))
 

@@ -21,6 +21,7 @@ from twin.physics.simulation import simulate
 from twin.plot import FIGURES, section_figure, sensor_figure, track_3d_figure, track_figure
 from twin.plot import figure as draw_figure
 from twin.plot.current_profile import mean_profile
+from twin.plot.map import KEY_ID, LOCATOR_ID
 from twin.plot.sensor import truth_of
 from twin.records.store import mission_dataset, read_trajectory, write_store
 from twin.records.tracks import NamedTrack
@@ -49,8 +50,9 @@ def has_unit(label):
 
 
 def drawn_axes(figure):
-    """Axes that hold data."""
-    return [axes for axes in figure.axes if axes.lines or axes.collections]
+    """Axes that hold data; a map has a small one and a key beside it."""
+    beside = (LOCATOR_ID, KEY_ID)
+    return [a for a in figure.axes if (a.lines or a.collections) and a.get_gid() not in beside]
 
 
 def check_units(figure):

@@ -9,7 +9,9 @@ import pytest
 import zarr
 
 from twin.records import sharded
-from twin.records.sharded import ShardedStore, SmallArray
+from twin.records.files import LocalFiles
+from twin.records.schema import variable
+from twin.records.sharded import DTYPE, ArrayMeta, ShardedStore
 from twin.records.store import open_store
 
 MISSIONS, SAMPLES = 70, 300
@@ -26,24 +28,45 @@ def blocks() -> np.ndarray:
 
 
 def write(path: Path) -> dict[str, bytes]:
-    store = ShardedStore(path, missions=MISSIONS, samples=SAMPLES, staging=path / ".staging")
+    store = ShardedStore(
+        LocalFiles(path),
+        missions=MISSIONS,
+        samples=SAMPLES,
+        shard_missions=64,
+        row_missions=64,
+        staging=path.with_suffix(".staging"),
+    )
     values = blocks()
     signals = {"true_depth": values, "true_pitch": np.nan_to_num(values)}
+    sums = {}
     for number, rows in enumerate((slice(0, 64), slice(64, 70))):
-        store.write_shard(number, {name: block[rows] for name, block in signals.items()})
+        for name, block in signals.items():
+            key, found = store.write_shard(number, name, block[rows])
+            sums[key] = found
     lengths = np.full(MISSIONS, SAMPLES, np.int32)
     numbers = {
-        "mission": SmallArray(np.arange(MISSIONS), ("mission",), {"long_name": "mission index"}),
-        "time": SmallArray(0.5 * np.arange(SAMPLES), ("time",), {"units": "s"}),
-        "n_samples": SmallArray(lengths, ("mission",), {"units": "1"}),
-        "attempt": SmallArray(np.zeros(MISSIONS, np.int8), ("mission",), {}),
+        "mission": (np.arange(MISSIONS), "mission", {"long_name": "mission index"}),
+        "time": (0.5 * np.arange(SAMPLES), "time", {"units": "s"}),
+        "n_samples": (lengths, "mission", {"units": "1"}),
+        "attempt": (np.zeros(MISSIONS, np.int8), "mission", {}),
+        "word": (np.array(["a", "é"] * 35, np.dtypes.StringDType()), "mission", {}),
     }
-    store.finish(numbers, {"seed": 1})
-    return {
-        str(file.relative_to(path)): file.read_bytes()
-        for file in path.rglob("*")
-        if file.is_file() and ".staging" not in file.parts
+    metadata = {}
+    for name, (array, dimension, attributes) in numbers.items():
+        step = 64 if dimension == "mission" else len(array)
+        for number, first in enumerate(range(0, len(array), step)):
+            part = array[first : first + step]
+            key, found = store.write_rows(name, number, part, len(array), (dimension,))
+            sums[key] = found
+        metadata[name] = ArrayMeta(array.shape, array.dtype, (dimension,), attributes)
+    declared = {name: (DTYPE, variable(name).stored_attributes()) for name in signals}
+    sums |= store.finish(declared, metadata, {"seed": 1})
+    store.close()
+    files = {
+        str(file.relative_to(path)): file.read_bytes() for file in path.rglob("*") if file.is_file()
     }
+    assert {key: one.bytes for key, one in sums.items()} == {k: len(v) for k, v in files.items()}
+    return files
 
 
 def test_both_pipelines_write_the_same_bytes(
@@ -63,6 +86,7 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(data["attempt"], np.zeros(MISSIONS))
     assert data["true_depth"].attrs["units"] == "m"
     assert data.attrs["seed"] == 1
+    assert list(data["word"].values[:3]) == ["a", "é", "a"]
 
 
 def test_zarr_is_left_as_it_was_found(tmp_path: Path) -> None:

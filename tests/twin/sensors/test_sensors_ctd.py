@@ -8,7 +8,9 @@ import gsw
 import numpy as np
 import pytest
 
+import twin
 from twin.errors import InputError
+from twin.records.schema import variable
 from twin.sensors import Ctd, SensorSuite, Surroundings
 from twin.water.density import DensityProfile
 
@@ -113,7 +115,8 @@ def test_there_is_none_where_the_water_has_only_density():
     assert Ctd().channels(bare) == ()
     assert measure(Ctd(), bare) == {}
     names = [entry.name for entry in SensorSuite().writes(truth)]
-    assert names[-3:] == ["measured_temperature", "measured_salinity", "measured_density"]
+    made = ("temperature", "salinity", "density", "conductivity")
+    assert names[-4:] == [f"measured_{name}" for name in made]
     only_density = DensityProfile(depth=[0.0, 100.0], values=[1024.0, 1026.0])
     assert only_density.temperature_salinity(50.0) is None
     again = DensityProfile(**CAST.describe()).temperature_salinity(50.0)
@@ -125,3 +128,29 @@ def test_there_is_none_where_the_water_has_only_density():
 def test_wrong_settings_are_explained():
     with pytest.raises(InputError, match=r"Ctd\.temperature_lag is -1"):
         Ctd(temperature_lag=-1.0)
+
+
+@pytest.mark.parametrize("ctd", [Ctd(), Ctd.ideal()])
+def test_salinity_is_that_of_its_conductivity(ctd):
+    truth = dive()
+    out = measure(ctd, truth)
+    again = gsw.SP_from_C(
+        10.0 * out["measured_conductivity"],
+        out["measured_temperature"],
+        truth["measured_pressure"],
+    )
+    np.testing.assert_allclose(out["measured_salinity"], again, rtol=0, atol=1e-9)
+
+
+def test_an_ideal_suite_measures_conductivity_beside_the_truth():
+    truth = dive()
+    made = measure(Ctd.ideal(), truth)
+    assert set(made) == {entry.name for entry in Ctd.writes}
+    expected = gsw.C_from_SP(
+        truth["true_salinity"], truth["true_temperature"], truth["measured_pressure"]
+    )
+    np.testing.assert_allclose(10.0 * made["measured_conductivity"], expected, rtol=1e-12)
+    run = twin.simulate(duration=20.0, density="thermocline", sensors="ideal")
+    assert np.array_equal(run["measured_salinity"], run["true_salinity"])
+    assert run["measured_conductivity"].min() > 3.0
+    assert variable("measured_conductivity").standard_name == "sea_water_electrical_conductivity"

@@ -358,8 +358,9 @@ ROLL_LIFT_SHARE = Uncertainty(
     certain=0.0,
     spread="uniform(0.8, 1)",
     known=True,
-    why="wings' part of the roll moment of sideslip, which changes sign with lift: the turns of 7 "
-    "Seagliders and a SeaExplorer in dives and climbs show most of it to be theirs",
+    long_name="wings' part of the roll moment of sideslip",
+    why="it changes sign with lift: the turns of 7 Seagliders and a SeaExplorer in dives and "
+    "climbs show most of it to be theirs",
 )
 """Of vehicles whose coefficients were identified in dives alone"""
 

@@ -247,13 +247,15 @@ class Part:
                 name="lag",
                 field="lag",
                 spread=LAG_SPREAD,
-                why=f"factor on the lag of the {self.name}; lags are rarely published",
+                long_name=f"factor on the lag of the {self.name}",
+                why="lags are rarely published",
             ),
             Uncertainty(
                 name="rate",
                 field="rate",
                 spread=LAG_SPREAD,
-                why=f"factor on the largest rate of the {self.name}",
+                long_name=f"factor on the largest rate of the {self.name}",
+                why="largest rates are rarely published",
             ),
         )
 

@@ -47,7 +47,8 @@ class BatteryHinge(Part):
             certain=0.0,
             scale=math.pi / 180.0,
             spread="uniform(-2, 2)",
-            why="battery turned from where its encoder says",
+            long_name=f"zero error of the encoder of the {self.name}",
+            why="battery turned from where it says",
         )
         return (offset, *super().uncertainties())
 

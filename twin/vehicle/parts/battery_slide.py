@@ -52,7 +52,8 @@ class BatterySlide(Part):
             certain=0.0,
             scale=1e-3,
             spread="uniform(-1, 1)",
-            why="battery ahead of where its encoder says; 0.3 mm pitch the Sea-Wing by 0.4 deg",
+            long_name=f"zero error of the encoder of the {self.name}",
+            why="battery ahead of where it says; 0.3 mm pitch the Sea-Wing by 0.4 deg",
         )
         return (offset, *super().uncertainties())
 

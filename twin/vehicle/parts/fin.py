@@ -241,7 +241,8 @@ class Fin(Part):
             certain=0.0,
             scale=math.pi / 180.0,
             spread="uniform(-2, 2)",
-            why="fin turned from where its encoder says",
+            long_name=f"zero error of the encoder of the {self.name}",
+            why="fin turned from where it says",
         )
         slope = coefficient("lift_slope", f"lift slope of the {self.name}", field="lift_slope")
         return (offset, *super().uncertainties(), slope)

@@ -14,6 +14,8 @@ def finite(kind: str, name: str, value: float, unit: str) -> float:
     """`value` as a float; raises CurrentError unless it is a finite number."""
     try:
         number = float(value)
+    except OverflowError:  # a whole number with hundreds of digits
+        number = math.inf
     except (TypeError, ValueError):
         raise CurrentError(f"{kind}: {name} must be a number in {unit}, not {value!r}") from None
     if not math.isfinite(number):

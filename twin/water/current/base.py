@@ -108,6 +108,11 @@ class Current(abc.ABC):
         """
         return self
 
+    def begins(self, duration_s: float, origin: Origin) -> Origin:
+        """Where and when a mission starts that flies in this current: `origin`, but for files that
+        say it themselves. Raises CurrentError when such a file cannot be read."""
+        return origin
+
     def check_place(self, latitude_deg: float, longitude_deg: float) -> None:
         """Raise CurrentError when this current says that the mission starts elsewhere [degree]."""
         return  # most kinds say nothing about it
@@ -227,6 +232,12 @@ class CurrentSum(Current):
     def pinned(self, duration_s: float, origin: Origin | None = None) -> CurrentSum:
         """Each part pinned."""
         return CurrentSum(parts=tuple(part.pinned(duration_s, origin) for part in self.parts))
+
+    def begins(self, duration_s: float, origin: Origin) -> Origin:
+        """As the parts say; the first that says anything wins."""
+        for part in reversed(self.parts):
+            origin = part.begins(duration_s, origin)
+        return origin
 
     def check_place(self, latitude_deg: float, longitude_deg: float) -> None:
         """Each part's check."""

@@ -295,6 +295,11 @@ class Grid(Current):
         """With a box of at least that half-width, unless `reach_m` is given."""
         return replace(self, reach_m=max(distance_m, 1.0)) if self.reach_m is None else self
 
+    def begins(self, duration_s: float, origin: Origin) -> Origin:
+        """Its own place and time, else the file's first time."""
+        place = self.start(origin)
+        return self.pinned(duration_s, origin).start(origin) if place.time is None else place
+
     def check_place(self, latitude_deg: float, longitude_deg: float) -> None:
         """The place in the file must be the start's, where both are given."""
         mine = (self.latitude_deg, self.longitude_deg)
@@ -377,8 +382,8 @@ class Grid(Current):
 def parse_time(time: str) -> np.datetime64:
     """UTC time as datetime64[ns] from ISO 8601, with or without a trailing Z."""
     try:
-        value: Any = np.datetime64(time.strip().removesuffix("Z"), "ns")
-    except ValueError:
+        value: Any = np.datetime64(str(time).strip().removesuffix("Z"), "ns")
+    except (ValueError, OverflowError):
         value = np.datetime64("NaT", "ns")
     if np.isnat(value):
         raise CurrentError(

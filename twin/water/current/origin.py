@@ -21,13 +21,15 @@ class Origin:
     """Start point of a mission at the mean sea surface, and its start time."""
 
     latitude_deg: float = 36.8
-    """[degree] North positive, WGS84. Default: Monterey Bay, the paper's sea area."""
+    """[degree] North positive, WGS84. Default: off Monterey Bay, the paper's sea area."""
 
-    longitude_deg: float = -121.8
-    """[degree] East positive, any turn (-180..180 or 0..360)."""
+    longitude_deg: float = -122.4
+    """[degree] East positive, any turn (-180..180 or 0..360). Default: 50 km off the coast over
+    about 2000 m of water, where the mooring M2 of MBARI was."""
 
     time: str | None = None
-    """UTC, ISO 8601 ("2000-01-05T12:00"); None where nothing depends on the date."""
+    """UTC, ISO 8601 ("2000-01-05T12:00"); None where nothing depends on the date: what is flown
+    then carries DEFAULT_TIME."""
 
     def __post_init__(self) -> None:
         latitude = checks.finite("origin", "latitude_deg", self.latitude_deg, "degree")
@@ -58,6 +60,10 @@ class Origin:
         return geodesy.convergence(self.latitude_deg)
 
 
+DEFAULT_TIME = "2020-01-01T00:00:00"
+"""UTC start of missions that do not say when they begin: a round date, which nothing depends on"""
+FORMER_DEFAULT = Origin(longitude_deg=-121.8)
+"""What descriptions of earlier versions say where nobody had said a place: a beach"""
 SAME_PLACE = 1e-9
 """[degree] 0.1 mm: places nearer to each other are one"""
 

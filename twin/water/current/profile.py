@@ -12,6 +12,7 @@ import numpy as np
 
 from twin.compiled import jit
 from twin.errors import CurrentError, unknown_name
+from twin.numbers import numbers
 from twin.water.current import arguments as checks
 from twin.water.current import text
 from twin.water.current.base import Current
@@ -70,7 +71,10 @@ class Profile(Current):
 
     def __post_init__(self) -> None:
         for name in ("depth", "north", "east", "down"):
-            object.__setattr__(self, name, tuple(float(x) for x in getattr(self, name)))
+            values = numbers(getattr(self, name), f"profile: {name}", CurrentError)
+            if values.ndim != 1:
+                raise CurrentError(f"profile: {name} must be a list of numbers")
+            object.__setattr__(self, name, tuple(values.tolist()))
         if not self.down:
             object.__setattr__(self, "down", (0.0,) * len(self.depth))
         check_rows(self.kind, self.depth, self.north, self.east, self.down)

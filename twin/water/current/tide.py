@@ -125,7 +125,12 @@ class Tide(Current):
     """The constituents."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "ellipses", tuple(self.ellipses))
+        if isinstance(self.ellipses, list):
+            object.__setattr__(self, "ellipses", tuple(self.ellipses))
+        if not isinstance(self.ellipses, tuple) or not all(
+            isinstance(ellipse, TidalEllipse) for ellipse in self.ellipses
+        ):
+            raise CurrentError(f"tide: ellipses is {self.ellipses!r}: give a tuple of TidalEllipse")
         if not self.ellipses:
             raise CurrentError("tide: give at least one constituent, e.g. m2=0.1")
         names = [ellipse.constituent for ellipse in self.ellipses]

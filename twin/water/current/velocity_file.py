@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from twin.bounded import check_dataset
 from twin.errors import CurrentError, InputError, unknown_name
 from twin.water.current.axes import REGRID, Axis, find_axes
 
@@ -114,7 +115,7 @@ def open_data_set(
         with warnings.catch_warnings():
             # A store without consolidated metadata only opens more slowly.
             warnings.filterwarnings("ignore", "Failed to open Zarr store with consolidated")
-            return xr.open_dataset(
+            data = xr.open_dataset(
                 path,
                 engine="zarr" if is_zarr else None,
                 decode_times=False,
@@ -125,6 +126,9 @@ def open_data_set(
         if NO_BACKEND in reason:
             reason = "its content is neither of the two; convert it, or download it again"
         raise failure(f"cannot read {path} as CF netCDF or zarr: {reason}") from None
+    if not remote:
+        check_dataset(data, path, f"{what} file {path}", failure)
+    return data
 
 
 def find_velocity(

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from twin.errors import FloorError, unknown_name
+from twin.numbers import number
 from twin.water.current.axes import AXIS_NAMES, LATITUDE_UNITS, LONGITUDE_UNITS
 from twin.water.current.origin import Origin
 from twin.water.floor.base import LARGEST, SPEED, Array, Floor
@@ -80,8 +81,10 @@ class Bathymetry(Floor):
             raise FloorError(
                 f"bathymetry: {unknown_name('positive', str(self.positive), (UP, DOWN))}"
             )
-        reach = self.reach_m
-        if reach is not None and not (math.isfinite(reach) and reach > 0.0):
+        if self.reach_m is None:
+            return
+        reach = number(self.reach_m, "bathymetry: reach_m", FloorError)
+        if not (math.isfinite(reach) and reach > 0.0):
             raise FloorError(f"bathymetry: reach_m = {reach} m must be above 0 and finite")
 
     def compile(self, duration_s: float, origin: Origin | None = None) -> Array:

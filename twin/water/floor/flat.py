@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from twin.errors import FloorError
+from twin.numbers import number
 from twin.water.current.origin import Origin
 from twin.water.floor.base import Array, Floor
 from twin.water.floor.lookup import pack
@@ -27,13 +28,11 @@ class FlatFloor(Floor):
     """[m] below the mean sea surface, above 0"""
 
     def __post_init__(self) -> None:
-        depth = self.depth_m
-        if isinstance(depth, bool) or not hasattr(depth, "__float__"):
-            raise FloorError(f"flat sea floor: depth_m is {depth!r}: give a number in m")
-        object.__setattr__(self, "depth_m", float(depth))
+        depth = number(self.depth_m, "flat sea floor: depth_m [m]", FloorError)
+        object.__setattr__(self, "depth_m", depth)
         if not (math.isfinite(depth) and 0.0 < depth <= DEEPEST_M):
             raise FloorError(
-                f"flat sea floor: depth_m = {float(depth):g} m must be above 0 and at most "
+                f"flat sea floor: depth_m = {depth:g} m must be above 0 and at most "
                 f"{DEEPEST_M:g} m, positive down"
             )
 

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from twin.errors import FloorError
+from twin.numbers import numbers
 from twin.water.current.origin import Origin
 from twin.water.floor.base import Array, Floor
 from twin.water.floor.flat import DEEPEST_M
@@ -35,10 +36,7 @@ class GridFloor(Floor):
 
     def __post_init__(self) -> None:
         for name in ("north_m", "east_m", "depth_m"):
-            try:
-                values = np.array(getattr(self, name), dtype=np.float64)
-            except (TypeError, ValueError) as error:
-                raise FloorError(f"grid sea floor: {name} is not an array: {error}") from None
+            values = numbers(getattr(self, name), f"grid sea floor: {name}", FloorError)
             if not np.isfinite(values).all():
                 raise FloorError(f"grid sea floor: {name} holds values that are not finite")
             values.flags.writeable = False

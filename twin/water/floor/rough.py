@@ -16,6 +16,7 @@ from typing import ClassVar
 import numpy as np
 
 from twin.errors import FloorError
+from twin.numbers import number
 from twin.water.current.origin import Origin
 from twin.water.floor.base import LARGEST, SPEED, Array, Floor
 from twin.water.floor.flat import DEEPEST_M
@@ -59,12 +60,10 @@ class RoughFloor(Floor):
 
     def __post_init__(self) -> None:
         for name in FIELDS:
-            value = getattr(self, name)
-            if isinstance(value, bool) or not hasattr(value, "__float__"):
-                raise FloorError(f"rough sea floor: {name} is {value!r}: give a number")
+            value = number(getattr(self, name), f"rough sea floor: {name}", FloorError)
             if not math.isfinite(value):
                 raise FloorError(f"rough sea floor: {name} = {value} must be finite")
-            object.__setattr__(self, name, float(value))
+            object.__setattr__(self, name, value)
         if not (isinstance(self.seed, int | np.integer) and self.seed >= 0):
             raise FloorError(
                 f"rough sea floor: seed = {self.seed!r} must be a whole number from 0 on"
@@ -85,10 +84,11 @@ class RoughFloor(Floor):
                 f"{self.shallowest_m:g} m, above 0, and deepest_m = {self.deepest_m:g} m, at most "
                 f"{DEEPEST_M:g} m"
             )
-        if self.reach_m is not None and not (math.isfinite(self.reach_m) and self.reach_m > 0.0):
-            raise FloorError(
-                f"rough sea floor: reach_m = {self.reach_m} m must be above 0 and finite"
-            )
+        if self.reach_m is None:
+            return
+        reach = number(self.reach_m, "rough sea floor: reach_m", FloorError)
+        if not (math.isfinite(reach) and reach > 0.0):
+            raise FloorError(f"rough sea floor: reach_m = {reach} m must be above 0 and finite")
 
     def compile(self, duration_s: float, origin: Origin | None = None) -> Array:
         """The part around the start, nodes NODES to a correlation length."""

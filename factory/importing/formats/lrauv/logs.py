@@ -2,7 +2,9 @@
 
 Every variable has a time of its own: in a .mat a group of time (days since year 0), value and
 units; in a .nc4 a coordinate NAME_time. Names are CF's standard names; values in a csv carry
-their unit as text. Positions that follow a surfacing may be reset to GPS already.
+their unit as text. Angles of rudder and elevator have the signs that the vehicle writes, which
+are those of `tethys`: a positive elevator pitches the nose down. Positions that follow a
+surfacing may be reset to GPS already.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.reading.columns import parse_stamps, read_table, tidy, unix_seconds
-from factory.importing.reading.deployment_log import NO_FIXES, Channel, DeploymentLog, Fixes
+from factory.importing.reading.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, Fixes
 from factory.importing.reading.each_file import each_file
 from factory.importing.reading.netcdf import as_array, open_netcdf
 from factory.importing.reading.payload import payload_channels, payload_names
@@ -27,9 +29,15 @@ from factory.importing.reading.unread_names import note_empty, note_unread
 from factory.importing.repairs.cleaning import clean, positions
 from factory.importing.repairs.seawater import ctd_channels
 from twin.errors import InputError
+from twin.physics.part_signals import declare_parts
+from twin.records.schema import VARIABLES
+from twin.vehicle.vehicle import load_vehicle
 
 Array = NDArray[np.float64]
 
+MODEL = "tethys"
+"""Vehicle file that stands for them: the channels of actuators have the names of its parts."""
+_PROPELLER = ("platform_propeller_rotation_rate", "platform_propeller_rotation_rate_1")
 SOURCES = {
     "measured_depth": ("depth",),
     "measured_pressure": ("sea_water_pressure",),
@@ -38,20 +46,18 @@ SOURCES = {
     "measured_heading": ("platform_orientation",),
     "measured_pump": ("platform_buoyancy_position",),
     "measured_shift": ("platform_mass_position",),
-    "measured_fin": ("platform_rudder_angle",),
+    "measured_rudder": ("platform_rudder_angle",),
+    "measured_elevator": ("platform_elevator_angle",),
+    "measured_propeller": _PROPELLER,
     "commanded_pump": ("VerticalControl.buoyancyAction",),
     "commanded_shift": ("VerticalControl.massPositionAction",),
+    "commanded_elevator": ("VerticalControl.elevatorAngleAction",),
+    "commanded_rudder": ("HorizontalControl.rudderAngleAction",),
+    "commanded_propeller": ("SpeedControl.propOmegaAction",),
 }
 """Channels of the store, and the variables that they come from."""
-WANTED_UNIT = {
-    "measured_depth": "m", "measured_pressure": "dbar", "measured_pitch": "degree",
-    "measured_roll": "degree", "measured_heading": "degree", "measured_pump": "cm3",
-    "measured_shift": "m", "measured_fin": "degree", "commanded_pump": "cm3",
-    "commanded_shift": "m",
-}  # fmt: skip
-_PROPELLER = ("platform_propeller_rotation_rate", "platform_propeller_rotation_rate_1")
 _READ = (
-    *(name for names in SOURCES.values() for name in names), *_PROPELLER, "latitude", "longitude",
+    *(name for names in SOURCES.values() for name in names), "latitude", "longitude",
     "latitude_fix", "longitude_fix", "sea_water_temperature", "sea_water_salinity",
     "EpochSeconds", "Timestamp", "time", "time_fix",
 )  # fmt: skip
@@ -176,11 +182,12 @@ def _log(
     note_unread("LRAUV log", [*series, *others], [*wanted, *clocks], tally)
     empty = [n for n, (_, values, _) in series.items() if not np.isfinite(values).any()]
     note_empty("LRAUV log", [*empty, *(f"{name}_time" for name in empty)], tally)
+    declare_parts(load_vehicle(MODEL))
     channels: dict[str, Channel] = {}
     for target, names in SOURCES.items():
         source = next((n for n in names if n in series), None)
         if source is not None and np.isfinite(series[source][1]).any():
-            channels[target] = channel(target, source, WANTED_UNIT[target])
+            channels[target] = channel(target, source, VARIABLES[target].units)
     if not len(channels.get("measured_depth", ())) and not len(
         channels.get("measured_pressure", ())
     ):
@@ -224,9 +231,8 @@ def _log(
         longitude = channel("longitude", "longitude", "degree")
         if len(latitude) > 1 and len(longitude) > 1:
             auxiliary |= {"latitude": latitude, "longitude": longitude}
-    propeller = next((n for n in _PROPELLER if n in series), None)
-    if propeller is not None and np.isfinite(series[propeller][1]).any():
-        spin = channel("thruster", propeller, "rad s-1")
+    spin = channels.get("measured_propeller", EMPTY)
+    if len(spin):
         auxiliary["thruster"] = Channel(
             spin.time, (np.abs(spin.values) > _TURNING).astype(np.float64)
         )
@@ -235,9 +241,10 @@ def _log(
         platform="LRAUV",
         channels={name: c for name, c in channels.items() if len(c)},
         fixes=fixes,
-        magnetic_variation=Channel(*np.zeros((2, 0))),
+        magnetic_variation=EMPTY,
         auxiliary=auxiliary,
         files=(path.name,),
+        model=MODEL,
         # the vehicle logs no csv: they come from its software in a simulated sea
         simulated=path.suffix.lower() in _SIMULATOR,
     )

@@ -23,7 +23,8 @@ OG1 = Importer(
     name="og1",
     vehicle="any glider",
     files="OceanGliders OG1.0 netCDF, also what `factory export --to og1` writes",
-    channels="whatever of attitude, pressure, actuators, CTD and fixes the file has",
+    channels="whatever of attitude, pressure, actuators, CTD, payload and fixes the file has; "
+    "values that its flags call bad (3, 4) are removed",
     suffixes=frozenset({".nc"}),
     marks=frozenset(
         {"LATITUDE_GPS", "PLATFORM_SERIAL_NUMBER", "TRAJECTORY", "PHASE", "LATITUDE", "LONGITUDE",

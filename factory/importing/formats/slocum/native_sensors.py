@@ -115,7 +115,8 @@ def slocum_log(
         if name in native:
             one = native[name]
             channels[target] = clean(target, one.time, unit * one.values, tally, subject=name)
-    channels |= slocum_pressure(native, tally)
+    middle = float(np.median(fixes.latitude)) if len(fixes) else 0.0
+    channels |= slocum_pressure(native, tally, latitude=middle)
     if "measured_pressure" in channels and not len(native.get("m_depth", EMPTY)):
         pitch = channels.get("measured_pitch", EMPTY)
         channels["measured_pressure"] = pressure_by_flight(

@@ -12,11 +12,14 @@ from factory.importing.reading.tally import Tally
 from factory.importing.reading.unread_names import leave_out
 from factory.importing.repairs.cleaning import clean, to_dbar
 from factory.importing.repairs.gps_fixes import nearest
+from factory.importing.repairs.seawater import pressure_of
 
 Array = NDArray[np.float64]
 
 PRESSURES = ("sci_water_pressure", "m_water_pressure", "m_pressure")
 """[bar] Candidates; the one with the least noise is taken."""
+OWN = PRESSURES[1:]
+"""Those that `m_depth` is made of by the vehicle"""
 _COVERED, _COVER_GAP = 0.9, 60.0
 """A pressure sensor competes when it covers this part of the longest cover; gaps count 60 s."""
 _MOVING = 8.0
@@ -47,11 +50,19 @@ _AGREE = 25.0
 off is below."""
 
 
-def slocum_pressure(native: Mapping[str, Channel], tally: Tally) -> dict[str, Channel]:
+def slocum_pressure(
+    native: Mapping[str, Channel], tally: Tally, *, latitude: float = 0.0
+) -> dict[str, Channel]:
     """The least noisy pressure [dbar] of those that cover the log, its holes filled.
 
-    A CTD is switched off near the surface; the vehicle's own sensors are not. What fills a hole is
-    shifted by the difference of the two sensors in shallow water.
+    A CTD is switched off near the surface, and for whole dives; the vehicle's own sensors are not.
+    Satellite files often have of these the depth alone, which stands for them then. What fills a
+    hole is shifted by the difference of the two sensors in shallow water.
+
+    Args:
+      native: channels in native units.
+      tally: counts what is done.
+      latitude: [degree] of the log, for pressure from depth.
 
     Raises:
       InputError: pressure and depth fit no unit.
@@ -69,18 +80,23 @@ def slocum_pressure(native: Mapping[str, Channel], tally: Tally) -> dict[str, Ch
             found[name] = channel
     if not found:
         return {}
+    if not any(name in found for name in OWN) and len(depth) > 2:
+        dbar = pressure_of(depth.values, latitude)
+        found["m_depth"] = clean("measured_pressure", depth.time, dbar, tally, subject="m_depth")
     cover = {name: _cover(channel) for name, channel in found.items()}
     enough = [n for n in found if cover[n] >= _COVERED * max(cover.values())]
+    enough = [n for n in enough if n in PRESSURES] or enough  # a sensor before what is made of it
     noise = {n: pressure_noise(found[n]) for n in found}
     best = min(enough, key=lambda n: noise[n])
     others = ", ".join(f"{n} {noise[n]:.2g}" for n in enough if n != best)
+    said = f", noise {noise[best]:.2g} dbar" if np.isfinite(noise[best]) else ""
     tally.add(
         "note", "measured_pressure", len(found[best]),
-        f"from {best}, noise {noise[best]:.2g} dbar" + (f" (not {others})" if others else ""),
+        f"from {best}{said}" + (f" (not {others})" if others else ""),
     )  # fmt: skip
     pressure = found[best]
     for name in sorted((n for n in found if n != best), key=lambda n: noise[n]):
-        pressure, added = filled(pressure, found[name])
+        pressure, added = filled(pressure, found[name], sparse=name == "m_depth")
         tally.add("note", "measured_pressure", added, f"from {name} where {best} was silent")
         if not added:
             leave_out([name], f"{best} is taken, and has no hole that it fills", tally)
@@ -99,10 +115,12 @@ def _cover(channel: Channel) -> float:
     return float(gap[channel.values[1:] > zero + _MOVING].sum())
 
 
-def filled(pressure: Channel, other: Channel) -> tuple[Channel, int]:
+def filled(pressure: Channel, other: Channel, *, sparse: bool = False) -> tuple[Channel, int]:
     """A pressure with another sensor's samples in its holes, and how many these are.
 
     A hole is longer than `_HOLE` and three spacings, or before the first and after the last sample.
+    In a `sparse` log a sample with holes on both sides says nothing of the difference of the two: a
+    sensor that wakes shows what it had last.
     """
     reach = max(_HOLE, 3.0 * pressure.spacing)
     edges = np.concatenate([[-np.inf], pressure.time, [np.inf]])
@@ -115,6 +133,10 @@ def filled(pressure: Channel, other: Channel) -> tuple[Channel, int]:
         return pressure, 0
     added, low, high = other.time[inside], edges[at[inside]], edges[at[inside] + 1]
     steps = [_step(pressure, other, shift, edge) for edge in (low, high)]
+    if sparse:
+        gaps = np.concatenate([[np.inf], np.diff(edges), [np.inf]])
+        alone = gaps[at[inside]] > reach, gaps[at[inside] + 2] > reach
+        steps = [np.where(lone, np.nan, step) for lone, step in zip(alone, steps, strict=True)]
     # a zero that has moved since: what is left at both edges, on the way up and down, alike
     moved = _moved(at[inside], 0.5 * (steps[0] + steps[1]))
     shifts = shift + moved

@@ -1,0 +1,1 @@
+"""Faults: every file operation of every writer fails once, and nothing is lost."""

@@ -1,0 +1,74 @@
+"""Faults: every file operation of every writer fails once.
+
+    python -m benchmarks.faults [WRITER ...] [--every 1] [--faults KILL ...]
+
+Each operation on files (create, write, sync, rename, mkdir, unlink, chmod, truncate) meets an I/O
+error, a disk that is full from then on, a kill, and a power loss that empties what was not synced.
+Printed is, for each writer, how many faults were injected, after how many the old content or the
+new one was there whole and the next run wrote the new one, and what was lost.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from benchmarks.faults.injector import FAULTS, Fault, run_injected
+from benchmarks.faults.writers import WRITERS
+from twin.cli.text_table import format_table
+
+MEMORY = Path("/dev/shm")
+"""Where faults are injected if it is there: nothing then waits for a disk."""
+
+
+def inject(name: str, every: int = 1, faults: tuple[Fault, ...] = FAULTS) -> dict[str, Any]:
+    """What one writer went through, see `benchmarks.faults.campaign.Outcome`."""
+    place = MEMORY if MEMORY.is_dir() else None
+    with tempfile.TemporaryDirectory(dir=place) as folder, tempfile.TemporaryDirectory() as made:
+        words = [fault.name for fault in faults]
+        ended = run_injected(
+            *("-m", "benchmarks.faults.campaign", name, f"{folder}/work", str(every), *words),
+            folder=Path(made),
+            timeout=3600.0,
+        )
+    if ended.returncode:
+        raise RuntimeError(f"the campaign of {name} failed:\n{ended.stderr}")
+    found: dict[str, Any] = json.loads(ended.stdout.splitlines()[-1])
+    return {**found, "trace": ended.stderr}
+
+
+def main() -> int:
+    """Print the table; exit code 1 when something was lost."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("writers", nargs="*", choices=[*WRITERS, []], metavar="WRITER")
+    parser.add_argument("--every", type=int, default=1, help="take every n-th operation")
+    parser.add_argument("--faults", nargs="+", choices=[f.name for f in FAULTS], default=None)
+    options = parser.parse_args()
+    faults = tuple(Fault[word] for word in options.faults or [f.name for f in FAULTS])
+    rows, lost = [], []
+    for name in options.writers or WRITERS:
+        begun = time.perf_counter()
+        found = inject(name, options.every, faults)
+        lost += [f"{name}: {text}" for text in found["lost"]]
+        rows.append(
+            {
+                "writer": name,
+                "operations": found["operations"],
+                "injected": found["injected"],
+                "survived": found["survived"],
+                "lost": len(found["lost"]),
+                "seconds": time.perf_counter() - begun,
+            }
+        )
+        print(format_table(rows[-1:]), flush=True)
+    print(format_table(rows))
+    print("\n".join(lost))
+    return 1 if lost else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

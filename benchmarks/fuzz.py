@@ -1,0 +1,488 @@
+"""Fuzz: the mini-languages and readers on texts and bytes that nobody meant.
+
+    python -m benchmarks.fuzz --minutes 10 [--only mission,vehicle] [--guided]
+
+Each case must give a value or a `TwinError` of one line within LONGEST_S. Everything else is a
+finding: it is printed with its input, and the exit code is 1. Cases are random; with `--guided`
+(needs `pip install atheris`) they follow the coverage of the code that they reach.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import math
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
+
+from twin.errors import TwinError
+from twin.vehicle.assets import asset_path
+
+LONGEST_S = 10.0
+"""[s] one case may take, on a machine that does other things beside"""
+
+NUMBERS = ["0", "-1", "3.5", "1e400", "-1e308", "1e-320", "nan", "-inf", "9" * 400, "0x1", "1_0"]
+MARKS = [
+    *"()[]{}<>=:,;+-*/\\\"'#&!|@%$?.~^`",
+    "\0",
+    "\n",
+    "\r\n",
+    "\t",
+    " ",
+    "\ufeff",
+    "\u2028",
+    "é",
+]
+WORDS = [*NUMBERS, *MARKS, "none", "true", "except", "[[", "]]", "<!--", "<![CDATA[", "&#0;", ""]
+
+
+@st.composite
+def mutated(draw: Any, *bases: str, words: tuple[str, ...] = ()) -> str:
+    """One of the texts with some pieces replaced by words, or by random text."""
+    text = draw(st.sampled_from(bases))
+    piece = st.sampled_from([*words, *WORDS]) | st.text(max_size=8)
+    for _ in range(draw(st.integers(0, 4))):
+        start = draw(st.integers(0, len(text)))
+        length = draw(st.sampled_from([0, 0, 1, 2, 5, 30]))
+        text = text[:start] + draw(piece) + text[start + length :]
+    return text
+
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=6)
+    | st.sampled_from([10**400, "nan", "x", "", "uniform(0, 1)"]),
+    lambda inner: st.lists(inner, max_size=3)
+    | st.dictionaries(st.text(max_size=6), inner, max_size=3),
+    max_leaves=4,
+)  # fmt: skip
+"""What a TOML or JSON file may hold where something else belongs"""
+
+
+@st.composite
+def altered(draw: Any, base: dict[str, Any]) -> Any:
+    """A tree of tables with some values replaced, left out or added."""
+    table = json.loads(json.dumps(base))
+    for _ in range(draw(st.integers(0, 3))):
+        place: Any = table
+        while isinstance(place, dict | list) and place:
+            keys = list(place) if isinstance(place, dict) else list(range(len(place)))
+            key = draw(st.sampled_from(keys))
+            inner = place[key]
+            if isinstance(inner, dict | list) and inner and draw(st.booleans()):
+                place = inner
+                continue
+            if draw(st.integers(0, 3)) == 0 and isinstance(place, dict):
+                place[draw(st.text(max_size=6))] = place.pop(key)
+            else:
+                place[key] = draw(VALUES)
+            break
+    return table
+
+
+def distribution(text: str) -> None:
+    """A distribution's text form reads back as itself, and draws what it allows."""
+    from factory.recipe.distribution import parse_distribution
+
+    found = parse_distribution(text, "p")
+    again = parse_distribution(found.text(), "p")
+    assert again.text() == found.text()
+    drawn = found.draw(np.random.default_rng(0))
+    assert found.allows(drawn), f"{drawn!r} cannot be drawn"
+
+
+def current(text: str) -> None:
+    """`--current`"""
+    from twin.water.current.base import current_from_dict
+    from twin.water.current.spec import parse_current
+
+    found = parse_current(text)
+    assert current_from_dict(found.describe()).describe() == found.describe()
+
+
+def density(text: str) -> None:
+    """`--density`"""
+    from twin.water.density_spec import parse_density
+
+    parse_density(text)
+
+
+def floor(text: str) -> None:
+    """`--floor`"""
+    from twin.water.floor.spec import floor_from_dict, parse_floor
+
+    found = parse_floor(text)
+    if found is not None:
+        assert floor_from_dict(found.describe()) == found
+
+
+def sensors(given: Any) -> None:
+    """Settings of a suite, as stores hold them."""
+    from twin.sensors import SensorSuite
+
+    SensorSuite.from_settings(given)
+
+
+def mission(text: str) -> None:
+    """A mission file."""
+    from twin.mission.plan import Mission
+
+    found = Mission.from_toml(_file("m.toml", text))
+    assert Mission.from_dict(found.to_dict()) == found
+
+
+def mission_table(data: Any) -> None:
+    """A mission of the Python API."""
+    from twin.mission.plan import Mission
+
+    Mission.from_dict(data)
+
+
+def parameters(text: str) -> None:
+    """A file of changed distributions."""
+    from factory.recipe.overrides import read_changes
+    from factory.recipe.recipe import Recipe
+    from twin.vehicle.vehicle import load_vehicle
+
+    Recipe(changes=read_changes(_file("p.toml", text)), vehicle=load_vehicle("glider"))
+
+
+def mapping(data: Any) -> None:
+    """What the columns of csv tables are."""
+    from factory.importing.formats.csv.mapping_file import parse_mapping
+
+    parse_mapping(data, "mine.toml")
+
+
+def tracks(text: str) -> None:
+    """A CSV of tracks."""
+    from twin.records.tracks import read_tracks
+
+    read_tracks(_file("t.csv", text), 0)
+
+
+def profile(text: str) -> None:
+    """CSV profiles of density and current."""
+    from twin.errors import CurrentError
+    from twin.water.current.profile import Profile
+    from twin.water.density_spec import read_density_csv
+
+    path = _file("d.csv", text)
+    try:
+        Profile.from_csv(path)
+    except CurrentError:
+        read_density_csv(path).compile()
+
+
+def vehicle(text: str) -> None:
+    """A vehicle file."""
+    from twin.vehicle.vehicle import parse_vehicle
+
+    parse_vehicle.__wrapped__(text, Path("mine.xml"))
+
+
+def compiled_vehicle(text: str) -> None:
+    """A vehicle file made into a MuJoCo model."""
+    from twin.physics.mujoco_model import compile_model
+    from twin.vehicle.vehicle import parse_vehicle
+
+    compile_model(parse_vehicle.__wrapped__(text, Path("mine.xml")), lean=True)
+
+
+def preset(text: str) -> None:
+    """Presets of a vehicle file."""
+    from twin.vehicle.presets import apply_preset
+
+    apply_preset(text, Path("mine.xml"), "gazebo")
+
+
+def sniffed(data: bytes) -> None:
+    """The kind of log that a file looks like, and its names as each importer asks for them."""
+    from factory.importing.formats.registry import sniff
+    from factory.importing.reading.columns import read_table
+
+    for name in ("a.csv", "a.csv.gz", "a.dbd", "a.dcd", "a.nc", "a.parquet"):
+        path = _file(name, data)
+        try:
+            sniff(path)
+        except TwinError:
+            continue
+    read_table(_file("a.csv", data))
+
+
+def metadata(text: str) -> None:
+    """Deployment metadata in YAML."""
+    from factory.exporting.og1.metadata import parse_metadata
+
+    parse_metadata(text, "m.yml")
+
+
+def payload(text: str) -> None:
+    """`--payload`"""
+    from factory.importing.reading.payload import parse_payload
+
+    parse_payload([text])
+
+
+def pattern(text: str) -> None:
+    """A regular expression of a user, on the longest names that files have."""
+    from twin.bounded import LONGEST_NAME, compile_pattern
+
+    compiled = compile_pattern(text, "p")
+    for letter in "a1_":
+        compiled.search(letter * LONGEST_NAME)
+
+
+def positions(text: str) -> None:
+    """`twin trim --set`"""
+    from twin.commands.trim import parse_positions
+
+    assert all(math.isfinite(value) for value in parse_positions((text,)).values())
+
+
+MISSION = """name = "mine"
+duration_s = 3600
+max_depth_m = 250
+at_end = "surface"
+
+[[segments]]
+kind = "saw-tooth"
+max_depth_m = 200
+min_depth_m = 10
+pitch_deg = 30
+yos = 2
+
+[[segments]]
+kind = "surface"
+duration_s = 300
+"""
+MAPPING = {
+    "vehicle": "auv", "frame": "FRD", "rows": "file", "deployment": "file", "gap_s": 60,
+    "time": {"column": "t", "unit": "s", "start_from_name": r"^(\d{8})_"},
+    "signals": {
+        "measured_depth": {"column": "depth", "unit": "m", "sentinels": [-999]},
+        "measured_heading": {"column": "yaw", "unit": "degree", "zero": "east"},
+    },
+    "ignored": {"spare*": "not used"},
+    "corrections": [{"files": "*", "signal": "measured_depth", "reason": "r", "sign": -1}],
+}  # fmt: skip
+CURRENTS = (
+    "uniform:speed=0.3,direction=90", "tide:m2=0.1,s2=0.03,direction=30+none",
+    "ekman:tau=0.1,direction=90", "gauss-markov:speed=0.1,std=0.05,seed=1", "profile:x.csv",
+    "log-layer:friction=0.01,direction=0,bottom=100", "inertial:speed=0.08,layer=40",
+    "geostrophic:surface=0.2,direction=45,scale=800,barotropic=0.05", "grid:x.nc,lat=1,lon=2",
+)  # fmt: skip
+DISTRIBUTIONS = (
+    "uniform(15, 45) except (28, 32) (38, 40)", "loguniform(40, 500)", "normal(0, 0.7)",
+    "choice(saw-tooth: 0.7, spiral: 0.3)", "35", "none", "uniform(0,1) except (2,3), (4,5)",
+)  # fmt: skip
+XML = (asset_path("remus.xml").read_text(encoding="utf-8"),)
+TAGS = ("<include file='x.xml'/>", "<replicate count='9999999'>", "<body>", "</body>", "pos=''",
+        "name=", "mass='-1'", "mass='nan'", "data='1 2'", "0 0 0", "<geom/>",
+        "<joint/>", "general")  # fmt: skip
+START_BYTES = (
+    b"", b"dbd_label: a\nnum_sensors: 9\n", b"CDF\x01",
+    b"\x89HDF\r\n\x1a\n", b"PK\x03\x04", b"PAR1",
+    b"\x1f\x8b\x08", b"a,b\n1,2\n", b"time;lat\n", b"\xef\xbb\xbfa,b\n",
+)  # fmt: skip
+
+TARGETS: dict[str, tuple[Callable[[Any], None], st.SearchStrategy[Any]]] = {
+    "distribution": (distribution, mutated(*DISTRIBUTIONS, words=("uniform(", "choice(", "inf"))),
+    "current": (current, mutated(*CURRENTS, words=("speed=", "none", "uniform:", "m2="))),
+    "density": (density, mutated("usual", "constant", "x.csv", "grid", "thermocline")),
+    "floor": (floor, mutated("depth:200", "rough:60,height=3,length=400,seed=1", "G.nc,reach=9")),
+    "sensors": (
+        sensors,
+        altered(
+            {
+                "imu": {"gyro_scale": 1e-3, "misalignment_deg": 0.1},
+                "dvl": {"scale": 0.01},
+                "encoders": {"resolutions": {"rudder": 0.1}},
+                "pressure": {"vehicle_density": 1025},
+            }
+        ),
+    ),
+    "mission": (mission, mutated(MISSION, words=("[[segments]]\n", "kind = []", "inf", "[" * 500))),
+    "mission-table": (
+        mission_table,
+        altered(
+            {
+                "name": "m",
+                "segments": [
+                    {"kind": "saw-tooth", "max_depth_m": 100.0, "yos": 2, "heading_deg": 10.0},
+                    {"kind": "hold", "parts": {"rudder": 0.1}, "duration_s": 60.0},
+                ],
+            }
+        ),
+    ),
+    "parameters": (
+        parameters,
+        mutated('[mission]\npitch_deg = "uniform(15, 35)"\n[current]\nspeed = 0.1\n'),
+    ),
+    "mapping": (mapping, altered(MAPPING)),
+    "tracks": (tracks, mutated("time,north,east,track\n0,1,2,a\n1,2,3,a\n", "time,north,east\n")),
+    "profile": (
+        profile,
+        mutated(
+            "depth,density\n0,1025\n9,1026\n",
+            "depth,north,east\n0,0,0\n5,1,1\n",
+            "depth,temperature,salinity\n0,10,35\n",
+        ),
+    ),
+    "vehicle": (vehicle, mutated(*XML, words=TAGS)),
+    "compiled-vehicle": (compiled_vehicle, mutated(*XML, words=TAGS)),
+    "preset": (preset, mutated(asset_path("tethys.xml").read_text(encoding="utf-8"), words=TAGS)),
+    "sniff": (
+        sniffed,
+        st.builds(bytes.__add__, st.sampled_from(START_BYTES), st.binary(max_size=300)),
+    ),
+    "metadata": (
+        metadata,
+        mutated(
+            "metadata:\n  title: x\n  wmo_id: 1\nglider_devices:\n  ctd:\n    make: m\n",
+            words=("&a", "*a", "<<: ", "!!python/object:os.system", "- ", "2022-13-45"),
+        ),
+    ),
+    "payload": (payload, mutated("oxygen=oxy[umol kg-1]", "chlorophyll=x")),
+    "pattern": (pattern, mutated(r"^(\d{8})_", "(a+)+$", "[a-z]*_(.+)", words=("{1,200}", "(?:"))),
+    "positions": (positions, mutated("rudder=0.1,elevator=0", "propeller=60")),
+}
+"""What is fuzzed: the function that takes a case, and what cases are drawn from."""
+
+FOLLOWED = (
+    "twin.bounded", "twin.numbers", "twin.mission.plan", "twin.mission.fields",
+    "twin.mission.segments", "twin.vehicle.mjcf", "twin.vehicle.file_limits",
+    "twin.vehicle.presets", "twin.records.tracks", "twin.sensors.checks",
+    "twin.water.table_file", "twin.water.density_spec", "twin.water.floor.spec",
+    "twin.water.current.spec", "twin.water.current.text", "factory.recipe", "factory.importing",
+    "factory.exporting.og1.metadata",
+)  # fmt: skip
+"""Modules whose coverage `--guided` follows: what numba compiles cannot be instrumented"""
+COMPILED = ("vehicle", "compiled-vehicle")
+"""Targets that compile more than they import"""
+
+_FOLDER = tempfile.TemporaryDirectory(prefix="fuzz-")
+
+
+def _file(name: str, content: str | bytes) -> Path:
+    path = Path(_FOLDER.name) / name
+    data = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
+    path.write_bytes(data)
+    return path
+
+
+def check(target: Callable[[Any], None], case: Any) -> str:
+    """Run one case; "value" or the name of the error that it gave.
+
+    Raises:
+      AssertionError: it took too long, or its message has several lines.
+      Exception: any error that is no TwinError.
+    """
+    start = time.monotonic()
+    try:
+        target(case)
+        outcome = "value"
+    except TwinError as error:
+        outcome = type(error).__name__
+        text = str(error)
+        assert text.strip(), "an empty message"
+        assert len(text) < 2100, f"a message of {len(text)} characters"
+    took = time.monotonic() - start
+    assert took < LONGEST_S, f"it took {took:.1f} s"
+    return outcome
+
+
+def explore(name: str, *, cases: int, seconds: float, start: int) -> dict[str, int]:
+    """Run random cases of one target until either limit; outcomes by name, counted.
+
+    Raises:
+      Exception: the first finding, made as small as Hypothesis can.
+    """
+    target, strategy = TARGETS[name]
+    counts: dict[str, int] = {}
+    end = time.monotonic() + seconds
+
+    class Over(BaseException):
+        pass
+
+    @seed(start)
+    @settings(
+        max_examples=cases, deadline=None, database=None, report_multiple_bugs=False,
+        phases=[Phase.generate, Phase.shrink],
+        suppress_health_check=list(HealthCheck),
+    )  # fmt: skip
+    @given(strategy)
+    def run(case: Any) -> None:
+        if time.monotonic() > end:
+            raise Over
+        outcome = check(target, case)
+        counts[outcome] = counts.get(outcome, 0) + 1
+
+    with contextlib.suppress(Over):
+        run()
+    return counts
+
+
+def guided(name: str, minutes: float) -> None:
+    """One target under atheris, which keeps the inputs that reach new code; ends the process."""
+    import atheris
+
+    target, strategy = TARGETS[name]
+    with atheris.instrument_imports(include=list(FOLLOWED)):
+        warnings.simplefilter("ignore")  # an example outside of a test is meant here
+        with contextlib.suppress(TwinError):  # the first case imports what the target uses
+            target(strategy.example())
+
+    @settings(deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @given(strategy)
+    def run(case: Any) -> None:
+        check(target, case)
+
+    seconds = int(60.0 * minutes)
+    atheris.Setup([sys.argv[0], f"-max_total_time={seconds}"], run.hypothesis.fuzz_one_input)
+    atheris.Fuzz()
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--minutes", type=float, default=1.0, help="in all, shared by the targets")
+    parser.add_argument("--only", default=",".join(TARGETS), help="targets, separated by commas")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--guided", action="store_true", help="by coverage, with atheris")
+    options = parser.parse_args()
+    names = options.only.split(",")
+    findings = total = 0
+    for index, name in enumerate(names):
+        if options.guided and name in COMPILED:
+            parser.error(f"--guided cannot follow {name}: numba compiles what it reaches")
+        if options.guided:
+            guided(name, options.minutes)  # the process ends in it: one target a run
+        share = 60.0 * options.minutes / len(names)
+        begun = time.monotonic()
+        try:
+            counts = explore(name, cases=10**7, seconds=share, start=options.seed + index)
+        except Exception as error:
+            findings += 1
+            print(f"{name}: {type(error).__name__}: {error}", *getattr(error, "__notes__", ()))
+            continue
+        cases = sum(counts.values())
+        total += cases
+        took = time.monotonic() - begun
+        outcomes = ", ".join(f"{key} {n}" for key, n in sorted(counts.items()))
+        print(f"{name}: {cases} cases in {took:.0f} s ({outcomes})", flush=True)
+    print(f"{total} cases of {len(names)} targets, {findings} findings")
+    return 1 if findings else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,32 @@
+"""`factory finish`: complete a store whose parts were made by many commands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from twin.cli.console import Console, JsonOption
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finish(JsonOption):
+    """Complete a store that `factory generate --shard` made in parts: the same bytes as those of a
+    single run. While parts are missing, says which, as Slurm's --array takes them.
+    """
+
+    store: Annotated[Path, tyro.conf.Positional]
+    """the store"""
+
+    def run(self, console: Console) -> int:
+        """Finish and summarise."""
+        from factory.commands.generate import import_numpy_with_one_thread, show_summary
+
+        import_numpy_with_one_thread()
+        from factory.generation.parts import finish
+
+        summary, recipe = finish(self.store)
+        show_summary(recipe, summary, console)
+        return 0

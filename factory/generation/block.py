@@ -1,0 +1,194 @@
+"""Block: the missions of one unit of work, flown and kept.
+
+A block's file holds every signal of its missions one after the other, without padding, compressed
+as in the store: an .npz whose entries are Blosc's bytes. It lives until its shard is assembled.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numcodecs
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.flight.mission_place import mission_coordinates, mission_place
+from factory.generation.attempts import fly_mission
+from factory.generation.bookkeeping import rows
+from factory.generation.flown_mission import FlownMission
+from factory.generation.job import ALONE, Job
+from factory.generation.manifest import Manifest, all_there, leave_manifest, read_manifest
+from factory.recipe.recipe import Recipe, versions
+from twin.errors import StoreError
+from twin.physics.quiet import quiet_mujoco
+from twin.records.checksums import file_sum
+from twin.records.sharded import COMPRESSOR, LEVEL
+
+Signals = Mapping[str, NDArray[Any]]
+"""By name: (samples,) of one mission."""
+BLOSC = numcodecs.Blosc(cname=COMPRESSOR, clevel=LEVEL, shuffle=numcodecs.Blosc.SHUFFLE)
+TABLE, SIGNAL, ROWS = "table", "signal.", "rows."
+"""Entries of the file: JSON that says how to read the others; a signal; values of each mission."""
+
+
+@dataclass(frozen=True)
+class BlockDone:
+    """What the task that flew a block tells."""
+
+    number: int
+    failures: tuple[int, ...]
+    """attempts that each mission needed beyond one"""
+
+
+def fly_block(job: Job, number: int) -> BlockDone:
+    """Fly the missions of a block and keep them; a finished one is left as it is.
+
+    Raises:
+      InputError: a mission that no attempt could fly. OSError: the disk refuses.
+      StoreError: another process has made the block with other bytes.
+    """
+    with ALONE:
+        return _fly_block(job, number)
+
+
+def _fly_block(job: Job, number: int) -> BlockDone:
+    recipe, site = job.recipe, job.site
+    flown: list[FlownMission] = []
+    signals: list[Signals] = []
+    for mission in job.layout.missions_of_block(number):
+        one, measured = fly_whole(recipe, mission)
+        flown.append(one)
+        signals.append(measured)
+    data = pack(flown, signals, rows(recipe, flown))
+    manifest = Manifest(
+        unit=f"block {number}",
+        recipe=site.recipe,
+        first=flown[0].mission,
+        last=flown[-1].mission,
+        files={site.block(number): site.files.put(site.block(number), data)},
+        failures=sum(len(one.failures) for one in flown),
+        versions=versions(),
+    )
+    leave_manifest(site.files, site.block_manifest(number), manifest)
+    return BlockDone(number, tuple(len(one.failures) for one in flown))
+
+
+def fly_whole(recipe: Recipe, mission: int) -> tuple[FlownMission, Signals]:
+    """Fly a mission; all that a store has of it with (mission, time)."""
+    with quiet_mujoco():  # an unstable mission is recorded and replaced instead
+        one, measured = fly_mission(recipe, mission)
+    place = mission_place(one.parameters, recipe.given_current)
+    return one, {**measured, **mission_coordinates(measured, place)}
+
+
+def block_manifest(job: Job, number: int) -> Manifest | None:
+    """The manifest of a block that is finished; None when it must be flown."""
+    site = job.site
+    found = read_manifest(
+        site.files, site.block_manifest(number), unit=f"block {number}", recipe=site.recipe
+    )
+    return found if found is not None and all_there(site.files, found.files) else None
+
+
+def sound_block(job: Job, number: int) -> bool:
+    """Whether a block is finished and every byte of it is as it was written."""
+    found = block_manifest(job, number)
+    if found is None:
+        return False
+    try:
+        with Block(job, found):
+            return True
+    except StoreError:
+        return False
+
+
+def pack(
+    flown: Sequence[FlownMission],
+    signals: Sequence[Signals],
+    values: Mapping[str, NDArray[Any]],
+) -> bytes:
+    """The file of a block, the same bytes for the same missions."""
+    table: dict[str, Any] = {
+        "samples": [one.samples for one in flown],
+        "failures": [
+            [one.mission, failure.attempt, failure.reason, failure.time_s]
+            for one in flown
+            for failure in one.failures
+        ],
+        "signals": {},
+    }
+    entries: dict[str, NDArray[Any]] = {}
+    for name in dict.fromkeys(name for one in signals for name in one):
+        parts = [one[name] for one in signals if name in one]
+        table["signals"][name] = {
+            "dtype": parts[0].dtype.str,
+            "missions": [row for row, one in enumerate(signals) if name in one],
+        }
+        packed = BLOSC.encode(np.concatenate(parts))
+        entries[SIGNAL + name] = np.frombuffer(packed, np.uint8)
+    entries |= {ROWS + name: array for name, array in values.items()}
+    entries[TABLE] = np.frombuffer(json.dumps(table).encode(), np.uint8)
+    archive = io.BytesIO()
+    np.savez(archive, allow_pickle=False, **entries)
+    return archive.getvalue()
+
+
+class Block:
+    """A finished block, read back signal by signal; a context manager.
+
+    Raises:
+      StoreError: its file is damaged or gone.
+    """
+
+    def __init__(self, job: Job, manifest: Manifest):
+        self.missions = manifest.missions
+        ((key, expected),) = manifest.files.items()
+        what = f"{job.site.files.name}/{key}"
+        try:
+            path = job.site.files.fetch(key, job.site.staging)
+            if file_sum(path) != expected:
+                raise StoreError(f"{what} is damaged: remove it and continue with --resume")
+            self._archive = np.load(path, allow_pickle=False)
+            self._table = json.loads(self._archive[TABLE].tobytes())
+        except FileNotFoundError as error:
+            raise StoreError(f"{what} has disappeared; --resume flies it again") from error
+        self.samples: list[int] = self._table["samples"]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._archive.close()
+
+    @property
+    def signals(self) -> dict[str, np.dtype[Any]]:
+        """Names and types of what its missions have."""
+        return {n: np.dtype(entry["dtype"]) for n, entry in self._table["signals"].items()}
+
+    @property
+    def failures(self) -> list[tuple[int, int, str, float | None]]:
+        """Mission, attempt, reason and time [s] of every attempt that failed."""
+        return [(m, a, reason, time) for m, a, reason, time in self._table["failures"]]
+
+    def rows(self) -> dict[str, NDArray[Any]]:
+        """What there is one of for each mission."""
+        start = len(ROWS)
+        return {n[start:]: self._archive[n] for n in self._archive.files if n.startswith(ROWS)}
+
+    def fill(self, name: str, into: NDArray[Any]) -> None:
+        """Put a signal into (missions of the block, time), as far as they have it."""
+        if name not in self._table["signals"]:
+            return
+        entry = self._table["signals"][name]
+        dtype = np.dtype(entry["dtype"])
+        packed = self._archive[SIGNAL + name]
+        values = np.frombuffer(BLOSC.decode(packed), dtype)
+        start = 0
+        for row in entry["missions"]:
+            samples = self.samples[row]
+            into[row, :samples] = values[start : start + samples]
+            start += samples

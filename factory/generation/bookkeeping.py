@@ -1,0 +1,185 @@
+"""Bookkeeping: what a store keeps of each mission beside its signals, as arrays.
+
+Every drawn parameter, every constant of the sensors, how many attempts it took. Which arrays there
+can be follows from the recipe. Those that say nothing, because all missions have the same fixed
+value, are left out of the store.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.flight.mission_place import mission_place
+from factory.generation.flown_mission import FlownMission
+from factory.recipe.distribution import Choice, Fixed, Value
+from factory.recipe.kinds import kinds_for
+from factory.recipe.recipe import Recipe
+from twin.records import attributes as names
+from twin.records.place import ATTRIBUTES, PLACE, place_arrays
+from twin.records.schema import MISSION
+from twin.records.sharded import flag_attributes
+
+UNUSED_CODE = -1
+"""Stands in integer parameters where NaN stands in the others."""
+SENSOR_PREFIX = "sensor_"
+SEGMENT = "segment"
+"""Dimension of the parameters that are drawn for every segment."""
+Rows = Mapping[str, NDArray[Any]]
+"""By name of the array: (mission,) or (mission, segment)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """One array over missions."""
+
+    name: str
+    attributes: Mapping[str, Any]
+    empty: float
+    """what stands where there is nothing"""
+    dtype: str = "float64"
+    usual: float | None = None
+    """the array is left out when no mission has another value; None: it is always there"""
+    per_segment: bool = False
+
+    @property
+    def dimensions(self) -> tuple[str, ...]:
+        """Names of its dimensions."""
+        return (MISSION, SEGMENT) if self.per_segment else (MISSION,)
+
+    def says_something(self, values: NDArray[Any]) -> bool:
+        """Whether one of these values has to be kept."""
+        if self.usual is None:
+            return True
+        blank = np.isnan(values) if values.dtype.kind == "f" else values == self.empty
+        return bool((~blank & (values != self.usual)).any())
+
+
+def columns(recipe: Recipe) -> list[Column]:
+    """Every array over missions that a store of the recipe can have, but for those of its plan."""
+    found = [
+        Column(
+            name=names.N_SAMPLES,
+            attributes={
+                "units": "1",
+                "long_name": "number of samples of the mission",
+                "comment": "later ones are padding",
+            },
+            dtype="int32",
+            empty=0,
+        ),
+        Column(
+            name=names.ATTEMPT,
+            attributes={
+                "units": "1",
+                "long_name": "number of attempts that failed before this one",
+            },
+            dtype="int16",
+            empty=0,
+        ),
+    ]
+    for name in PLACE:
+        found.append(Column(name=name, attributes=ATTRIBUTES[name], empty=np.nan))
+    for name in _parameters(recipe):
+        found.append(_parameter_column(recipe, name))
+    for name, unit in recipe.suite.drawn_units().items():
+        text = "constant of this mission's sensors: " + name.replace("_", " ")
+        found.append(
+            Column(
+                name=SENSOR_PREFIX + name,
+                attributes={"units": unit, "long_name": text},
+                empty=0.0,
+                usual=0.0,
+            )
+        )
+    return found
+
+
+def rows(recipe: Recipe, missions: Sequence[FlownMission]) -> dict[str, NDArray[Any]]:
+    """The values of these missions for all of `columns`."""
+    made: dict[str, NDArray[Any]] = {
+        names.N_SAMPLES: np.array([flown.samples for flown in missions], np.int32),
+        names.ATTEMPT: np.array([flown.attempt for flown in missions], np.int16),
+    }
+    places = [mission_place(flown.parameters, recipe.given_current) for flown in missions]
+    made |= {name: values for name, (_, values, _) in place_arrays(places).items()}
+    longest = max(len(flown.parameters.segments) for flown in missions)
+    for name in _parameters(recipe):
+        parameter, words = recipe.table[name], option_names(recipe, name)
+        if parameter.per_segment:
+            drawn = [[s[name] for s in flown.parameters.segments] for flown in missions]
+        else:
+            drawn = [[flown.parameters.values[name]] for flown in missions]
+        width = longest if parameter.per_segment else 1
+        if words:
+            values: NDArray[Any] = np.full((len(drawn), width), UNUSED_CODE, np.int8)
+            for i, row in enumerate(drawn):
+                values[i, : len(row)] = [_code(value, words) for value in row]
+        else:
+            values = np.full((len(drawn), width), np.nan)
+            for i, row in enumerate(drawn):
+                values[i, : len(row)] = row
+        made[parameter.variable] = values if parameter.per_segment else values[:, 0]
+    for name in recipe.suite.drawn_units():
+        values = np.array([flown.sensors.get(name, 0.0) for flown in missions])
+        made[SENSOR_PREFIX + name] = values
+    return made
+
+
+def option_names(recipe: Recipe, name: str) -> tuple[str, ...]:
+    """The words that a parameter can be; stores keep their positions."""
+    if name == "mission.kind":
+        return kinds_for(recipe.vehicle)
+    distribution = recipe.distributions[name]
+    if isinstance(distribution, Choice):
+        return tuple(option for option in distribution.options if isinstance(option, str))
+    return ()
+
+
+def _parameters(recipe: Recipe) -> list[str]:
+    """Parameters that stores can have an array of."""
+
+    def is_word(name: str) -> bool:
+        distribution = recipe.distributions[name]
+        return isinstance(distribution, Fixed) and isinstance(distribution.value, str)
+
+    return [
+        name
+        for name in recipe.table
+        if name != "mission.duration_h"  # the array `duration` has it
+        and (option_names(recipe, name) or not is_word(name))
+    ]
+
+
+def _parameter_column(recipe: Recipe, name: str) -> Column:
+    parameter, distribution = recipe.table[name], recipe.distributions[name]
+    attributes: dict[str, Any] = {
+        "units": parameter.unit,
+        "long_name": parameter.long_name,
+        "distribution": distribution.text(),
+        "parameter": name,
+    }
+    if parameter.why:
+        attributes["comment"] = parameter.why
+    words = option_names(recipe, name)
+    if words:
+        attributes |= flag_attributes(parameter.long_name, words)
+        del attributes["units"]
+    fixed = distribution.value if isinstance(distribution, Fixed) else None
+    usual = fixed if isinstance(fixed, (int, float)) and not parameter.per_segment else np.nan
+    return Column(
+        name=parameter.variable,
+        attributes=attributes,
+        dtype="int8" if words else "float64",
+        empty=UNUSED_CODE if words else np.nan,
+        usual=usual,
+        per_segment=parameter.per_segment,
+    )
+
+
+def _code(value: Value, words: Sequence[str]) -> int:
+    return words.index(value) if isinstance(value, str) else UNUSED_CODE

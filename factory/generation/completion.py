@@ -1,0 +1,192 @@
+"""Completion: assembled shards into a store: bookkeeping, metadata, checksums, its name."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.generation.assembly import ShardRows, open_tree, shard_manifest, stacked
+from factory.generation.bookkeeping import SEGMENT, Column, columns
+from factory.generation.job import Job
+from factory.recipe.recipe import Recipe, sha256
+from twin.errors import StoreError
+from twin.physics.scenario import SAMPLE_PERIOD
+from twin.records import attributes as names
+from twin.records.attributes import SPLITS
+from twin.records.checksums import FileSum
+from twin.records.place import (
+    ATTRIBUTES,
+    COORDINATE_DTYPES,
+    COORDINATES,
+    DATETIME,
+    FLOWN,
+    PLACE,
+)
+from twin.records.schema import MISSION, TIME, VARIABLES
+from twin.records.sharded import BESIDE, DTYPE, ArrayMeta, flag_attributes
+from twin.version import __version__
+
+RECIPE_COPY = "recipe"
+"""Group whose attributes are the recipe once more: either copy is enough to repair a store"""
+FAILURE = "failure"
+"""Dimension of the attempts that failed and were replaced."""
+FAILED_MISSION, FAILED_ATTEMPT = "failure_mission", "failure_attempt"
+FAILED_TIME, FAILED_REASON = "failure_time", "failure_reason"
+Part = tuple[str, int, NDArray[Any], ArrayMeta]
+"""Name of an array, number and values of a chunk, and the array's metadata."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Found:
+    """What all shards together hold."""
+
+    files: dict[str, FileSum]
+    signals: list[str]
+    used: set[str]
+    """columns that say something"""
+    segments: int
+    """of the mission with most"""
+    failures: int
+
+
+def complete(job: Job) -> tuple[dict[str, FileSum], int]:
+    """Write all that is not in the shards; checksums of the whole tree by key, and the number of
+    attempts that failed.
+
+    Memory does not grow with the store: rows are moved in chunks of `Layout.row_missions`.
+
+    Raises:
+      StoreError: a shard is missing. OSError: the disk refuses.
+    """
+    recipe, target = job.recipe, open_tree(job)
+    table = columns(recipe)
+    found = _survey(job, table)
+    used = [column for column in table if column.name in found.used]
+    files, arrays = dict(found.files), dict[str, ArrayMeta]()
+    for part in (_plan_arrays(recipe, job, found), _rows(job, used, found), _failures(job, found)):
+        for name, number, values, meta in part:
+            key, written = target.write_rows(name, number, values, meta.shape[0], meta.dimensions)
+            files[key], arrays[name] = written, meta
+    beside = {BESIDE: " ".join(COORDINATES)}
+    signals: dict[str, tuple[np.dtype[Any], Mapping[str, Any]]] = {
+        name: (DTYPE, {**variable.stored_attributes(), **beside})
+        for name, variable in VARIABLES.items()
+        if name in found.signals
+    }
+    for name in COORDINATES:
+        said = {} if name == DATETIME else FLOWN
+        signals[name] = (COORDINATE_DTYPES[name], {**ATTRIBUTES[name], **said})
+    files |= target.write_group(RECIPE_COPY, recipe.document())
+    files |= target.finish(signals, arrays, store_attributes(recipe))
+    return files, found.failures
+
+
+def _survey(job: Job, table: list[Column]) -> Found:
+    """A first look at all shards."""
+    files: dict[str, FileSum] = {}
+    used: set[str] = set()
+    segments = failures = 0
+    for number in job.layout.shards:
+        manifest = shard_manifest(job, number)
+        if manifest is None:
+            raise StoreError(f"shard {number} is missing; --resume makes it")
+        files.update(manifest.files)
+        rows = ShardRows(job, number)
+        failures += len(rows.failures)
+        for column in table:
+            values = rows.arrays[column.name]
+            if column.per_segment:
+                segments = max(segments, values.shape[1])
+            if column.name not in used and column.says_something(values):
+                used.add(column.name)
+    signals = list(dict.fromkeys(key.partition("/")[0] for key in files))
+    return Found(files=files, signals=signals, used=used, segments=segments, failures=failures)
+
+
+def _plan_arrays(recipe: Recipe, job: Job, found: Found) -> Iterator[Part]:
+    """Coordinates, and what the plan says of each mission."""
+    plan, size = recipe.plan, job.layout.row_missions
+    time = np.arange(plan.samples) * SAMPLE_PERIOD
+    said = {"units": "s", "long_name": "time since the start of the mission"}
+    yield TIME, 0, time, ArrayMeta(time.shape, time.dtype, (TIME,), said)
+    places = np.arange(found.segments)
+    said = {"long_name": "place of a segment in its mission"}
+    yield SEGMENT, 0, places, ArrayMeta(places.shape, places.dtype, (SEGMENT,), said)
+    split = flag_attributes("part of the data set", SPLITS)
+    split["comment"] = "missions are split, never samples"
+    whole: dict[str, tuple[NDArray[Any], dict[str, Any]]] = {
+        MISSION: (np.arange(len(plan)), {"long_name": "mission index"}),
+        names.DURATION: (
+            np.array(plan.durations_s), {"units": "s", "long_name": "mission length"}
+        ),
+        names.SPLIT: (np.array(plan.splits, np.int8), split),
+    }  # fmt: skip
+    for name, (values, attributes) in whole.items():
+        meta = ArrayMeta(values.shape, values.dtype, (MISSION,), attributes)
+        for number, first in enumerate(range(0, len(plan), size)):
+            yield name, number, values[first : first + size], meta
+
+
+def _rows(job: Job, table: list[Column], found: Found) -> Iterator[Part]:
+    """The columns that say something, chunk by chunk."""
+    layout = job.layout
+    shards_per_chunk = -(-layout.row_missions // layout.shard_missions)
+    for number, first in enumerate(range(0, len(layout.shards), shards_per_chunk)):
+        some = [ShardRows(job, n) for n in layout.shards[first : first + shards_per_chunk]]
+        for column in table:
+            parts = [rows.arrays[column.name] for rows in some]
+            shape: tuple[int, ...] = (layout.missions,)
+            if column.per_segment:
+                values, shape = stacked(parts, found.segments), (layout.missions, found.segments)
+            else:
+                values = np.concatenate(parts)
+            meta = ArrayMeta(shape, values.dtype, column.dimensions, column.attributes)
+            yield column.name, number, values, meta
+
+
+def _failures(job: Job, found: Found) -> Iterator[Part]:
+    """The attempts that failed; no arrays where none did."""
+    if not found.failures:
+        return
+    every = [item for number in job.layout.shards for item in ShardRows(job, number).failures]
+    mission, attempt, reason, time = zip(*every, strict=True)
+    whole: dict[str, tuple[NDArray[Any], dict[str, Any]]] = {
+        FAILED_MISSION: (np.array(mission), {"long_name": "mission that the attempt was for"}),
+        FAILED_ATTEMPT: (np.array(attempt, np.int16), {"long_name": "number of the attempt"}),
+        FAILED_TIME: (
+            np.array([np.nan if t is None else t for t in time]),
+            {
+                "units": "s",
+                "long_name": "time at which the simulation left the finite numbers",
+                "comment": "NaN where it never started",
+            },
+        ),
+        FAILED_REASON: (
+            np.array(reason, np.dtypes.StringDType()), {"long_name": "why the attempt failed"}
+        ),
+    }  # fmt: skip
+    for name, (values, attributes) in whole.items():
+        yield name, 0, values, ArrayMeta(values.shape, values.dtype, (FAILURE,), attributes)
+
+
+def store_attributes(recipe: Recipe) -> dict[str, Any]:
+    """The store's own attributes, the same for equal recipes."""
+    return {
+        names.SOURCE: f"simulation, vehicle {recipe.vehicle.name} in MuJoCo",
+        names.PRESET: recipe.preset,
+        names.SEED: recipe.seed,
+        names.HOURS: recipe.plan.hours,
+        names.SETTINGS: json.dumps(recipe.describe()),
+        names.CHANGES: json.dumps(dict(recipe.changes)),
+        names.SENSORS: recipe.sensor_preset,
+        names.VEHICLE_MJCF: recipe.vehicle.xml,
+        names.VEHICLE_SHA256: sha256(recipe.vehicle.xml),
+        names.RECIPE: recipe.digest,
+        BESIDE: " ".join(PLACE),  # of no signal: of the store
+        names.HISTORY: f"factory generate of glider-twin {__version__}, recipe {recipe.digest}",
+    }

@@ -1,0 +1,240 @@
+"""Generate: all missions of a recipe into one store, resumable at any moment.
+
+The bytes of a mission follow from the recipe and its number alone. So blocks of missions are flown
+by whatever runs them, in any order, and twice if need be; nobody coordinates and nothing conflicts.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import contextlib
+import os
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from factory.generation import runlog
+from factory.generation.assembly import assemble, open_tree, shard_manifest
+from factory.generation.block import BlockDone, fly_block, sound_block
+from factory.generation.completion import complete
+from factory.generation.job import Job
+from factory.generation.pool import local_pool
+from factory.generation.site import Site, locked
+from factory.generation.target import check_target, failures_in, give_name
+from factory.recipe.plan import HOUR
+from factory.recipe.recipe import Recipe
+from twin.errors import StoreError, TwinError
+
+WAITING = 4
+"""Blocks for each worker that wait at the executor: it never runs dry, and holds few at a time"""
+UNKNOWN_WORKERS = 64
+"""Blocks that wait at an executor that does not say how many workers it has"""
+Watcher = Callable[[float, int], None]
+"""Called with the hours [h] of a finished mission and the attempts that it needed beyond one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Summary:
+    """What a run did."""
+
+    store: Path
+    missions: int
+    hours: float
+    """[h] of all missions in the store"""
+    flown: int
+    """missions that this run flew; the others were there"""
+    flown_hours: float
+    """[h]"""
+    failed: int
+    """attempts that failed and were replaced, in the whole store"""
+    wall_s: float
+    """[s] this run took"""
+    stored_bytes: int
+    """size of the store's files"""
+
+    @property
+    def times_real_time(self) -> float:
+        """Simulated over elapsed time of this run."""
+        return self.flown_hours * HOUR / self.wall_s
+
+
+def generate(
+    recipe: Recipe,
+    out: str | Path,
+    *,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    history: str = "factory.generate",
+    watch: Watcher | None = None,
+) -> Summary:
+    """Make the store at `out`.
+
+    Args:
+      workers: processes of this machine; None: as many as it may use CPUs.
+      executor: what flies the blocks instead of such processes: any executor of
+        `concurrent.futures`, that of a dask client too. It must reach `out` by the same path.
+      resume: continue a store that an earlier run left incomplete; start one if there is none.
+      overwrite: replace what is there, once the new store is complete.
+      history: what the log beside the store says that the run was called with.
+
+    Raises:
+      StoreError: something is in the way, another recipe is to be resumed, or the disk refuses.
+        Finished blocks are kept, and `resume` goes on from them.
+      TwinError: a mission that no attempt could fly, or a dead worker.
+    """
+    begun = time.perf_counter()
+    store = Path(out)
+    workers = check_workers(workers, executor)
+    job = Job(recipe, Site(store, recipe.digest))
+    with told(store):
+        check_target(recipe, store, resume=resume, overwrite=overwrite)  # before a lock is made
+        with locked(store):
+            if check_target(recipe, store, resume=resume, overwrite=overwrite, alone=True):
+                job.site.clear()
+                return summary_of(recipe, store, begun, flown=[], failed=failures_in(store))
+            job.site.begin(recipe)
+            job.site.sweep()
+            runlog.note(store, recipe, history)
+            flown = _fly(job, workers, executor, watch)
+            files, failed = complete(job)
+            give_name(job, files)
+    return summary_of(recipe, store, begun, flown=flown, failed=failed)
+
+
+def check_workers(workers: int | None, executor: Executor | None) -> int:
+    """Processes to start; raises StoreError for an impossible number."""
+    if workers is None:
+        return (
+            len(os.sched_getaffinity(0))
+            if hasattr(os, "sched_getaffinity")
+            else os.cpu_count() or 1
+        )
+    if executor is not None:
+        raise StoreError("give either workers or an executor, which has its own")
+    if workers < 1:
+        raise StoreError(f"--workers {workers} must be at least 1")
+    return workers
+
+
+@contextlib.contextmanager
+def told(store: Path) -> Iterator[None]:
+    """Say of the disk's errors what is kept and how to go on."""
+    try:
+        yield
+    except OSError as error:
+        raise StoreError(
+            f"cannot write {error.filename or store}: {error.strerror or error}; finished missions "
+            "are kept: make room or a writable place, then continue with --resume"
+        ) from error
+
+
+def waiting_blocks(job: Job, blocks: list[int] | None = None) -> tuple[list[int], list[int]]:
+    """Blocks, of these or of all, that have to be flown, and shards that have to be assembled."""
+    wanted = set(job.layout.blocks if blocks is None else blocks)
+    shards = [shard for shard in job.layout.shards if shard_manifest(job, shard) is None]
+    needed = [b for shard in shards for b in job.layout.blocks_of_shard(shard) if b in wanted]
+    return [block for block in needed if not sound_block(job, block)], shards
+
+
+def _fly(job: Job, workers: int, executor: Executor | None, watch: Watcher | None) -> list[int]:
+    """Fly what is missing and assemble the shards; the missions flown now."""
+    recipe, layout = job.recipe, job.layout
+    blocks, shards = waiting_blocks(job)
+    flown = [mission for block in blocks for mission in layout.missions_of_block(block)]
+    if watch is not None:
+        for mission in sorted(set(range(len(recipe.plan))) - set(flown)):
+            watch(recipe.plan.durations_s[mission] / HOUR, 0)
+    left = {shard: set(layout.blocks_of_shard(shard)) & set(blocks) for shard in shards}
+
+    def done(block: BlockDone) -> None:
+        if watch is not None:
+            missions = layout.missions_of_block(block.number)
+            for mission, failures in zip(missions, block.failures, strict=True):
+                watch(recipe.plan.durations_s[mission] / HOUR, failures)
+        left[layout.shard_of(layout.missions_of_block(block.number)[0])].discard(block.number)
+
+    if len(layout.shards) == 1 and executor is None:
+        # one shard: this process assembles it, and gets zarr ready while the others fly
+        if blocks:
+            with local_pool(min(workers, len(blocks))) as pool:
+                flying = _run(pool, job, blocks, workers)
+                open_tree(job).prepare()
+                for block in flying:
+                    done(block)
+        for shard in shards:
+            assemble(job, shard)
+        return flown
+    with contextlib.ExitStack() as stack:
+        tasks: Executor = executor or stack.enter_context(
+            local_pool(min(workers, max(1, len(blocks))))
+        )
+        assembling = [tasks.submit(assemble, job, s) for s in shards if not left[s]]
+        for block in _run(tasks, job, blocks, None if executor else workers):
+            done(block)
+            shard = layout.shard_of(layout.missions_of_block(block.number)[0])
+            if not left[shard]:
+                assembling.append(tasks.submit(assemble, job, shard))
+        for future in concurrent.futures.as_completed(assembling):
+            _result(future)
+    return flown
+
+
+def _run(pool: Executor, job: Job, blocks: list[int], workers: int | None) -> Iterator[BlockDone]:
+    """Have blocks flown; yields each as it is kept, in any order."""
+    todo = iter(blocks)
+    most = UNKNOWN_WORKERS if workers is None else WAITING * workers
+    flying: set[Future[BlockDone]] = set()
+
+    def hand_out() -> None:
+        for block in todo:
+            flying.add(pool.submit(fly_block, job, block))
+            if len(flying) >= most:
+                return
+
+    hand_out()
+
+    def collect() -> Iterator[BlockDone]:
+        while flying:
+            finished, _ = concurrent.futures.wait(
+                flying, return_when=concurrent.futures.FIRST_COMPLETED
+            )
+            for future in finished:
+                flying.discard(future)
+                yield _result(future)
+            hand_out()
+
+    return collect()
+
+
+def _result(future: Future[Any]) -> Any:
+    """What a task returns; raises what stopped it."""
+    try:
+        return future.result()
+    except BrokenProcessPool as error:
+        raise TwinError(
+            "a worker process ended abruptly; too little memory is the usual reason. Finished "
+            "blocks are kept: --resume goes on from them, with fewer --workers if need be"
+        ) from error
+
+
+def summary_of(
+    recipe: Recipe, store: Path, begun: float, *, flown: list[int], failed: int
+) -> Summary:
+    """What a run that began at `begun` [s] of the clock for durations did."""
+    durations = recipe.plan.durations_s
+    return Summary(
+        store=store,
+        missions=len(recipe.plan),
+        hours=recipe.plan.hours,
+        flown=len(flown),
+        flown_hours=sum(durations[mission] for mission in flown) / HOUR,
+        failed=failed,
+        wall_s=time.perf_counter() - begun,
+        stored_bytes=sum(f.stat().st_size for f in store.rglob("*") if f.is_file()),
+    )

@@ -1,0 +1,233 @@
+"""Parts: one store made by many commands that know nothing of each other, as job arrays are.
+
+Part i of n flies every n-th block and assembles each shard whose blocks are all there. Parts may
+run at once, one after the other, twice, on machines that share a file system. `finish` completes
+the store, or says which parts have to run again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from factory.generation import runlog
+from factory.generation.assembly import assemble, shard_manifest
+from factory.generation.block import block_manifest, fly_block
+from factory.generation.completion import complete
+from factory.generation.generate import (
+    Summary,
+    Watcher,
+    summary_of,
+    told,
+    waiting_blocks,
+)
+from factory.generation.job import Job
+from factory.generation.layout import Layout
+from factory.generation.site import Site, begun, locked
+from factory.generation.target import check_target, failures_in, give_name, recipe_begun, recipe_of
+from factory.recipe.plan import HOUR
+from factory.recipe.recipe import Recipe
+from twin.errors import InputError, StoreError
+from twin.records.disk import write_whole
+from twin.records.store import is_complete
+
+SLURM_TASK, SLURM_COUNT, SLURM_FIRST = (
+    "SLURM_ARRAY_TASK_ID",
+    "SLURM_ARRAY_TASK_COUNT",
+    "SLURM_ARRAY_TASK_MIN",
+)
+ARRAY = "array.json"
+"""In the working folder: first index and number of the parts of a job array"""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Part `index` of `count`, counted from `first`."""
+
+    index: int
+    count: int
+    first: int = 0
+
+    def blocks(self, layout: Layout) -> list[int]:
+        """Its blocks."""
+        return [b for b in layout.blocks if b % self.count == self.index - self.first]
+
+
+def parse_part(text: str) -> Part:
+    """From `i/n`, i from 0 to n - 1.
+
+    Raises:
+      InputError: it is something else.
+    """
+    index, slash, count = text.partition("/")
+    if not (slash and index.isdecimal() and count.isdecimal()):
+        raise InputError(f"--shard {text}: give i/n, such as 0/8 for the first of eight parts")
+    part = Part(int(index), int(count))
+    if not part.index < part.count:
+        raise InputError(
+            f"--shard {text}: parts are counted from 0 to n - 1, so the last of {count} is "
+            f"{part.count - 1}/{part.count}"
+        )
+    return part
+
+
+def slurm_part(environment: Mapping[str, str] = os.environ) -> Part | None:
+    """The part of this task of a Slurm job array; None outside of one."""
+    if SLURM_TASK not in environment:
+        return None
+    try:
+        return Part(
+            int(environment[SLURM_TASK]),
+            int(environment[SLURM_COUNT]),
+            int(environment[SLURM_FIRST]),
+        )
+    except (KeyError, ValueError) as error:
+        raise InputError(
+            f"{SLURM_TASK}={environment[SLURM_TASK]} without a usable {SLURM_COUNT} and "
+            f"{SLURM_FIRST} ({error}): say --shard i/n"
+        ) from error
+
+
+def hours_of(recipe: Recipe, part: Part) -> float:
+    """Simulated hours of the missions of a part."""
+    layout, durations = Layout(len(recipe.plan)), recipe.plan.durations_s
+    missions = (m for b in part.blocks(layout) for m in layout.missions_of_block(b))
+    return sum(durations[m] for m in missions) / HOUR
+
+
+def generate_part(
+    recipe: Recipe,
+    out: str | Path,
+    part: Part,
+    *,
+    history: str = "factory.generate",
+    watch: Watcher | None = None,
+) -> tuple[int, int]:
+    """Fly the blocks of one part that are not there; missions flown now, and missions of the part.
+
+    Raises:
+      StoreError: something else is under the name, or the disk refuses. InputError: no such part,
+        or a mission that no attempt could fly.
+    """
+    store = Path(out)
+    job = Job(recipe, Site(store, recipe.digest))
+    layout = job.layout
+    with told(store):
+        if check_target(recipe, store, resume=True, overwrite=False):
+            return 0, 0
+        with locked(store, shared=True):
+            job.site.begin(recipe)
+            part = _fixed(job.site, part)
+            runlog.note(store, recipe, f"{history} (part {part.index} of {part.count})")
+            mine = part.blocks(layout)
+            todo, _ = waiting_blocks(job, mine)
+            for block in mine:
+                if block not in todo:
+                    _tell(job, block, [], watch)
+            for block in todo:
+                done = fly_block(job, block)
+                _tell(job, block, done.failures, watch)
+            for shard in layout.shards:
+                if _ready(job, shard):
+                    assemble(job, shard)
+    count = sum(len(layout.missions_of_block(b)) for b in mine)
+    return sum(len(layout.missions_of_block(b)) for b in todo), count
+
+
+def finish(out: str | Path) -> tuple[Summary, Recipe]:
+    """Complete a store whose parts have all run; what was done, and the recipe.
+
+    Raises:
+      StoreError: parts are missing, which the message lists, or nothing was begun.
+    """
+    started = time.perf_counter()
+    store = Path(out)
+    places = begun(store)
+    if not places and is_complete(store):
+        recipe = recipe_of(store)
+        return summary_of(recipe, store, started, flown=[], failed=failures_in(store)), recipe
+    if not places:
+        raise StoreError(
+            f"nothing was begun for {store}: run its parts first, `factory generate --shard 0/8 "
+            f"--out {store}` and so on"
+        )
+    if len(places) > 1:
+        raise StoreError(f"{store} was begun with {len(places)} recipes: {places[0].parent.parent}")
+    recipe = recipe_begun(places[0])
+    job = Job(recipe, Site(store, recipe.digest))
+    with told(store):
+        if check_target(recipe, store, resume=True, overwrite=False):
+            failed = failures_in(store)
+            return summary_of(recipe, store, started, flown=[], failed=failed), recipe
+        with locked(store):
+            blocks, shards = waiting_blocks(job)
+            if blocks:
+                raise StoreError(_missing(job, blocks))
+            job.site.sweep()
+            for shard in shards:
+                assemble(job, shard)
+            files, failed = complete(job)
+            give_name(job, files)
+    return summary_of(recipe, store, started, flown=[], failed=failed), recipe
+
+
+def _fixed(site: Site, part: Part) -> Part:
+    """The part as the first task of the array counted them: when some tasks run again, Slurm
+    counts only these.
+
+    Raises:
+      InputError: no such part.
+    """
+    place = site.folder / ARRAY
+    if not place.is_file():
+        write_whole(place, json.dumps({"first": part.first, "count": part.count}).encode())
+    kept = json.loads(place.read_bytes())
+    fixed = Part(part.index, kept["count"], kept["first"])
+    if not 0 <= fixed.index - fixed.first < fixed.count:
+        last = fixed.first + fixed.count - 1
+        raise InputError(
+            f"part {part.index}: {site.store} was begun in {fixed.count} parts, {fixed.first} to "
+            f"{last}"
+        )
+    return fixed
+
+
+def _ready(job: Job, shard: int) -> bool:
+    """Whether a shard can be assembled, and is not."""
+    if shard_manifest(job, shard) is not None:
+        return False
+    return all(block_manifest(job, block) for block in job.layout.blocks_of_shard(shard))
+
+
+def _tell(job: Job, block: int, failures: Sequence[int], watch: Watcher | None) -> None:
+    if watch is not None:
+        durations = job.recipe.plan.durations_s
+        for row, mission in enumerate(job.layout.missions_of_block(block)):
+            watch(durations[mission] / HOUR, failures[row] if failures else 0)
+
+
+def _missing(job: Job, blocks: list[int]) -> str:
+    """Which parts have to run again, in words that can be pasted."""
+    site, missing = job.site, sum(len(job.layout.missions_of_block(b)) for b in blocks)
+    start = f"{missing} of {job.layout.missions} missions of {site.store} are missing"
+    place = site.folder / ARRAY
+    if not place.is_file():
+        return f"{start}: complete it with the command that began it and --resume"
+    array = json.loads(place.read_bytes())
+    parts = sorted({block % array["count"] + array["first"] for block in blocks})
+    return f"{start}; run these parts of {array['count']} again: --array={_ranges(parts)}"
+
+
+def _ranges(numbers: list[int]) -> str:
+    """Numbers as Slurm writes them: 1,3-5."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return ",".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)

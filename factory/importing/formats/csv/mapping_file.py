@@ -1,0 +1,278 @@
+"""Mapping file: the TOML text of a mapping, checked key by key.
+
+Unknown keys, signals and units are refused with the nearest known one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import fnmatch
+from collections.abc import Mapping as Dict
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from factory.importing.formats.csv.mapping import (
+    CLOCK_UNITS,
+    FRAMES,
+    HEADINGS,
+    ISO,
+    LOCKS,
+    LOG_ONLY,
+    MADE,
+    SHIPPED,
+    Clock,
+    Correction,
+    Mapping,
+    Signal,
+)
+from factory.importing.formats.csv.toml_values import (
+    known_keys,
+    list_of,
+    moment,
+    number,
+    one_of,
+    positive,
+    table,
+    text,
+)
+from factory.importing.reading.units import in_unit, known_units
+from twin.bounded import compile_pattern, read_toml
+from twin.errors import InputError, unknown_name
+from twin.records.schema import VARIABLES
+
+
+def shipped_names() -> list[str]:
+    """Names of the mappings that come with the program."""
+    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
+
+
+def load_mapping(name: str | Path) -> Mapping:
+    """A mapping by the path of its file, or by the name of one that is shipped.
+
+    Raises:
+      InputError: no such file; not TOML; an unknown or wrong key, signal, unit or reason.
+    """
+    path = Path(name)
+    if not path.is_file():
+        path = SHIPPED / f"{name}.toml"
+    if not path.is_file():
+        raise InputError(
+            f"no mapping file {name}: "
+            f"{unknown_name('shipped mapping', str(name), shipped_names())}; docs/real.md shows "
+            "how to write one"
+        )
+    return parse_mapping(read_toml(path, "mapping"), path.name)
+
+
+def parse_mapping(data: Dict[str, Any], label: str) -> Mapping:
+    """A mapping from what its TOML file says; errors as `load_mapping`."""
+    label = f"mapping {label}"
+    keys = ("vehicle", "frame", "dvl_lock", "model", "deployment", "rows", "gap_s", "period_s",
+            "time", "signals", "ignored", "corrections")  # fmt: skip
+    known_keys(label, data, keys)
+    for key in ("vehicle", "time", "signals"):
+        if key not in data:
+            raise InputError(f"{label}: {key} is missing; docs/real.md shows a whole mapping")
+    model = text(label, "model", data["model"]) if "model" in data else None
+    if model is not None:
+        declare_model(model)
+    signals = {
+        name: _signal(f"{label}, signals.{name}", name, entry, model)
+        for name, entry in table(label, "signals", data["signals"]).items()
+    }
+    for name in ("latitude", "gps_latitude"):
+        other = name.replace("latitude", "longitude")
+        if (name in signals) != (other in signals):
+            raise InputError(f"{label}: {name} and {other} belong together; map both or neither")
+    ignored = table(label, "ignored", data.get("ignored", {}))
+    for pattern, why in ignored.items():
+        if not isinstance(why, str) or not why.strip():
+            raise InputError(f"{label}: ignored.{pattern} must say why, as a text, not {why!r}")
+        mapped = [n for n, s in signals.items() if fnmatch.fnmatchcase(s.column, pattern)]
+        if mapped:
+            raise InputError(
+                f"{label}: column {signals[mapped[0]].column!r} is {mapped[0]} and ignored as "
+                f"{pattern!r} too; do one"
+            )
+    dvl_lock = data.get("dvl_lock")
+    if dvl_lock is not None:
+        one_of(label, "dvl_lock", dvl_lock, tuple(LOCKS))
+        if "measured_dvl_mode" in signals:
+            raise InputError(f"{label}: dvl_lock and measured_dvl_mode say the same; give one")
+        if "measured_dvl_surge" not in signals:
+            raise InputError(f"{label}: dvl_lock needs measured_dvl_surge; map it, or leave it out")
+    deployment, word = _deployment(label, data.get("deployment", "file"))
+    rows, minutes = _rows(label, data.get("rows", "dives"))
+    if rows == "dives" and not {"measured_depth", "measured_pressure"} & set(signals):
+        raise InputError(
+            f'{label}: rows = "dives" needs measured_depth or measured_pressure; map one, or say '
+            'rows = "file", rows = "gaps" or a number of minutes'
+        )
+    return Mapping(
+        name=label,
+        vehicle=text(label, "vehicle", data["vehicle"]),
+        time=_clock(label, data["time"]),
+        signals=signals,
+        ignored=ignored,
+        corrections=tuple(
+            _correction(f"{label}, corrections[{k}]", one, signals)
+            for k, one in enumerate(list_of(label, "corrections", data.get("corrections", [])))
+        ),
+        frame=one_of(label, "frame", data.get("frame", "FRD"), FRAMES),
+        dvl_lock=dvl_lock,
+        model=model,
+        deployment=deployment,
+        deployment_word=word,
+        rows=rows,
+        minutes=minutes,
+        gap_s=positive(label, "gap_s", data.get("gap_s", Mapping.gap_s)),
+        period_s=positive(label, "period_s", data["period_s"]) if "period_s" in data else None,
+    )
+
+
+def signal_names() -> list[str]:
+    """Every signal that a column can be mapped to."""
+    return [*(name for name in VARIABLES if name not in MADE), *LOG_ONLY]
+
+
+def declare_model(model: str) -> None:
+    """Let the schema know the controls of a vehicle."""
+    from twin.physics.part_signals import declare_parts
+    from twin.vehicle.vehicle import load_vehicle
+
+    declare_parts(load_vehicle(model))
+
+
+def _signal(label: str, name: str, entry: object, model: str | None) -> Signal:
+    allowed = signal_names()
+    if name not in allowed:
+        if name in MADE:
+            raise InputError(
+                f"{label}: the import makes {name} itself; map gps_latitude and gps_longitude, or "
+                "latitude and longitude of the vehicle's own track"
+            )
+        hint = "" if model else (
+            '; for controls of a vehicle\'s parts say whose: model = "tethys" or an own vehicle.xml'
+        )  # fmt: skip
+        raise InputError(f"{label}: {unknown_name('signal', name, allowed)}{hint}")
+    if isinstance(entry, str):
+        entry = {"column": entry}
+    values = dict(table(label, "", entry))
+    known_keys(label, values, [field.name for field in dataclasses.fields(Signal)])
+    if "column" not in values:
+        raise InputError(f"{label}: column is missing: which column of the table is it?")
+    signal = Signal(**_checked(label, name, values))
+    wanted = signal.wanted(name)
+    if not signal.unit and wanted != "1":
+        raise InputError(
+            f"{label}: unit is missing; take one of {', '.join(known_units(wanted))}"
+        )  # fmt: skip
+    if signal.unit and signal.unit != wanted:
+        in_unit(np.zeros(0), signal.unit, wanted, label)
+    return signal
+
+
+def _checked(label: str, name: str, values: Dict[str, Any]) -> dict[str, Any]:
+    """Fields of a `Signal` with the types that they must have."""
+    found: dict[str, Any] = dict(values)
+    for key, allowed in (
+        ("frame", FRAMES),
+        ("zero", ("north", "east")),
+        ("turns", ("clockwise", "counterclockwise")),
+        ("north", ("true", "magnetic")),
+    ):
+        if key in found:
+            one_of(label, key, found[key], allowed)
+            if key != "frame" and name not in HEADINGS:
+                raise InputError(f"{label}: {key} is for headings ({', '.join(sorted(HEADINGS))})")
+    for key in ("column", "unit"):
+        if key in found:
+            found[key] = text(label, key, found[key])
+    for key in ("optional", "held"):
+        if key in found and not isinstance(found[key], bool):
+            raise InputError(f"{label}: {key} must be true or false, not {found[key]!r}")
+    if "sign" in found and (isinstance(found["sign"], bool) or found["sign"] not in (1, -1)):
+        raise InputError(f"{label}: sign must be 1 or -1, not {found['sign']!r}")
+    if "sentinels" in found:
+        sentinels = list_of(label, "sentinels", found["sentinels"])
+        found["sentinels"] = tuple(number(label, "sentinels", value) for value in sentinels)
+    if "possible" in found:
+        both = [number(label, "possible", v) for v in list_of(label, "possible", found["possible"])]
+        if len(both) != 2 or not both[0] < both[1]:
+            raise InputError(f"{label}: possible must be [lowest, highest], not {both}")
+        found["possible"] = (both[0], both[1])
+    return found
+
+
+def _clock(label: str, entry: object) -> Clock:
+    label = f"{label}, time"
+    values = dict(table(label, "", entry))
+    known_keys(label, values, [field.name for field in dataclasses.fields(Clock)])
+    if "column" not in values:
+        raise InputError(f"{label}: column is missing: which column of the table is the time?")
+    unit = str(values.get("unit", "s")).lower()
+    if unit not in CLOCK_UNITS:
+        raise InputError(f"{label}: {unknown_name('unit of time', unit, CLOCK_UNITS)}")
+    if "start" in values and "start_from_name" in values:
+        raise InputError(f"{label}: start and start_from_name both say when; give one")
+    start = moment(label, values["start"]) if "start" in values else None
+    pattern = values.get("start_from_name")
+    if pattern is not None:
+        pattern = text(label, "start_from_name", pattern)
+        if compile_pattern(pattern, f"{label}: start_from_name").groups != 1:
+            raise InputError(
+                f"{label}: start_from_name must have one group in brackets, the date, such as "
+                r"'^(\d{8})_'"
+            )
+    if unit == ISO and (start is not None or pattern is not None):
+        raise InputError(f"{label}: iso times are whole ones; leave start and start_from_name out")
+    return Clock(
+        column=text(label, "column", values["column"]),
+        unit=unit,
+        start=start,
+        start_from_name=pattern,
+    )
+
+
+def _correction(label: str, entry: object, signals: Dict[str, Signal]) -> Correction:
+    values = dict(table(label, "", entry))
+    for key in ("files", "signal", "reason"):
+        if key not in values:
+            raise InputError(f"{label}: {key} is missing")
+    files, signal, reason = (text(label, k, values.pop(k)) for k in ("files", "signal", "reason"))
+    if signal not in signals:
+        raise InputError(f"{label}: {unknown_name('mapped signal', signal, signals)}")
+    allowed = [field.name for field in dataclasses.fields(Signal)]
+    known_keys(label, values, ["files", "signal", "reason", *allowed])
+    if not values:
+        raise InputError(f"{label}: it changes nothing; give one of {', '.join(allowed)}")
+    return Correction(
+        files=files, signal=signal, reason=reason, changes=_checked(label, signal, values)
+    )
+
+
+def _deployment(label: str, value: object) -> tuple[Literal["file", "name", "column"], str]:
+    if value == "file":
+        return "file", ""
+    if isinstance(value, dict) and len(value) == 1:
+        ((key, word),) = value.items()
+        if key in ("name", "column"):
+            return key, text(label, f"deployment.{key}", word)
+    raise InputError(
+        f'{label}: deployment must be "file", {{ name = "..." }} for all files together, or '
+        f'{{ column = "..." }}, not {value!r}'
+    )
+
+
+def _rows(
+    label: str, value: object
+) -> tuple[Literal["dives", "file", "gaps", "minutes"], float]:  # fmt: skip
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return "minutes", positive(label, "rows", value)
+    if value in ("dives", "file", "gaps"):
+        return value, 0.0
+    raise InputError(
+        f'{label}: rows must be "dives", "file", "gaps" or a number of minutes, not {value!r}'
+    )

@@ -1,0 +1,52 @@
+"""Faults injected into the writers, some of those of `python -m benchmarks.faults`."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.faults.__main__ import inject
+from benchmarks.faults.injector import FAULTS, Fault, compiler
+from benchmarks.faults.writers import WRITERS
+
+pytestmark = pytest.mark.skipif(compiler() is None, reason="the injector needs a C compiler")
+
+EVERY = {"whole_folder": 7, "whole_file": 2, "write_whole": 1, "fit-network": 7}
+"""Every which operation of a writer fails here"""
+LONG = ("simulate", "import", "save", "generate")
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_no_fault_loses_anything(name):
+    found = inject(name, EVERY[name])
+    assert found["lost"] == [], found["trace"]
+    assert found["survived"] == found["injected"] >= len(FAULTS)
+
+
+@pytest.mark.parametrize("name", sorted({*WRITERS} - {*EVERY}))
+def test_a_kill_leaves_the_old_content_or_the_new(name):
+    found = inject(name, 400 if name in LONG else 60, (Fault.KILL,))
+    assert found["lost"] == [], found["trace"]
+    assert found["survived"] == found["injected"] >= 1
+
+
+def test_a_writer_that_is_not_whole_is_found(monkeypatch, tmp_path):
+    """The injector and its judge notice what a plain writer loses."""
+    import textwrap
+
+    from benchmarks.faults.injector import run_injected
+
+    program = textwrap.dedent(
+        """
+        import sys
+        from pathlib import Path
+        from benchmarks.faults import campaign
+        from benchmarks.faults.writers import Writer
+        def prepare(inputs):
+            return lambda path, variant: path.write_text(3000 * variant)
+        campaign.WRITERS["plain"] = Writer("plain", "plain.txt", prepare)
+        campaign._count = lambda *_: 2
+        print(len(campaign.run("plain", Path(sys.argv[1])).lost))
+        """
+    )
+    ended = run_injected("-c", program, str(tmp_path / "work"), folder=tmp_path, timeout=100.0)
+    assert int(ended.stdout) >= 5, ended.stderr

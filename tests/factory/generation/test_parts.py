@@ -1,0 +1,137 @@
+"""Parts of a job array: one hash of the tree however many commands make it, in whatever order."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from factory.generation.generate import generate
+from factory.generation.layout import Layout
+from factory.generation.parts import Part, finish, generate_part, parse_part, slurm_part
+from factory.generation.site import Site
+from factory.recipe.recipe import Recipe
+from twin.errors import InputError, StoreError
+from twin.records.store import open_store
+
+Recipes = Callable[..., Recipe]
+
+
+def contents(store: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(store).as_posix(): path.read_bytes()
+        for path in store.rglob("*")
+        if path.is_file()
+    }
+
+
+@pytest.mark.parametrize("missions", [1, 3, 13, 64, 65, 1333, 13_333, 1_000_000])
+def test_blocks_fill_shards_and_shards_the_store(missions: int) -> None:
+    layout = Layout(missions)
+    blocks = (
+        [m for b in layout.blocks for m in layout.missions_of_block(b)] if missions < 1e5 else []
+    )
+    assert blocks == list(range(missions)) or missions >= 1e5
+    for shard in (layout.shards[0], layout.shards[-1]):
+        parts = [m for b in layout.blocks_of_shard(shard) for m in layout.missions_of_block(b)]
+        assert parts == list(layout.missions_of_shard(shard))
+    assert len(layout.blocks) >= min(4, missions)
+    signals, rows = 75, 180  # more than preset field has
+    chunks = -(-missions // layout.row_missions)
+    assert signals * len(layout.shards) + rows * chunks + signals + rows < 20_000
+
+
+def test_parts_in_any_order_make_the_store(
+    tmp_path: Path, recipe: Recipes, paper_store: Path
+) -> None:
+    made, store = recipe(), tmp_path / "missions.zarr"
+    for index in (2, 0):
+        assert generate_part(made, store, Part(index, 3))[0] > 0
+    with pytest.raises(StoreError, match=r"is incomplete.*--resume"):
+        open_store(store)
+    with pytest.raises(
+        StoreError, match=r"1 of 4 missions .* run these parts of 3 again: --array=1$"
+    ):
+        finish(store)
+    again, missions = generate_part(made, store, Part(2, 3))
+    assert (again, missions) == (0, 1)
+    generate_part(made, store, Part(1, 3))
+    summary, same = finish(store)
+    assert same.digest == made.digest
+    assert summary.missions == len(made.plan)
+    assert contents(store) == contents(paper_store)
+    assert finish(store)[0].flown == 0  # once more is harmless
+    assert generate_part(made, store, Part(0, 3)) == (0, 0)
+
+
+def test_eight_commands_at_once_make_the_same_bytes(
+    tmp_path: Path, recipe: Recipes, paper_store: Path
+) -> None:
+    store = tmp_path / "missions.zarr"
+    changes = [f"{name}={text}" for name, text in recipe().changes.items()]
+    command = [sys.executable, "-m", "factory", "generate", "--hours", "0.2", "--out", str(store)]
+    commands = [
+        subprocess.Popen([*command, "--shard", f"{i}/4", "--set", *changes], stderr=subprocess.PIPE)
+        for i in (0, 1, 2, 3, 3)  # the last part twice
+    ]
+    for process in commands:
+        _, said = process.communicate(timeout=120)
+        assert process.returncode == 0, said
+    finish(store)
+    assert contents(store) == contents(paper_store)
+    log = (tmp_path / "missions.zarr.log").read_text()
+    assert log.count("--shard") == len(commands)
+
+
+def test_a_whole_run_goes_on_from_parts(tmp_path: Path, recipe: Recipes, paper_store: Path) -> None:
+    made, store = recipe(), tmp_path / "missions.zarr"
+    generate_part(made, store, Part(0, 2))
+    summary = generate(made, store, workers=1, resume=True)
+    assert 0 < summary.flown < len(made.plan)
+    assert contents(store) == contents(paper_store)
+
+
+def test_slurm_counts_parts_as_the_first_array_did(
+    tmp_path: Path, recipe: Recipes, paper_store: Path
+) -> None:
+    """Tasks that run again are an array of their own, with another count."""
+
+    def part(task: int, count: int, first: int) -> Part:
+        names = ("SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_COUNT", "SLURM_ARRAY_TASK_MIN")
+        found = slurm_part(dict(zip(names, map(str, (task, count, first)), strict=True)))
+        assert found is not None
+        return found
+
+    made, store = recipe(), tmp_path / "missions.zarr"
+    generate_part(made, store, part(1, 3, 1))
+    generate_part(made, store, part(3, 3, 1))
+    with pytest.raises(StoreError, match=r"--array=2$"):
+        finish(store)
+    generate_part(made, store, part(2, 1, 2))
+    finish(store)
+    assert contents(store) == contents(paper_store)
+    assert slurm_part({}) is None
+    with pytest.raises(InputError, match="SLURM_ARRAY_TASK_COUNT"):
+        slurm_part({"SLURM_ARRAY_TASK_ID": "3"})
+
+
+def test_a_part_that_there_is_not_is_refused(tmp_path: Path, recipe: Recipes) -> None:
+    made, store = recipe(), tmp_path / "missions.zarr"
+    with pytest.raises(StoreError, match="nothing was begun"):
+        finish(store)
+    generate_part(made, store, Part(0, 2))
+    with pytest.raises(InputError, match="was begun in 2 parts, 0 to 1"):
+        generate_part(made, store, Part(5, 8))
+    with pytest.raises(StoreError, match=r"other settings \(seed: 0 -> 1\)"):
+        generate_part(recipe(seed=1), store, Part(1, 2))
+    assert (Site(store, made.digest).folder / "recipe.json").is_file()
+
+
+@pytest.mark.parametrize("text", ["3", "8/8", "-1/4", "1/0", "a/b", "1/2/3", ""])
+def test_a_wrong_part_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match=r"--shard"):
+        parse_part(text)
+    assert parse_part("0/8") == Part(0, 8)

@@ -1,0 +1,94 @@
+"""What ends a command from outside: it tidies up, says how to go on, and has its own exit code."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from twin.cli.endings import Endings
+
+COMMAND = """
+import os, sys, time
+from dataclasses import dataclass
+from pathlib import Path
+from twin.cli.program import Command, Program
+from twin.records.whole import whole_folder
+
+@dataclass(frozen=True, kw_only=True)
+class Write:
+    '''Write slowly.'''
+    out: Path
+    '''folder'''
+    def run(self, console):
+        with whole_folder(self.out) as folder:
+            (folder / "half").touch()
+            child = os.fork()
+            if child == 0:
+                time.sleep(60)
+            print(child, flush=True)
+            time.sleep(60)
+        return 0
+
+command = Command(name="write", summary="", loader="__main__:Write")
+sys.exit(Program(name="twin", summary="", commands=(command,)).main(sys.argv[1:]))
+"""
+
+
+def started(tmp_path, *before):
+    return subprocess.Popen(
+        [*before, sys.executable, "-c", COMMAND, "write", "--out", tmp_path / "out"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "word"),
+    [
+        (signal.SIGTERM, 143, "ended by SIGTERM"),
+        (signal.SIGHUP, 129, "ended by SIGHUP"),
+        (signal.SIGINT, 130, "interrupted"),
+    ],
+)
+def test_a_signal_leaves_nothing_half_written_and_says_how_to_go_on(tmp_path, number, code, word):
+    process = started(tmp_path)
+    child = int(process.stdout.readline())
+    os.kill(child, signal.SIGTERM)  # a forked process ends at once and without a word
+    process.send_signal(number)
+    _, told = process.communicate(timeout=30)
+    assert process.returncode == code
+    assert told.startswith(f"twin: error: {word}: nothing half-written is left under ")
+    assert told.endswith("give the command again\n")
+    assert len(told.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_hang_up_that_is_ignored_stays_so(tmp_path):
+    process = started(tmp_path, "nohup")
+    child = int(process.stdout.readline())
+    process.send_signal(signal.SIGHUP)
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(0.3)
+    os.kill(child, signal.SIGKILL)
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=30)
+    assert process.returncode == 143
+
+
+def test_handlers_of_others_are_left_alone():
+    before = signal.signal(signal.SIGTERM, lambda *_: None)
+    try:
+        mine = signal.getsignal(signal.SIGTERM)
+        with Endings():
+            assert signal.getsignal(signal.SIGTERM) is mine
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    with Endings() as endings:
+        assert (endings.word, endings.code) == ("interrupted", 130)
+        assert signal.getsignal(signal.SIGHUP) is not signal.SIG_DFL
+    assert signal.getsignal(signal.SIGHUP) is signal.SIG_DFL

@@ -1,0 +1,153 @@
+"""The list of checksums: every change of a folder is found, that of the list too."""
+
+from __future__ import annotations
+
+import json
+import random
+import tracemalloc
+import warnings
+
+import numpy as np
+import pytest
+import xarray as xr
+import zarr
+
+from twin.errors import StoreError
+from twin.records.checksums import (
+    LIST,
+    ZARR_LIST,
+    FileSum,
+    damaged_files,
+    file_sum,
+    has_checksums,
+    read_checksums,
+    write_checksums,
+)
+from twin.records.store import write_zarr
+
+
+def said(folder, only=None):
+    return [(one.path, one.what) for one in damaged_files(folder, only)]
+
+
+@pytest.fixture
+def plain(tmp_path):
+    folder = tmp_path / "plain"
+    (folder / "a").mkdir(parents=True)
+    (folder / "a" / "one.bin").write_bytes(bytes(range(256)))
+    (folder / "two.txt").write_text("two")
+    (folder / "empty").touch()
+    write_checksums(folder)
+    return folder
+
+
+@pytest.fixture
+def store(tmp_path):
+    path = tmp_path / "store.zarr"
+    rows = (("mission", "time"), np.arange(12.0).reshape(2, 6))
+    write_zarr(xr.Dataset({"depth": rows}, attrs={"title": "test"}), path)
+    write_checksums(path)
+    return path
+
+
+def test_a_sound_folder_has_no_damage(plain):
+    assert has_checksums(plain)
+    assert said(plain) == []
+    assert sorted(read_checksums(plain)) == ["a/one.bin", "empty", "two.txt"]
+    assert read_checksums(plain)["two.txt"] == FileSum(
+        3, "3fc4ccfe745870e2c0d99f71f30ff0656c8dedd41cc1d7d3d376b0dbe685e2f3"
+    )
+
+
+def test_changed_missing_unknown_and_cut_files_are_told_apart(plain):
+    (plain / "a" / "one.bin").write_bytes(bytes(255) + b"x")
+    (plain / "two.txt").unlink()
+    (plain / "new").touch()
+    assert said(plain) == [("a/one.bin", "changed"), ("two.txt", "missing"), ("new", "unknown")]
+    (plain / "a" / "one.bin").write_bytes(b"")
+    assert str(next(damaged_files(plain))) == "a/one.bin is changed: 0 bytes instead of 256"
+
+
+def test_only_some_files_are_read_when_some_are_named(plain):
+    (plain / "a" / "one.bin").write_bytes(b"")
+    (plain / "two.txt").write_text("six")
+    assert said(plain, ["two.txt"]) == [("two.txt", "changed")]
+    assert said(plain, ["a"]) == [("a/one.bin", "changed")]
+    assert said(plain, ["empty", "tw"]) == []
+
+
+@pytest.mark.parametrize("kind", ["plain", "store"])
+def test_every_flipped_bit_of_the_list_itself_is_found(kind, request):
+    folder = request.getfixturevalue(kind)
+    path = folder / (LIST if kind == "plain" else ZARR_LIST)
+    whole = path.read_bytes()
+    for place in range(len(whole)):
+        bit = 1 << random.Random(place).randrange(8)
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ bit]) + whole[place + 1 :])
+        assert said(folder) == [(path.relative_to(folder).as_posix(), "changed")], place
+    path.write_bytes(whole)
+    assert said(folder) == []
+
+
+def test_a_list_that_is_cut_or_replaced_is_damage(plain):
+    path = plain / LIST
+    whole = path.read_bytes()
+    for text in (b"", b"[]", b"{}", whole[:-1], whole + b"\n", b"[" * 100_000, b'{"files": 3}'):
+        path.write_bytes(text)
+        assert said(plain) == [(LIST, "changed")]
+    table = json.loads(whole)
+    del table["files"]["two.txt"]  # with the digest of the whole list
+    path.write_text(json.dumps(table, sort_keys=True, separators=(",", ":")))
+    assert said(plain) == [(LIST, "changed")]
+
+
+def test_a_folder_without_a_list_says_so(tmp_path):
+    assert not has_checksums(tmp_path)
+    with pytest.raises(StoreError, match="has no list of checksums"):
+        list(damaged_files(tmp_path))
+
+
+def test_sums_that_are_known_are_not_read_again(plain):
+    given = FileSum(1, "0" * 64)
+    write_checksums(plain, {"a/one.bin": given})
+    assert read_checksums(plain)["a/one.bin"] == given
+    assert read_checksums(plain)["two.txt"] == file_sum(plain / "two.txt")
+
+
+def test_the_same_files_have_the_same_list(plain, tmp_path):
+    before = (plain / LIST).read_bytes()
+    write_checksums(plain)
+    assert (plain / LIST).read_bytes() == before
+
+
+@pytest.mark.parametrize("consolidated", [None, True, False])
+def test_zarr_opens_a_store_with_a_list_without_a_warning(store, consolidated):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with xr.open_zarr(store, consolidated=consolidated) as dataset:
+            assert list(dataset.data_vars) == ["depth"]
+            assert dataset.attrs == {"title": "test"}
+        group = zarr.open_group(store, mode="r", use_consolidated=consolidated)
+        assert list(group.array_keys()) == ["depth"]
+    assert has_checksums(store)
+    assert not (store / LIST).exists()
+
+
+def test_damage_of_a_store_is_found_in_arrays_metadata_and_attributes(store):
+    for path in sorted(p for p in store.rglob("*") if p.is_file() and "checksums" not in str(p)):
+        whole = path.read_bytes()
+        path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+        assert said(store) == [(path.relative_to(store).as_posix(), "changed")]
+        path.write_bytes(whole)
+    (store / "zarr.json").unlink()
+    assert said(store) == [("zarr.json", "missing")]
+
+
+def test_a_large_file_is_read_in_pieces(tmp_path):
+    with (tmp_path / "large").open("wb") as file:
+        file.truncate(100_000_000)
+    write_checksums(tmp_path)
+    tracemalloc.start()
+    assert said(tmp_path) == []
+    assert tracemalloc.get_traced_memory()[1] < 2_000_000
+    tracemalloc.stop()

@@ -1,0 +1,204 @@
+"""Bounded: files of others read with limits in size and depth, so that none can exhaust a machine.
+
+A text that people write has a largest size. A file of arrays may be of any size, but may not
+declare many times the values that it can hold: compressed files of zeros and sparse files are small
+and ask for more memory than there is.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import tomllib
+import warnings
+import zipfile
+import zlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from twin.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MOST_TEXT = 64 * 2**20
+"""[byte] of a text file with a table: a million rows of sixty characters"""
+MOST_SETTINGS = 256 * 2**10
+"""[byte] of a file of settings that a person writes (TOML, YAML); a hundred times a usual one"""
+MOST_LINE = 2000
+"""Characters of a line of settings: a key of thousands of parts takes its square in time"""
+MOST_RATIO = 300
+"""Bytes that an array file may declare per byte that it has. Real stores and logs have 2 to 30,
+and no row of measurements comes near."""
+LONGEST_NAME = 255
+"""Characters of a file's name"""
+MOST_WAYS = 10**8
+"""Ways in which the repeats of a pattern may share a name: a second or two"""
+FREE_BYTES = 256 * 2**20
+"""[byte] that any file may declare, however small it is"""
+
+
+def read_text(
+    path: str | Path, what: str, error: type[InputError] = InputError, *, most: int = MOST_TEXT
+) -> str:
+    """The text of a file of at most `most` bytes, UTF-8 with or without a mark at its beginning.
+
+    Args:
+      what: what errors call it, such as "density file".
+
+    Raises:
+      InputError: (or `error`) it cannot be read, is larger, or is not UTF-8.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            data = file.read(most + 1)
+        if len(data) > most:
+            raise error(
+                f"{what} {path} is larger than {_size(most)}, which none needs: is it the right "
+                "file?"
+            )
+        # the line ends that text mode would give
+        return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as cause:
+        raise error(f"cannot read {what} {path}: it is not UTF-8 text ({cause.reason})") from cause
+    except (OSError, ValueError) as cause:  # ValueError: a path with a null character
+        if isinstance(cause, InputError):
+            raise
+        reason = getattr(cause, "strerror", None) or str(cause)
+        raise error(f"cannot read {what} {path}: {reason}") from cause
+
+
+def read_toml(
+    path: str | Path, what: str, error: type[InputError] = InputError, *, hint: str = ""
+) -> dict[str, Any]:
+    """The tables of a TOML file; errors as `read_text`.
+
+    Args:
+      hint: ends the message of a text without a single = or [, which is another kind of file.
+    """
+    text = read_text(path, what, error, most=MOST_SETTINGS)
+    long = next((k for k, line in enumerate(text.split("\n"), 1) if len(line) > MOST_LINE), 0)
+    if long:
+        raise error(f"{what} {path}: line {long} has more than {MOST_LINE} characters; break it")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise error(f"{what} {path} has tables or lists in each other without end") from None
+    except ValueError as cause:  # also of a number with thousands of digits
+        hint = hint if not any(mark in text for mark in "=[") else ""
+        raise error(f"{what} {path} is not TOML: {cause}{hint}") from cause
+
+
+def parse_json(text: str | bytes, what: str, error: type[InputError] = InputError) -> Any:
+    """What a JSON text holds.
+
+    Raises:
+      InputError: (or `error`) it is not JSON, or nested without end.
+    """
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise error(f"{what} has lists or objects in each other without end") from None
+    except (ValueError, TypeError) as cause:
+        raise error(f"{what} is not JSON: {cause}") from cause
+
+
+def compile_pattern(
+    pattern: str, what: str, error: type[InputError] = InputError
+) -> re.Pattern[str]:
+    """A regular expression that comes to an end in any name of a file.
+
+    Python's engine tries every way in which repeats can share a text, which takes longer than
+    there is time when repeats are inside each other or many. So no group is repeated, and few
+    single characters are.
+
+    Raises:
+      InputError: (or `error`) it is no regular expression, or one that could take that long.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", FutureWarning)  # of sets that will change their meaning
+            compiled = re.compile(pattern)
+    except (re.error, FutureWarning, RecursionError, OverflowError) as cause:
+        raise error(f"{what} is no regular expression: {cause}") from None
+    plain = re.sub(r"\\.|\[\^?\]?(?:\\.|[^\]\\])*\]", "x", pattern, flags=re.DOTALL)
+    plain = re.sub(r"\(\?(?:P?<?[=!]?\w*>?|[=!:])", "(", plain)
+    ways = LONGEST_NAME
+    for group, low, high in re.findall(r"([)]?)(?:\{(\d*),(\d*)\}|[*+])[?+]?", plain):
+        ways *= min(int(high or LONGEST_NAME) - int(low or 0) + 1, LONGEST_NAME)
+        ways *= MOST_WAYS if group else 1
+    ways *= 2 ** min(len(re.findall(r"(?<![*+}])\?", plain)), 99)
+    if ways > MOST_WAYS or re.search(r"\)\{", plain):
+        raise error(
+            f"{what} could take without end: repeat no group, and few characters by *, + or ?"
+        )
+    return compiled
+
+
+def check_declared(
+    declared: float,
+    stored: int,
+    what: str,
+    error: type[InputError] = InputError,
+    *,
+    free: float = FREE_BYTES,
+) -> None:
+    """Raise when a file of `stored` bytes declares values of `declared` bytes, far too many.
+
+    Args:
+      free: [byte] that it may declare anyway.
+    """
+    if declared > free and declared > MOST_RATIO * stored:
+        raise error(
+            f"{what} declares {_size(declared)} of values in {_size(stored)}: it is damaged, or "
+            "made to fill the memory"
+        )
+
+
+def check_dataset(
+    dataset: xr.Dataset, path: str | Path, what: str, error: type[InputError] = InputError
+) -> None:
+    """`check_declared` of a dataset that was opened lazily, from a file or a local folder."""
+    declared = sum(
+        max(variable.nbytes, _chunk_size(variable)) for variable in dataset.variables.values()
+    )
+    if declared > FREE_BYTES and Path(path).exists():
+        check_declared(declared, stored_size(Path(path)), what, error)
+
+
+def _chunk_size(variable: xr.Variable) -> float:
+    """[byte] of a chunk, which is read whole however little of it is wanted; 0 without chunks."""
+    sizes = [variable.encoding.get(name) for name in ("chunks", "chunksizes", "shards")]
+    return variable.dtype.itemsize * max((math.prod(s) for s in sizes if s), default=0)
+
+
+def check_archive(path: Path, what: str, error: type[InputError] = InputError) -> None:
+    """`check_declared` of a zip archive (.npz, checkpoints); raises too when it is none."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            declared = sum(entry.file_size for entry in archive.infolist())
+    except (OSError, ValueError, zipfile.BadZipFile, zlib.error) as cause:
+        raise error(f"{what} cannot be read: {cause}") from cause
+    check_declared(declared, path.stat().st_size, what, error)
+
+
+def stored_size(path: Path) -> int:
+    """Bytes of a file, or of all files in a folder and those below; links are not followed."""
+    if not path.is_dir():
+        return path.stat().st_size
+    return sum(
+        (Path(folder) / name).lstat().st_size
+        for folder, _, names in os.walk(path)
+        for name in names
+    )
+
+
+def _size(number: float) -> str:
+    """[byte] in a unit that people read."""
+    for unit in ("bytes", "kB", "MB", "GB", "TB"):
+        if number < 1000.0 or unit == "TB":
+            break
+        number /= 1000.0
+    return f"{number:.3g} {unit}"

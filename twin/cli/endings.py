@@ -1,0 +1,66 @@
+"""Endings: what ends a program from outside, Ctrl-C, SIGTERM or SIGHUP, and how that is told.
+
+All three are a KeyboardInterrupt, so that what a command has begun is tidied up and it says how to
+go on, whoever ends it: a person, a batch system at the end of a job, a terminal that closes.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from types import FrameType, TracebackType
+
+WORDS = {
+    signal.SIGINT: "interrupted",
+    signal.SIGTERM: "ended by SIGTERM",
+    signal.SIGHUP: "ended by SIGHUP",
+}
+
+
+class Endings:
+    """A context in which SIGTERM and SIGHUP end the program as Ctrl-C does.
+
+    A signal that is ignored, as SIGHUP under nohup, or that somebody else handles, is left alone.
+    Processes that this one forks end at once by them, as they would without.
+    """
+
+    def __init__(self) -> None:
+        self._signal = signal.SIGINT
+        self._process = os.getpid()
+        self._taken: list[signal.Signals] = []
+
+    @property
+    def word(self) -> str:
+        """How it ended."""
+        return WORDS[self._signal]
+
+    @property
+    def code(self) -> int:
+        """Exit code as shells report the signal."""
+        return 128 + self._signal
+
+    def __enter__(self) -> Endings:
+        if threading.current_thread() is threading.main_thread():
+            for one in (signal.SIGTERM, signal.SIGHUP):
+                if signal.getsignal(one) is signal.SIG_DFL:
+                    signal.signal(one, self._end)
+                    self._taken.append(one)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for one in self._taken:
+            signal.signal(one, signal.SIG_DFL)
+
+    def _end(self, number: int, frame: FrameType | None) -> None:
+        if os.getpid() != self._process:  # a forked process ends by it without a word
+            signal.signal(number, signal.SIG_DFL)
+            os.kill(os.getpid(), number)
+            return
+        self._signal = signal.Signals(number)
+        raise KeyboardInterrupt

@@ -1,0 +1,51 @@
+"""Numbers: a value that must be a number, whoever gave it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+
+
+def number(value: object, what: str, error: type[InputError] = InputError) -> float:
+    """`value` as a float; a whole number beyond all floats is infinite.
+
+    Args:
+      what: begins the message, such as "scenario: duration".
+
+    Raises:
+      InputError: (or `error`) it is a text, a truth value, None or anything else that is no number.
+    """
+    if not isinstance(value, bool) and hasattr(value, "__float__"):
+        try:
+            return float(value)
+        except OverflowError:
+            return math.inf
+        except (TypeError, ValueError):  # an array of several, say
+            pass
+    raise error(f"{what} is {_shown(value)}: give a number") from None
+
+
+def numbers(values: object, what: str, error: type[InputError] = InputError) -> NDArray[np.float64]:
+    """A list of numbers as an array.
+
+    Raises:
+      InputError: (or `error`) it is none, or holds something else; texts are no numbers.
+    """
+    if isinstance(values, str | bytes | dict):
+        raise error(f"{what} is {_shown(values)}: give numbers")
+    try:
+        return np.array(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise error(f"{what} is {_shown(values)}: give numbers") from None
+
+
+def _shown(value: object) -> str:
+    try:
+        text = repr(value)
+    except ValueError:  # a whole number of thousands of digits
+        text = f"a {type(value).__name__}"
+    return text if len(text) <= 60 else f"{text[:60]}..."

@@ -1,0 +1,192 @@
+"""Checksums: a list of every file of a folder with its size and SHA-256, so that damage is found.
+
+A plain folder has the list as `checksums.json`. In a zarr store it is the attributes of a group of
+that name, `checksums/zarr.json`: zarr warns of every entry of a group, hidden ones too, that is no
+part of a hierarchy. Both say the same:
+
+    {"files": {"time/zarr.json": {"bytes": 512, "sha256": "..."}}, "digest": "..."}
+
+`digest` is the SHA-256 of the canonical text of `files`. The list is compared with the only text
+that its content can have, so that a changed byte is found anywhere in it too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from twin.errors import StoreError
+from twin.records.disk import files_below, write_whole
+
+LIST = "checksums.json"
+"""The list of a plain folder."""
+ZARR_METADATA = "zarr.json"
+ZARR_LIST = f"checksums/{ZARR_METADATA}"
+"""The list of a zarr store."""
+
+What = Literal["changed", "missing", "unknown", "unreadable"]
+
+
+@dataclass(frozen=True)
+class Damage:
+    """One file that is not what the list says."""
+
+    path: str
+    """relative to the folder, with slashes"""
+    what: What
+    """`unknown` are files that the list does not name"""
+    detail: str = ""
+
+    def __str__(self) -> str:
+        """In words, for people."""
+        return f"{self.path} is {self.what}{f': {self.detail}' if self.detail else ''}"
+
+
+@dataclass(frozen=True)
+class FileSum:
+    """What the list says of a file."""
+
+    bytes: int
+    sha256: str
+    """hexadecimal"""
+
+
+def file_sum(path: Path) -> FileSum:
+    """Size and hash of a file, read piece by piece; raises OSError."""
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+        return FileSum(file.tell(), digest)
+
+
+def has_checksums(folder: str | Path) -> bool:
+    """Whether a folder has a list; nothing of it is read."""
+    return _list_of(Path(folder)) is not None
+
+
+def is_listed(folder: str | Path) -> bool:
+    """Whether a folder has a list that names every file in it: nothing there is a user's own."""
+    try:
+        sums = read_checksums(folder)
+    except StoreError:
+        return False
+    return all(name in sums for name in _names(Path(folder)))
+
+
+def write_checksums(folder: str | Path, known: Mapping[str, FileSum] | None = None) -> Path:
+    """Write the list of all files that a folder holds now; returns its path.
+
+    Args:
+      known: sums of files that were taken when these were written; the others are read.
+
+    Raises:
+      OSError: a file cannot be read, or the list not be written.
+    """
+    root, known = Path(folder), known or {}
+    target = root / (ZARR_LIST if (root / ZARR_METADATA).is_file() else LIST)
+    sums = {name: known[name] if name in known else file_sum(root / name) for name in _names(root)}
+    target.parent.mkdir(exist_ok=True)
+    write_whole(target, _text(sums, zarr=target.name == ZARR_METADATA))
+    return target
+
+
+def read_checksums(folder: str | Path) -> dict[str, FileSum]:
+    """The list of a folder, by paths relative to it.
+
+    Raises:
+      StoreError: there is none, or it is damaged itself.
+    """
+    path = _list_of(Path(folder))
+    if path is None:
+        raise StoreError(f"{folder} has no list of checksums ({LIST} or {ZARR_LIST})")
+    try:
+        data = path.read_bytes()
+        document: Any = json.loads(data)
+        table = document["attributes"] if path.name == ZARR_METADATA else document
+        sums = {
+            str(name): FileSum(int(entry["bytes"]), str(entry["sha256"]))
+            for name, entry in table["files"].items()
+        }
+        whole = data == _text(sums, zarr=path.name == ZARR_METADATA)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        why = " ".join(str(error).split())
+        raise StoreError(
+            f"the list of checksums {path} is damaged ({type(error).__name__}: {why})"
+        ) from error
+    if not whole:
+        raise StoreError(
+            f"the list of checksums {path} is damaged: it does not have its own digest"
+        )
+    return sums
+
+
+def damaged_files(folder: str | Path, only: Iterable[str] | None = None) -> Iterator[Damage]:
+    """Every file of a folder that is not what its list says; one file is read at a time.
+
+    Args:
+      only: files, or folders with all that is in them, relative to the folder; None: everything,
+        which also finds files that the list does not name.
+
+    Raises:
+      StoreError: the folder has no list.
+    """
+    root = Path(folder)
+    place = _list_of(root)
+    if place is None:
+        raise StoreError(f"{folder} has no list of checksums ({LIST} or {ZARR_LIST})")
+    try:
+        sums = read_checksums(root)
+    except StoreError as error:
+        yield Damage(place.relative_to(root).as_posix(), "changed", str(error))
+        return
+    chosen = None if only is None else tuple(only)
+    for name, expected in sums.items():
+        if chosen is None or any(name == one or name.startswith(f"{one}/") for one in chosen):
+            damage = _compare(root, name, expected)
+            if damage is not None:
+                yield damage
+    if chosen is None:
+        yield from (Damage(name, "unknown") for name in _names(root) if name not in sums)
+
+
+def _compare(root: Path, name: str, expected: FileSum) -> Damage | None:
+    try:
+        size = (root / name).stat().st_size
+        if size != expected.bytes:  # what was cut need not be read
+            return Damage(name, "changed", f"{size} bytes instead of {expected.bytes}")
+        found = file_sum(root / name)
+    except (FileNotFoundError, NotADirectoryError):
+        return Damage(name, "missing")
+    except OSError as error:
+        return Damage(name, "unreadable", error.strerror or str(error))
+    if found != expected:
+        return Damage(name, "changed", "its SHA-256 is another one")
+    return None
+
+
+def _list_of(root: Path) -> Path | None:
+    """Where the list of a folder is."""
+    return next((root / n for n in (ZARR_LIST, LIST) if (root / n).is_file()), None)
+
+
+def _names(root: Path) -> Iterator[str]:
+    """Files of a folder in the order of their paths, without the list itself."""
+    for path in files_below(root):
+        name = path.relative_to(root).as_posix()
+        if name not in (LIST, ZARR_LIST):
+            yield name
+
+
+def _text(sums: Mapping[str, FileSum], *, zarr: bool) -> bytes:
+    """The only text that a list of these sums can have."""
+    files = {name: {"bytes": one.bytes, "sha256": one.sha256} for name, one in sums.items()}
+    digest = hashlib.sha256(_json(files)).hexdigest()
+    table = {"digest": digest, "files": files}
+    return _json({"attributes": table, "node_type": "group", "zarr_format": 3} if zarr else table)
+
+
+def _json(value: Mapping[str, Any]) -> bytes:
+    return json.dumps(value, sort_keys=True, separators=(",", ":")).encode()

@@ -1,0 +1,43 @@
+"""Flight file: how one knows what `twin flight` wrote, so that others can name it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from twin.records.attributes import TITLE
+from twin.records.sharded import METADATA
+
+FLIGHT_TITLE = "Flight of underwater gliders by their flight model"
+"""With which the title of such a file begins"""
+SIGNATURES = (b"\x89HDF", b"CDF")
+"""First bytes of netCDF files"""
+
+
+def is_flight(path: str | Path) -> bool:
+    """Whether `path` is a file or a zarr folder that `twin flight` wrote."""
+    path = Path(path)
+    try:
+        if path.is_dir():
+            about = json.loads((path / METADATA).read_bytes()).get("attributes", {})
+            return str(about.get(TITLE, "")).startswith(FLIGHT_TITLE)
+        with path.open("rb") as file:
+            if not file.read(4).startswith(SIGNATURES):
+                return False
+    except (OSError, ValueError, AttributeError):
+        return False
+    import netCDF4
+
+    try:
+        with netCDF4.Dataset(path) as dataset:
+            return str(getattr(dataset, TITLE, "")).startswith(FLIGHT_TITLE)
+    except OSError:
+        return False
+
+
+def flight_message(path: str | Path) -> str:
+    """What a reader of stores says of such a file."""
+    return (
+        f"{path} is a flight, which `twin flight` wrote: `twin plot {path}` draws it; this needs "
+        "the store that it was made from"
+    )

@@ -1,0 +1,180 @@
+"""Time series: missions of a store one after another over date and time, without padding.
+
+A store keeps one row for each mission, padded to the longest. Here the rows are laid end to end,
+so that `sel(time=slice("2023-09-01", "2023-09-02"))`, `resample(time="1h").mean()` and
+`to_dataframe()` do what they say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, StoreError
+from twin.records.attributes import COMMENT
+from twin.records.logs import LogStore
+from twin.records.place import (
+    ATTRIBUTES,
+    DATETIME,
+    FLOWN,
+    LATITUDE,
+    LOGGED,
+    LONGITUDE,
+    START_TIME,
+    flown_coordinates,
+    read_place,
+    unix_milliseconds,
+    unix_seconds,
+)
+from twin.records.reader import MissionStore
+from twin.records.schema import MISSION, TIME
+from twin.records.store import open_store
+from twin.records.trajectory import sample_times
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+DEPTHS = ("measured_depth", "true_depth")
+"""What the coordinate `depth` is: the first that the store has, for logs; the last, for others."""
+
+
+def timeseries(store: str | Path | xr.Dataset, missions: Sequence[int] | None = None) -> xr.Dataset:
+    """The samples of missions as one dataset over a dimension `time` of UTC moments.
+
+    Its variables are the signals of the store, (time,), in their units, and its coordinates
+    `latitude`, `longitude` [degree], `depth` [m] and `mission`. The missions stand in the order of
+    their starts; missions that overlap, as those of a simulated store do, stay one after another,
+    so that `time` increases within each mission only: choose one, or `sortby("time")`. With dask
+    (the extra `dask`) samples are read when they are asked for, without it at once.
+
+    Args:
+      store: path of a store of missions, simulated or logged, or what `twin.open_store` gave.
+      missions: which, all by default.
+
+    Raises:
+      StoreError: it cannot be read, there is no such mission, or it does not say when one began,
+        as stores of earlier versions may not.
+      InputError: an empty list of missions.
+    """
+    import xarray as xr
+
+    found = _open(store)
+    lazy = open_store(found.path)
+    chosen = list(range(len(found))) if missions is None else [int(m) for m in missions]
+    if not chosen:
+        raise InputError("timeseries: an empty list of missions; give numbers, or None for all")
+    for mission in chosen:
+        found.check_mission(mission)
+    found.check_samples(chosen)
+    rows = {mission: sample_coordinates(found, mission) for mission in chosen}
+    for mission, row in rows.items():
+        if np.isnat(row[DATETIME]).any():
+            raise StoreError(
+                f"store {found.path} does not say when mission {mission} began, so that it has "
+                "no dates: make it again, or use the seconds of its coordinate time"
+            )
+    chosen.sort(key=lambda mission: rows[mission][DATETIME][0])
+    names = found.signals()
+    lengths = [int(found.samples[mission]) for mission in chosen]
+    variables = {
+        name: (TIME, _joined(found, lazy, name, chosen, lengths), _attributes(found, name))
+        for name in names
+    }
+    said = LOGGED if found.logged else FLOWN
+    place: dict[str, Any] = {
+        name: (
+            TIME,
+            np.concatenate([rows[mission][name] for mission in chosen]),
+            {**ATTRIBUTES[name], **said},
+        )
+        for name in (LATITUDE, LONGITUDE)
+    }
+    attributes = {n: ATTRIBUTES[DATETIME][n] for n in ("standard_name", "long_name", "axis")}
+    time = np.concatenate([rows[mission][DATETIME] for mission in chosen])
+    coordinates: dict[str, Any] = {
+        TIME: (TIME, time.astype("datetime64[ns]"), attributes),
+        **place,
+        MISSION: (TIME, np.repeat(chosen, lengths), {"long_name": "mission index"}),
+    }
+    order = DEPTHS if found.logged else DEPTHS[::-1]
+    depth = next((name for name in order if name in variables), None)
+    if depth is not None:
+        _, values, about = variables[depth]
+        about = {n: about[n] for n in ("units", "standard_name", "positive") if n in about}
+        coordinates["depth"] = (
+            TIME, values, {**about, "long_name": "depth", "axis": "Z", "comment": f"is {depth}"}
+        )  # fmt: skip
+    return xr.Dataset(variables, coordinates, _about(found))
+
+
+def sample_coordinates(store: MissionStore, mission: int) -> dict[str, NDArray[Any]]:
+    """Date and time (datetime64, UTC), latitude and longitude [degree] of a mission, (samples,).
+
+    NaT and NaN where nobody knows them. In stores of earlier versions, which do not hold them, they
+    are computed of what these say.
+
+    Raises:
+      StoreError: the store is damaged.
+    """
+    count = int(store.samples[mission])
+    if DATETIME in store:
+        return {n: store.row(n, mission)[:count] for n in (DATETIME, LATITUDE, LONGITUDE)}
+    place = read_place(store.dataset.isel({MISSION: mission}))
+    time = sample_times(count, store.period)
+    if not store.logged:
+        track = [store.row(f"true_{n}", mission)[:count].astype(float) for n in ("north", "east")]
+        found = flown_coordinates(time, track[0], track[1], place)
+        return {**found, DATETIME: found[DATETIME].astype("datetime64[ms]")}
+    start = place.get(START_TIME)
+    moments = unix_milliseconds(unix_seconds(None if start is None else str(start)), time)
+    latitude, longitude, _ = LogStore(store.path).positions(mission)
+    return {
+        DATETIME: moments.astype("datetime64[ms]"),
+        LATITUDE: latitude,
+        LONGITUDE: longitude,
+    }
+
+
+def _open(store: str | Path | xr.Dataset) -> MissionStore:
+    """The reader of a store, or of the one that a dataset is of."""
+    if isinstance(store, str | Path):
+        return MissionStore(store)
+    source = store.encoding.get("source")
+    if source is None:
+        raise InputError("timeseries: give the path of a store, or what twin.open_store gave")
+    return MissionStore(source)
+
+
+def _attributes(store: MissionStore, name: str) -> dict[str, Any]:
+    """Of a signal; flags are of its own type, which stores cannot say."""
+    attributes = dict(store.dataset[name].attrs)
+    if "flag_values" in attributes:
+        kind = store.dataset[name].dtype
+        attributes["flag_values"] = np.asarray(attributes["flag_values"], kind)
+    return attributes
+
+
+def _joined(
+    store: MissionStore,
+    lazy: xr.Dataset,
+    name: str,
+    missions: Sequence[int],
+    lengths: Sequence[int],
+) -> Any:
+    """A signal of missions, end to end; with dask it is not read yet."""
+    array = lazy[name].variable.transpose(MISSION, TIME)
+    rows: Any = [array.data[mission] for mission in missions] if array.chunks is not None else None
+    if rows is None:
+        rows = store.rows(name, list(missions))
+    parts = [row[:length] for row, length in zip(rows, lengths, strict=True)]
+    return np.concatenate(parts)
+
+
+def _about(store: MissionStore) -> dict[str, Any]:
+    """The store's attributes that hold for this too: what it is, and how it was made."""
+    names = ("Conventions", "title", "source", COMMENT, "history", "platform")
+    return {name: store.attributes[name] for name in names if name in store.attributes}
