@@ -9,6 +9,7 @@ from typing import Any
 
 from factory.generation.completion import FAILED_MISSION
 from factory.generation.job import Job
+from factory.generation.manifest import missions_kept
 from factory.generation.site import Site, begun
 from factory.recipe.recipe import Recipe, differences, read_recipe
 from twin.errors import StoreError
@@ -44,6 +45,11 @@ def check_target(
     if complete and not overwrite:
         if not resume:
             raise StoreError(f"store {store} already exists; use --overwrite or another --out")
+        if differences(_settings(store), recipe.describe()) and _begun_with(store, recipe):
+            raise StoreError(
+                f"store {store} is of other settings, and one of these was begun in its place: "
+                "--overwrite --resume completes that"
+            )
         _check_same(store, _settings(store), recipe)
         return True
     if present and not complete and not overwrite:
@@ -57,6 +63,10 @@ def check_target(
                 LocalFiles(other.parent).remove_all()
         return False
     for other in begun(store):
+        if not missions_kept(Site(store, other.parent.name)):
+            if alone:  # nothing is lost
+                LocalFiles(other.parent).remove_all()
+            continue
         if not resume:
             raise StoreError(
                 f"store {store} is incomplete: --resume completes it, --overwrite starts again"
@@ -89,6 +99,11 @@ def unfinished_settings(store: Path) -> list[tuple[Site, dict[str, Any]]]:
         settings = _document(path)[SETTINGS]
         found.append((Site(store, path.parent.name), settings))
     return found
+
+
+def _begun_with(store: Path, recipe: Recipe) -> bool:
+    """Whether a run of this recipe was begun."""
+    return any(Site(store, recipe.digest).folder == path.parent for path in begun(store))
 
 
 def recipe_begun(path: Path) -> Recipe:
