@@ -270,7 +270,10 @@ def open_store(path: str | Path, *, dask: bool = True) -> xr.Dataset:
     if is_flight(path):
         raise StoreError(flight_message(path))
     if not path.exists():
-        raise StoreError(f"no store at {path}; make one with `factory generate --out {path}`")
+        raise StoreError(
+            f"no store at {path}; make one with `factory generate --out {path}`, or of logs with "
+            f"`factory import KIND FILES --out {path}`"
+        )
     if not is_complete(path):
         raise StoreError(f"{path} is not a zarr v3 store; give the folder that ends in .zarr")
     attributes = read_attributes(path)
