@@ -111,15 +111,10 @@ def length_unit(*arrays: Array) -> tuple[float, str]:
     return (1000.0, "km") if max(spans, default=0.0) >= 2000.0 else (1.0, "m")
 
 
-def label_time(axes: Axes, unit: str) -> None:
-    """The time axis' label."""
-    axes.set_xlabel(f"time [{unit}]")
-
-
 def depth_axis(axes: Axes, deepest: float, *, label: bool = True) -> None:
     """Depth positive down from the surface at the top; `deepest` [m] sets the range."""
     bottom = max(deepest * 1.06, 1.0)
-    axes.set_ylim(bottom, -0.04 * bottom)
+    axes.set_ylim(bottom, 0.0)
     if label:
         axes.set_ylabel("depth [m]")
 
