@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator
 from matplotlib.ticker import Formatter, Locator
 
+from twin.plot import style
 from twin.records.attributes import is_logged
 from twin.records.place import START_TIME, unix_seconds
 from twin.records.trajectory import Trajectory
@@ -91,7 +92,7 @@ def label_time(axes: Axes, trajectory: Trajectory, seconds: float, unit: str) ->
     """
     start = trajectory.provenance.get(START_TIME) if is_logged(trajectory.provenance) else None
     if start is None:
-        axes.set_xlabel(f"time [{unit}]")
+        style.label_time(axes, unit)
         return
     draw_dates(axes, unix_seconds(str(start)), seconds)
     axes.set_xlabel(LABEL)

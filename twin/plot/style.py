@@ -111,6 +111,11 @@ def length_unit(*arrays: Array) -> tuple[float, str]:
     return (1000.0, "km") if max(spans, default=0.0) >= 2000.0 else (1.0, "m")
 
 
+def label_time(axes: Axes, unit: str) -> None:
+    """The label of a time axis that counts from the start."""
+    axes.set_xlabel(f"time [{unit}]")
+
+
 def depth_axis(axes: Axes, deepest: float, *, label: bool = True) -> None:
     """Depth positive down from the surface at the top; `deepest` [m] sets the range."""
     bottom = max(deepest * 1.06, 1.0)

@@ -159,7 +159,7 @@ def test_every_figure_takes_a_log(log: Path, dives: Path, name: str) -> None:
         "sensor": ("simulated truth", "difference: mean"),
         "current": ("depth-averaged current [m/s]",),
         "map": ("corrected track", "GPS fix", "depth-averaged current", "latitude", "longitude"),
-        "hydrography": ("temperature (measured)", "[°C]", "time ["),
+        "hydrography": ("temperature (measured)", "[°C]", "time, UTC"),
         "transect": ("distance along the corrected track", "salinity (measured"),
         "ts": ("absolute salinity", "[g/kg]", "conservative temperature", "depth [m]"),
     }.get(name, ())
