@@ -147,7 +147,7 @@ def test_the_subject_of_a_log_says_which_dive_it_is(dives: Path) -> None:
 
 
 def test_a_log_without_any_track_says_why(dives: Path, tmp_path: Path) -> None:
-    data = MissionStore(dives).dataset.load().drop_vars(["measured_pump"])
+    data = MissionStore(dives).dataset.load().drop_vars(["measured_pump", "position_method"])
     for name in ("displacement_north", "displacement_east"):
         data[name] = data[name] * np.nan
     plain = write_store(data, tmp_path / "plain.zarr")
