@@ -84,13 +84,9 @@ class Site:
             target.parent.mkdir(parents=True, exist_ok=True)
             write_whole(target, json.dumps(recipe.document(), indent=1).encode())
 
-    def clear_folder(self) -> None:
-        """Remove what this recipe's runs keep."""
-        self.files.remove_all()
-
     def clear(self) -> None:
         """Remove what this recipe's runs keep, and the folder when nothing else is in it."""
-        self.clear_folder()
+        self.files.remove_all()
         outer = generating(self.store)
         with contextlib.suppress(OSError):
             (outer / "lock").unlink(missing_ok=True)

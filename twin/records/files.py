@@ -70,10 +70,6 @@ class Files(abc.ABC):
     def remove_all(self) -> None:
         """Remove every file as far as that is allowed."""
 
-    def exists(self, key: str) -> bool:
-        """Whether there is such a file."""
-        return self.size(key) is not None
-
     def put(self, key: str, data: bytes) -> FileSum:
         """`write`, and the checksum of what was written."""
         self.write(key, data)

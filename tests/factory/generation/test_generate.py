@@ -18,6 +18,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from trees import contents
 
 import factory.generation.block
 import factory.generation.generate
@@ -36,15 +37,6 @@ from twin.errors import InputError, StoreError, TwinError
 from twin.records.store import open_store
 
 Recipes = Callable[..., Recipe]
-
-
-def contents(store: Path) -> dict[str, bytes]:
-    """Every file of a store."""
-    return {
-        str(path.relative_to(store)): path.read_bytes()
-        for path in store.rglob("*")
-        if path.is_file()
-    }
 
 
 def kept(store: Path) -> int:
