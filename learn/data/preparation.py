@@ -50,6 +50,8 @@ class Prepared:
     train: Sequences
     validation: Sequences
     normalisation: Normalisation
+    period: float
+    """[s] between samples"""
 
 
 def prepare(
@@ -335,6 +337,7 @@ def _assemble(
             sequences(matrices, targets, weights[0]),
             sequences(matrices, targets, weights[1]),
             normalisation,
+            train[0].period,
         )
     return Prepared(
         sequences(matrices, targets, None),
@@ -344,4 +347,5 @@ def _assemble(
             None,
         ),
         normalisation,
+        train[0].period,
     )

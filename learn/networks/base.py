@@ -73,7 +73,7 @@ def build_network(config: NetworkConfig) -> Network:
     return NETWORKS[config.kind](config)
 
 
-TRIED = {"inputs": 3, "hidden": 4, "layers": 2, "delays": 2, "kernel": 2, "dilation": 2}
+TRIED = {"inputs": 3, "period": 0.5, "hidden": 4, "layers": 2, "delays": 2, "kernel": 2, "dilation": 2}
 TIME, BATCH = 7, 2
 """Samples and sequences of the trial."""
 ROUNDING = 1e-4

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
-from learn.networks.base import Network
 from learn.networks.config import NetworkConfig
+from learn.networks.memory import FixedMemory
 
 
-class Memoryless(Network):
+class Memoryless(FixedMemory):
     """It sees one sample at a time: what memory is measured against."""
 
     summary = "a multilayer perceptron without memory"
@@ -23,6 +23,10 @@ class Memoryless(Network):
             size = config.hidden
         self.body = nn.Sequential(*layers, nn.Linear(size, 1))
 
-    def forward(self, x: Tensor, state: Tensor | None = None) -> tuple[Tensor, Tensor]:
-        """See `Network.forward`."""
-        return self.body(x), self.initial_state(x.shape[1]) if state is None else state
+    def recall(self, x: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        """The sample itself."""
+        return x, state
+
+    def read(self, recalled: Tensor) -> Tensor:
+        """See `FixedMemory.read`."""
+        return self.body(recalled)
