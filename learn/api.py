@@ -133,6 +133,7 @@ def fit_settings(
     hidden: int | None = None,
     layers: int | None = None,
     delays: int | None = None,
+    memories: Sequence[float] | None = None,
     inputs: str | None = None,
     features: Sequence[str] = (),
     without: Sequence[str] = (),
@@ -157,10 +158,11 @@ def fit_settings(
     Args:
       store: of missions or of logs [default: data/missions.zarr].
       resumed: folder of the run that is continued, if it exists.
-      network: a name of `learn.NETWORKS` [elman, the paper's].
+      network: a name of `learn.NETWORKS` [ema; the paper's is elman].
       hidden: units per hidden layer [50].
       layers: hidden layers [3].
       delays: elman: past outputs that a hidden layer is fed back [5].
+      memories: ema: [s] of its averages, rising [2, 8, 30].
       inputs: `full` needs gyroscopes and accelerometers, `glider` is what every glider's log has
         [full].
       features: features or groups instead of a set of inputs.
@@ -169,7 +171,8 @@ def fit_settings(
       seconds: [s] of computing of each network [120].
       epochs: passes over the training missions instead; the result does not depend on the
         machine's speed.
-      window: samples that a piece of a mission counts [128].
+      window: samples that a piece of a mission counts [128]; networks with trained memory only,
+        as `washin`.
       washin: samples before it in which the network finds its state [48].
       seed: of initial weights and order [0].
       members: networks per velocity; with more than one their spread is an uncertainty [2].
@@ -194,7 +197,7 @@ def fit_settings(
         features=select_features(INPUT_SETS[DEFAULT_INPUTS], (), parts),
         members=DEFAULT_MEMBERS,
     )
-    sizes = _given(hidden=hidden, layers=layers, delays=delays)
+    sizes = _given(hidden=hidden, layers=layers, delays=delays, memories=memories)
     kinds = _given(kind=network) | sizes
     chosen, shape = base.features, base.network
     other_inputs = bool(features or without or inputs is not None)
@@ -203,7 +206,7 @@ def fit_settings(
         if other_inputs or kinds:
             raise InputError(
                 "--start takes inputs and network from the run: leave out --inputs, --features, "
-                "--without, --network, --hidden, --layers and --delays"
+                "--without, --network, --hidden, --layers, --delays and --memories"
             )
         if period not in (None, first.period):
             raise InputError(
@@ -268,6 +271,8 @@ def _check_uses(
     learned: Mapping[str, object],
 ) -> None:
     """Refuse what would be taken and then ignored."""
+    from learn.networks.memory import FixedMemory
+
     for name in learned if config.labels.source == "truth" else ():
         if name != "source":
             raise InputError(
@@ -282,6 +287,13 @@ def _check_uses(
                 f"network {kind!r} has no --{name} (its sizes: {', '.join(NETWORKS[kind].sizes)}); "
                 f"leave it out, or take a network that has: {', '.join(users)}"
             )
+    given = [name for name in ("window", "washin") if name in training]
+    if given and issubclass(NETWORKS[kind], FixedMemory):
+        users = [k for k in NETWORKS if not issubclass(NETWORKS[k], FixedMemory)]
+        raise InputError(
+            f"network {kind!r} has no --{given[0]}: its memory has no weights, so that it learns "
+            f"from single samples; leave it out, or take a network that has: {', '.join(users)}"
+        )
     used = OPTIMISERS[config.training.optimiser].settings
     if "window" in training and "window" not in used:
         raise InputError(

@@ -18,6 +18,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor, nn
 
+from learn.networks.c_step import CStep
 from learn.networks.config import SIZES, NetworkConfig
 from learn.networks.registry import NETWORKS
 from twin.errors import InputError
@@ -66,6 +67,18 @@ class Network(nn.Module, abc.ABC):
         """Output (batch, 1) for one sample (batch, inputs), and the state after it."""
         y, state = self.forward(x[None], state)
         return y[0], state
+
+    def c_step(self) -> CStep:
+        """`step` of a single sequence in C99, for `learn export --to c`.
+
+        Raises:
+          InputError: this kind has none.
+        """
+        able = [name for name, kind in NETWORKS.items() if kind.c_step is not Network.c_step]
+        raise InputError(
+            f"network {self.config.kind!r} has no C code: give {type(self).__name__} a method "
+            f"`c_step`, export to ONNX, or train a kind that has it: {', '.join(able)}"
+        )
 
 
 def build_network(config: NetworkConfig) -> Network:

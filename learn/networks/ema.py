@@ -15,8 +15,10 @@ import math
 import torch
 from torch import Tensor, nn
 
+from learn.networks.c_step import CStep, perceptron
 from learn.networks.config import NetworkConfig
 from learn.networks.memory import FixedMemory
+from learn.networks.mlp import body_arrays
 from twin.errors import InputError
 
 
@@ -98,3 +100,26 @@ class ExponentialAverages(FixedMemory):
     def read(self, recalled: Tensor) -> Tensor:
         """See `FixedMemory.read`."""
         return self.body(recalled) + self.straight(recalled)
+
+    def c_step(self) -> CStep:
+        """See `Network.c_step`."""
+        arrays, sizes = body_arrays(self.body)
+        arrays |= {"keep": self.keep, "straight": self.straight.weight}
+        inputs, memories = self.config.inputs, len(self.keep)
+        body = f"""
+float seen[{sizes[0]}];
+memcpy(seen, x, {inputs} * sizeof *x);
+const int started = state[{inputs * memories}] != 0.0f;
+for (int k = 0; k < {memories}; k++) {{
+    for (int i = 0; i < {inputs}; i++) {{
+        float *average = state + k * {inputs} + i;
+        const float before = started ? *average : x[i];
+        *average = x[i] + keep[k] * (before - x[i]);
+    }}
+}}
+state[{inputs * memories}] = 1.0f;
+memcpy(seen + {inputs}, state, {inputs * memories} * sizeof *state);
+{perceptron(sizes, "gt_silu", "seen")}
+gt_add(out, straight, seen, {sizes[0]}, 1);
+return out[0];"""
+        return CStep(arrays=arrays, body=body)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
+from learn.networks.c_step import CStep, perceptron, transposed
 from learn.networks.config import NetworkConfig
 from learn.networks.memory import FixedMemory
 
@@ -30,3 +31,19 @@ class Memoryless(FixedMemory):
     def read(self, recalled: Tensor) -> Tensor:
         """See `FixedMemory.read`."""
         return self.body(recalled)
+
+    def c_step(self) -> CStep:
+        """See `Network.c_step`."""
+        arrays, sizes = body_arrays(self.body)
+        return CStep(
+            arrays=arrays, body=f"(void)state;\n{perceptron(sizes, 'gt_tanh')}\nreturn out[0];"
+        )
+
+
+def body_arrays(body: nn.Sequential) -> tuple[dict[str, Tensor], list[int]]:
+    """Weights and biases of a perceptron's layers by their names in C, and the layers' sizes."""
+    layers = [layer for layer in body if isinstance(layer, nn.Linear)]
+    arrays: dict[str, Tensor] = {}
+    for k, layer in enumerate(layers):
+        arrays |= {f"weight_{k}": transposed(layer.weight), f"bias_{k}": layer.bias}
+    return arrays, [layers[0].in_features, *(layer.out_features for layer in layers)]

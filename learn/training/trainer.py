@@ -126,7 +126,7 @@ class Trainer:
         except RuntimeError as error:
             raise InputError(
                 "the weights to start from belong to a network of another kind, size or inputs; "
-                "give the same --kind, --hidden, --layers, --delays and inputs"
+                "give the same --network, --hidden, --layers, --delays, --memories and inputs"
             ) from error
 
     def run(self) -> Trained:
