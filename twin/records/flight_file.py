@@ -6,7 +6,9 @@ import json
 from pathlib import Path
 
 from twin.records.attributes import TITLE
+from twin.records.object_files import files_at
 from twin.records.sharded import METADATA
+from twin.records.store_path import StorePath, store_path
 
 FLIGHT_TITLE = "Flight of underwater gliders by their flight model"
 """With which the title of such a file begins"""
@@ -14,12 +16,12 @@ SIGNATURES = (b"\x89HDF", b"CDF")
 """First bytes of netCDF files"""
 
 
-def is_flight(path: str | Path) -> bool:
+def is_flight(path: str | StorePath) -> bool:
     """Whether `path` is a file or a zarr folder that `twin flight` wrote."""
-    path = Path(path)
+    path = store_path(path)
     try:
-        if path.is_dir():
-            about = json.loads((path / METADATA).read_bytes()).get("attributes", {})
+        if not isinstance(path, Path) or path.is_dir():
+            about = json.loads(files_at(path).read(METADATA)).get("attributes", {})
             return str(about.get(TITLE, "")).startswith(FLIGHT_TITLE)
         with path.open("rb") as file:
             if not file.read(4).startswith(SIGNATURES):
@@ -35,7 +37,7 @@ def is_flight(path: str | Path) -> bool:
         return False
 
 
-def flight_message(path: str | Path) -> str:
+def flight_message(path: str | StorePath) -> str:
     """What a reader of stores says of such a file."""
     return (
         f"{path} is a flight, which `twin flight` wrote: `twin plot {path}` draws it; this needs "
