@@ -125,6 +125,34 @@ def _flights() -> dict[str, Trajectory]:
     }
 
 
+def _generate(inputs: Path) -> Write:
+    from concurrent.futures import Executor, Future
+
+    from factory.generation.generate import generate
+    from factory.generation.runlog import log_of
+    from factory.recipe.recipe import make_recipe
+
+    class Here(Executor):
+        """Runs everything in this process, where the faults are."""
+
+        def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+            future: Future[Any] = Future()
+            future.set_result(fn(*args, **kwargs))
+            return future
+
+    short = {"mission.duration_h": 0.05, "mission.segment_duration_s": "uniform(30, 90)"}
+    recipes = {
+        variant: make_recipe(hours=0.2, seed=seed, changes=short)
+        for seed, variant in enumerate(("old", "new"))
+    }
+
+    def write(path: Path, variant: str) -> None:
+        generate(recipes[variant], path, executor=Here(), resume=True, overwrite=True)
+        log_of(path).unlink()  # it says when, and so is never the same
+
+    return write
+
+
 def _import(inputs: Path) -> Write:
     from factory.importing.import_run import import_logs
     from twin.records.store import write_store
@@ -252,6 +280,7 @@ WRITERS = {
         Writer("write_whole", "target.json", _small_file),
         Writer("simulate", "flight.zarr", _simulate),
         Writer("save", "flight.nc", _trajectory),
+        Writer("generate", "missions.zarr", _generate),
         Writer("import", "log.zarr", _import),
         Writer("export-og1", "flight-og1", _export("og1")),
         Writer("export-parquet", "flight.parquet", _export("parquet")),

@@ -39,6 +39,8 @@ def note(store: StorePath, recipe: Recipe, command: str) -> None:
     if isinstance(log, Path):
         with log.open("a", encoding="utf-8") as file:
             file.write(line)
+            file.flush()
+            os.fsync(file.fileno())
     else:
         name = f"{entry['time']}-{entry['host']}-{os.getpid()}.json"
         files_at(log).write(name, line.encode())

@@ -12,6 +12,7 @@ pytestmark = pytest.mark.skipif(compiler() is None, reason="the injector needs a
 
 EVERY = {"whole_folder": 7, "whole_file": 2, "write_whole": 1, "fit-network": 7}
 """Every which operation of a writer fails here"""
+LONG = ("simulate", "import", "save", "generate")
 
 
 @pytest.mark.parametrize("name", EVERY)
@@ -23,7 +24,7 @@ def test_no_fault_loses_anything(name):
 
 @pytest.mark.parametrize("name", sorted({*WRITERS} - {*EVERY}))
 def test_a_kill_leaves_the_old_content_or_the_new(name):
-    found = inject(name, 400 if name in ("simulate", "import", "save") else 60, (Fault.KILL,))
+    found = inject(name, 400 if name in LONG else 60, (Fault.KILL,))
     assert found["lost"] == [], found["trace"]
     assert found["survived"] == found["injected"] >= 1
 

@@ -21,7 +21,7 @@ NONE = ["x", "3", None, [], {}, True, b"x", object(), (1.0, 2.0)]
 PLAN = Mission.from_dict({"segments": [{"kind": "surface"}]})
 
 
-@pytest.mark.parametrize("value", NONE, ids=repr)
+@pytest.mark.parametrize("value", NONE, ids=lambda value: type(value).__name__)
 def test_what_is_no_number(value):
     with pytest.raises(InputError, match=r"^depth \[m\] is .*: give a number$"):
         number(value, "depth [m]")

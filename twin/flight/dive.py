@@ -11,19 +11,13 @@ from twin.flight.ctd import Ctd
 from twin.flight.estimators.base import FlightEstimator
 from twin.identify.calibration import Calibration
 from twin.identify.logged import Log
-from twin.identify.speed import AFLOAT, horizontal, motion_of
+from twin.identify.speed import horizontal, motion_of, start_of
 from twin.identify.translation import Motion
 from twin.records.reader import MissionStore
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-SETTLING = 20.0
-"""[s] after the beginning of a record under water in which the model settles"""
-STEEP = np.deg2rad(5.0)
-"""[rad] of pitch from which depth rate and pitch tell the speed at the first sample"""
-FASTEST_START = 1.0
-"""[m/s] of that speed"""
 LEAST_COSINE = 0.2
 """cos(pitch) cos(roll) below which heave cannot be solved for"""
 RATE_WINDOW = 20.0
@@ -78,9 +72,7 @@ def fly_dive(
     first = start_of(log, calibration)
     model = motion_of(log, calibration, start=first)
     sink = model.sink_rate(log.roll, calibration.true_pitch(log.pitch))
-    use = log.use.copy()
-    if log.depth[0] > AFLOAT:
-        use[: round(SETTLING / log.period)] = False
+    use = log.use
     motion = estimator.motion(store, log, calibration, first)
     if not np.isfinite(motion.heave).any():
         motion = dataclasses.replace(motion, heave=_heave(log, calibration, motion))
@@ -114,18 +106,6 @@ def still(store: MissionStore, mission: int, ctd: Ctd | None) -> FlownDive:
         ascending=no,
         ctd=ctd,
     )
-
-
-def start_of(log: Log, calibration: Calibration) -> tuple[float, float, float]:
-    """Surge, sway, heave [m/s] of a log that begins under water: along the nose at the depth rate.
-
-    At rest at the surface, and where the nose is too flat to tell.
-    """
-    pitch = float(calibration.true_pitch(log.pitch)[0])
-    speed = 0.0
-    if log.depth[0] > AFLOAT and abs(pitch) > STEEP:
-        speed = -float(log.depth_rate[0]) / np.sin(pitch)
-    return float(np.clip(speed, 0.0, FASTEST_START)), 0.0, 0.0
 
 
 def _ways(store: MissionStore, log: Log) -> tuple[Mask, Mask]:

@@ -20,7 +20,7 @@ from twin.plot import style
 from twin.plot.map import Currents, MapContent, draw_content, joined
 from twin.plot.ocean_maps import ocean_map
 from twin.records.attributes import DEPLOYMENT, N_SAMPLES, SAMPLE_PERIOD, START_TIME
-from twin.records.flight_file import is_flight
+from twin.records.flight_file import is_flight, open_flight
 from twin.records.logged_trajectory import AVERAGED
 from twin.records.schema import MISSION
 from twin.records.whole import whole_file
@@ -46,14 +46,11 @@ def read_flight(path: str | Path) -> xr.Dataset:
     Raises:
       StoreError: something else, or it cannot be read.
     """
-    import xarray as xr
-
     path = Path(path)
     if not is_flight(path):
         raise StoreError(f"{path} is no file that `twin flight` wrote")
     try:
-        opened = xr.open_zarr(path) if path.is_dir() else xr.open_dataset(path)
-        with opened as dataset:
+        with open_flight(path) as dataset:
             return dataset.load()
     except (OSError, ValueError) as error:
         raise StoreError(f"flight {path} cannot be read: {' '.join(str(error).split())}") from error

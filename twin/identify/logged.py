@@ -30,6 +30,10 @@ LEAST_WINDOW = 5
 """samples of that filter"""
 ATTITUDE_WINDOW = 8.0
 """[s] of the filter whose slope gives the rates of a log without gyroscopes."""
+AFLOAT = 0.5
+"""[m] above this a vehicle lies at the surface, where its weight rests on its own buoyancy."""
+SETTLING = 20.0
+"""[s] after the beginning of a record under water in which a model forgets how it was started"""
 SHALLOWEST = 3.0
 """[m] above this a hull of two metres is in the waves or partly out of the water."""
 DIVE_DEPTH = 8.0
@@ -178,6 +182,8 @@ def _log(
     if "measured_density" in signals and density is None:
         return None
     use = finite & (depth > SHALLOWEST) & (np.abs(pitch) < MAX_PITCH)
+    if depth[0] > AFLOAT:
+        use[: round(SETTLING / period)] = False
     if "measured_gap" in signals:
         use &= ~(np.nan_to_num(signals["measured_gap"], nan=1.0) > 0)
     roll, pitch, heading = np.deg2rad(roll), np.deg2rad(pitch), np.deg2rad(heading)

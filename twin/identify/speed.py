@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 from twin.errors import InputError, unknown_name
 from twin.identify.balance import balance
 from twin.identify.calibration import Calibration, load_calibration
-from twin.identify.logged import Log, load_logs
+from twin.identify.logged import AFLOAT, Log, load_logs
 from twin.identify.translation import Motion, fly
 
 Array = NDArray[np.float64]
@@ -21,10 +21,12 @@ Mask = NDArray[np.bool_]
 FlightModel = Literal["flight", "steady"]
 MODELS: tuple[FlightModel, ...] = ("flight", "steady")
 
-AFLOAT = 0.5
-"""[m] above this a vehicle lies at the surface, where its weight rests on its own buoyancy."""
 LEAST_IMMERSION = 0.3
 """Part of the hull that the water acts on at the surface: half of it, less what waves uncover."""
+START_PITCH = np.deg2rad(5.0)
+"""[rad] of pitch from which depth rate and pitch tell the speed at the first sample"""
+FASTEST_START = 1.0
+"""[m/s] of that speed"""
 STEADY_WINDOW = 10.0
 """[s] average of the attitude in the steady model."""
 STEADY_MARGIN = 45.0
@@ -83,12 +85,13 @@ def motion_of(
     calibration: Calibration,
     model: FlightModel = "flight",
     *,
-    start: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    start: tuple[float, float, float] | None = None,
 ) -> Motion:
     """Velocity through the water, body FRD, that the model gives for a log.
 
     Args:
-      start: velocity [m/s] at the first sample, which the steady model does not know.
+      start: velocity [m/s] at the first sample, which the steady model does not know; by default
+        that of `start_of`.
     """
     if model not in MODELS:
         raise InputError(unknown_name("flight model", model, MODELS))
@@ -123,8 +126,20 @@ def motion_of(
         roll=log.roll,
         pitch=pitch,
         rates=log.rates,
-        start=start,
+        start=start_of(log, calibration) if start is None else start,
     )
+
+
+def start_of(log: Log, calibration: Calibration) -> tuple[float, float, float]:
+    """Surge, sway, heave [m/s] of a log that begins under water: along the nose at the depth rate.
+
+    At rest at the surface, and where the nose is too flat to tell.
+    """
+    pitch = float(calibration.true_pitch(log.pitch)[0])
+    speed = 0.0
+    if log.depth[0] > AFLOAT and abs(pitch) > START_PITCH:
+        speed = -float(log.depth_rate[0]) / np.sin(pitch)
+    return float(np.clip(speed, 0.0, FASTEST_START)), 0.0, 0.0
 
 
 def steady_parts(log: Log) -> Mask:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from twin.records.attributes import TITLE
 from twin.records.object_files import files_at
 from twin.records.sharded import METADATA
 from twin.records.store_path import StorePath, store_path
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 FLIGHT_TITLE = "Flight of underwater gliders by their flight model"
 """With which the title of such a file begins"""
@@ -35,6 +39,13 @@ def is_flight(path: str | StorePath) -> bool:
             return str(getattr(dataset, TITLE, "")).startswith(FLIGHT_TITLE)
     except OSError:
         return False
+
+
+def open_flight(path: Path) -> xr.Dataset:
+    """Such a file or folder, lazily; raises whatever its reader does."""
+    import xarray as xr
+
+    return xr.open_zarr(path) if path.is_dir() else xr.open_dataset(path)
 
 
 def flight_message(path: str | StorePath) -> str:

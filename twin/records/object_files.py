@@ -46,7 +46,7 @@ class ObjectFiles(Files):
         from obstore.exceptions import BaseError
         from obstore.store import from_url
 
-        retry = {"max_retries": RETRIES, "retry_timeout": datetime.timedelta(seconds=RETRY_S)}
+        retry: Any = {"max_retries": RETRIES, "retry_timeout": datetime.timedelta(seconds=RETRY_S)}
         try:
             return from_url(str(self.url), retry_config=retry)
         except (BaseError, ValueError) as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -18,9 +19,12 @@ Drawn = Mapping[str, float]
 
 
 def _values(config: Any, name: str) -> Iterable[float]:
-    """The numbers of a field, which has several where its default has."""
+    """The numbers of a field, which has several where its default has or may have."""
     value = getattr(config, name)
-    several = isinstance(getattr(type(config), name), tuple) and isinstance(value, tuple)
+    (declared,) = (f for f in dataclasses.fields(config) if f.name == name)
+    several = isinstance(value, tuple) and (
+        isinstance(declared.default, tuple) or "tuple" in str(declared.type)
+    )
     label = f"{type(config).__name__}.{name}"
     return [number(one, label) for one in (value if several else (value,))]
 

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 MS_PER_CM = 10.0
 """gsw gives conductivity in mS/cm; 1 S/m is 10 of them."""
+MADE_CONDUCTIVITY = "conductivity, from practical salinity, temperature and pressure"
 LITRES = 1e3
 """in 1 m3"""
 OXYGEN = "measured_oxygen"
@@ -32,7 +33,7 @@ def conductivity(track: JoinedDives) -> Iterator[tuple[str, Og1Variable]]:
 
     values = np.asarray(gsw.C_from_SP(*(track.signal(name) for name in WATER))) / MS_PER_CM
     attributes = {
-        "long_name": "conductivity, from practical salinity, temperature and pressure",
+        "long_name": MADE_CONDUCTIVITY,
         "standard_name": "sea_water_electrical_conductivity",
         "units": "S m-1",
         "coordinates": COORDINATES,

@@ -18,10 +18,12 @@ from factory.importing.reading.deployment_log import Channel
 from factory.importing.reading.tally import Tally
 from factory.stores.generated import GeneratedStore
 from factory.stores.stored_flight import open_exportable
+from twin.physics.part_signals import declare_parts
 from twin.records.logs import LogStore
 from twin.records.reader import MissionStore
 from twin.records.schema import Variable, declare
 from twin.records.store import write_store
+from twin.vehicle.vehicle import load_vehicle
 
 FLIGHT = Flight(dives=3)
 DEGREE = 1e-6
@@ -83,7 +85,7 @@ def rich(dataset: xr.Dataset) -> xr.Dataset:
     ramp = np.where(
         np.isfinite(dataset["measured_pitch"].values), np.linspace(-20.0, 20.0, shape[1]), np.nan
     )
-    declare(Variable("measured_elevator", "degree", "elevator angle by its encoder"))
+    declare_parts(load_vehicle("tethys"))  # whose elevator it is
     declare(
         Variable("measured_oxygen", "umol L-1", "dissolved oxygen",
                  "mole_concentration_of_dissolved_molecular_oxygen_in_sea_water",

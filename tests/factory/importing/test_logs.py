@@ -33,7 +33,6 @@ from twin.errors import InputError, StoreError
 from twin.records.logs import LogStore
 from twin.records.store import write_store
 from twin.records.tracks import read_tracks
-from twin.render.subject import read_subject
 
 FLIGHT = Flight(dives=3)
 PERIOD = 4.0
@@ -382,9 +381,7 @@ def test_what_a_log_cannot_be_asked_is_told(
     assert len(err.splitlines()) == 1
 
 
-def test_pictures_of_a_log_lead_to_its_plots(store: Path) -> None:
-    with pytest.raises(StoreError, match=r"logs of real vehicles, .* `twin plot .*--mission 1`"):
-        read_subject(store, 1)
+def test_a_log_is_no_file_of_tracks(store: Path) -> None:
     with pytest.raises(InputError, match=r"is a store of missions, not a file of dead-reckoned"):
         read_tracks(store)
 

@@ -105,7 +105,7 @@ def test_overrides_come_from_a_file_and_from_words_which_win(
             "do not set current.speed",
         ),
         (["generate", "--preset", "paper-test", "--hours", "3"], "leave --hours out"),
-        (["generate", "--config", "none.toml"], "cannot read none.toml"),
+        (["generate", "--config", "none.toml"], "cannot read parameter file none.toml"),
         (["generate", "--hour", "3"], "did you mean --hours?"),
         (["replay", "none.zarr"], "no store at none.zarr"),
         (["verify", "none.zarr"], "no store at none.zarr"),

@@ -207,7 +207,7 @@ def test_written_vehicle_loads_flies_and_says_where_it_comes_from(tmp_path, name
     second = vehicle_xml(again, {"store": "another"})
     assert second.count('name="identification"') == second.count('name="sensor_errors"') == 1
     assert parse_vehicle(second, path).flow_frame.drag == again.vehicle.flow_frame.drag
-    with pytest.raises(InputError, match="exists already"):
+    with pytest.raises(InputError, match="already exists; use --overwrite"):
         write_vehicle(calibration, path, {})
 
 

@@ -75,7 +75,7 @@ def test_both_models_trim_any_part_alike(capsys):
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        ((), 1, "give its part 'propeller' a position, up to 160 rad/s"),
+        ((), 2, "its parts: propeller (0 to 160), rudder (-0.3 to 0.3)"),
         (("--set", "propellor=80"), 2, "did you mean 'propeller'?"),
         (("--set", "propeller=800"), 2, "give a value from 0 to 160 rad/s"),
         (("--set", "propeller"), 2, "--set 'propeller' must be a part and its position"),

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.exporting.og1.quality import ENDING
+from factory.exporting.og1.seawater import MADE_CONDUCTIVITY
 from factory.exporting.og1.terms import SENSORS, VARIATION
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.og1.deployment_words import deployment_words
@@ -127,7 +128,8 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     stored = _series(time, columns, VARIATION)
     variation = Variation(options.variation_deg, places_for(fixes, track), name, stored)
     channels, used, applied = signals_in(time, columns, attributes, variation, path, tally)
-    water, from_ctd = ctd(time, columns, channels, fixes, tally)
+    made = attributes.get("CNDC", {}).get("long_name", "") == MADE_CONDUCTIVITY
+    water, from_ctd = ctd(time, columns, channels, fixes, tally, own_conductivity=ours and not made)
     dense = channels.get("measured_density") if ours else None
     channels |= water
     if dense is not None:  # with what the store had where the CTD was off

@@ -24,8 +24,13 @@ def ctd(
     channels: Mapping[str, Channel],
     fixes: Fixes,
     tally: Tally,
+    *,
+    own_conductivity: bool,
 ) -> tuple[dict[str, Channel], set[str]]:
-    """Temperature, salinity and density, and the names that they come from."""
+    """Temperature, salinity and density, and the names that they come from.
+
+    With `own_conductivity` also the conductivity, which was measured and not made of the others.
+    """
 
     def first(names: Sequence[str]) -> Array | None:
         found = next((n for n in names if n in columns and np.isfinite(columns[n]).any()), None)
@@ -38,9 +43,10 @@ def ctd(
     if temperature is None:
         return {}, used
     practical = first(SALINITIES)
-    conductivity = first(CONDUCTIVITIES) if practical is None else None
-    if conductivity is not None:
-        conductivity = siemens(conductivity, "CNDC", tally)
+    measured = first(CONDUCTIVITIES) if practical is None or own_conductivity else None
+    if measured is not None:
+        measured = siemens(measured, "CNDC", tally)
+    conductivity = measured if practical is None else None
     latitude, longitude = columns.get("LATITUDE"), columns.get("LONGITUDE")
     place = (0.0, 0.0)
     if len(fixes):
@@ -57,6 +63,9 @@ def ctd(
         longitude=place[1],
         tally=tally,
     )
+    if measured is not None and own_conductivity:
+        there = np.isfinite(measured)
+        water["measured_conductivity"] = Channel(time[there], measured[there])
     return water, used
 
 
