@@ -8,7 +8,10 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import pytest
+import xarray as xr
 from s3 import s3_server
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,3 +43,14 @@ def test_the_commands_of_s3_run(tmp_path: Path) -> None:
             assert done.returncode == 0, f"{shlex.join(words)}: {done.stderr}"
     assert len(list((tmp_path / "og1").glob("*.nc"))) == 2
     assert (tmp_path / "runs/small/report/index.html").is_file()
+
+
+def test_the_program_of_icechunk_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("icechunk", reason='needs pip install "glider-twin[icechunk]"')
+    text = (ROOT / "docs/cluster.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"^```python\n(.*?)^```", text, re.M | re.S)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    exec(program, names)
+    store = names["repository"].readonly_session("main").store
+    assert xr.open_zarr(store, consolidated=False).attrs["seed"] == 0
