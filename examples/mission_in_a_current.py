@@ -26,9 +26,8 @@ run = twin.simulate(
 # Dead reckoning through the water misses what the current adds.
 latitude, longitude = run.geographic_position()
 print(run)
-print(
-    f"ended at {latitude[-1]:.4f} N, {longitude[-1]:.4f} E, {run.to_xarray()['datetime'].values[-1]}"
-)
+end = run.to_xarray()["datetime"].values[-1]
+print(f"ended at {latitude[-1]:.4f} N, {longitude[-1]:.4f} E, {end}")
 drift = run.position[-1, :2] - run.track_through_water()[-1]
 print(f"the water carried it {drift[0]:.0f} m north and {drift[1]:.0f} m east")
 

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from twin.physics.simulation import simulate_many as simulate_many
     from twin.plot.registry import figure as figure
     from twin.plot.registry import figure_names as figure_names
+    from twin.records.resample import resample as resample
     from twin.records.store import open_store as open_store
     from twin.records.timeseries import timeseries as timeseries
     from twin.records.trajectory import Trajectory as Trajectory
@@ -117,6 +118,7 @@ _PLACES = {
     "parse_current": "twin.water.current.spec:parse_current",
     "parse_density": "twin.water.density_spec:parse_density",
     "parse_floor": "twin.water.floor:parse_floor",
+    "resample": "twin.records.resample:resample",
     "simulate": "twin.facade:simulate",
     "simulate_many": "twin.physics.simulation:simulate_many",
     "timeseries": "twin.records.timeseries:timeseries",

@@ -170,7 +170,8 @@ def show_summary(recipe: Recipe, summary: Summary, console: Console) -> None:
             "missions": f"{summary.missions} ({_splits(recipe)})",
             "simulated": f"{summary.hours:.4g} h",
             "failed and replaced": summary.failed,
-            "time": f"{summary.wall_s:.1f} s, {summary.times_real_time:,.0f} times real time",
+            "time": f"{summary.wall_s:.1f} s"
+            + (f", {summary.times_real_time:,.0f} times real time" if summary.flown else ""),
             "size": f"{summary.stored_bytes / 1e6:.1f} MB, "
             f"{summary.stored_bytes / 1e6 / summary.hours:.2f} MB per simulated hour, "
             f"{100 * summary.stored_bytes / raw:.0f} % of float32 uncompressed",

@@ -53,13 +53,15 @@ class ImportLogs(JsonOption):
     payload: tuple[str, ...] = ()
     """NAME=COLUMN or NAME=COLUMN[UNITS]: a column that becomes the signal measured_NAME, beside
     those of oxygen, chlorophyll ... whose names are known"""
+    keep_going: bool = False
+    """import what can be read even where more than half of the files cannot"""
     overwrite: bool = False
     """replace an existing store"""
 
     def run(self, console: Console) -> int:
         """Import, store and report."""
         from factory.importing.import_run import import_logs
-        from factory.importing.reading.each_file import UNREADABLE
+        from factory.importing.reading.each_file import OTHER_KIND, UNREADABLE
         from factory.importing.repairs.dive_rules import DiveRules
         from twin.errors import InputError
         from twin.records.store import check_target, write_store
@@ -76,12 +78,13 @@ class ImportLogs(JsonOption):
             cache=self.cache,
             mapping=self.mapping,
             payload=self.payload,
+            keep_going=self.keep_going,
         )
         write_store(dataset, self.out, overwrite=self.overwrite)
         for entry in report.entries:
             if entry.action == "suspect":
                 console.warn(f"{entry.subject}: {entry.detail}")
-            elif entry.subject == UNREADABLE:
+            elif entry.subject in (UNREADABLE, OTHER_KIND):
                 console.warn(f"left out: {entry.detail}")
         console.table(report.table(), title="what was done to the logs")
         console.pairs(

@@ -9,6 +9,7 @@ from typing import Any
 
 from factory.generation.completion import FAILED_MISSION
 from factory.generation.job import Job
+from factory.generation.manifest import missions_kept
 from factory.generation.site import Site
 from factory.recipe.recipe import Recipe, differences, read_recipe
 from twin.errors import StoreError
@@ -59,6 +60,11 @@ def check_target(
     if complete and not overwrite:
         if not resume:
             raise StoreError(f"store {store} already exists; use --overwrite or another --out")
+        if differences(_settings(store), recipe.describe()) and _begun_with(store, recipe):
+            raise StoreError(
+                f"store {store} is of other settings, and one of these was begun in its place: "
+                "--overwrite --resume completes that"
+            )
         _check_same(store, _settings(store), recipe)
         return True
     if older and not overwrite:
@@ -72,6 +78,11 @@ def check_target(
                 files_at(other).remove_all()
         return False
     for other in others:
+        # without locks nobody knows whether a run that kept nothing yet is alive
+        if local and not missions_kept(Site(store, other.name)):
+            if alone:  # nothing is lost
+                files_at(other).remove_all()
+            continue
         if not resume:
             raise StoreError(
                 f"store {store} is incomplete: --resume completes it, --overwrite starts again"
@@ -100,6 +111,11 @@ def unfinished_settings(store: StorePath) -> list[tuple[Site, dict[str, Any]]]:
         settings = _document(path)[SETTINGS]
         found.append((Site(store, path.name), settings))
     return found
+
+
+def _begun_with(store: StorePath, recipe: Recipe) -> bool:
+    """Whether a run of this recipe was begun."""
+    return Site(store, recipe.digest).folder in begun(store)
 
 
 def recipe_begun(path: StorePath) -> Recipe:

@@ -40,6 +40,7 @@ def import_logs(
     cache: Path | None = None,
     mapping: Path | str | None = None,
     payload: Sequence[str] = (),
+    keep_going: bool = True,
 ) -> tuple[xr.Dataset, ImportReport]:
     """Read logs, cut them into dives, and put these on one time grid.
 
@@ -53,6 +54,7 @@ def import_logs(
       mapping: what the columns of csv tables are: a file, or the name of a shipped one.
       payload: NAME=COLUMN or NAME=COLUMN[UNITS]: columns that become the signals `measured_NAME`,
         beside those that are known (`factory.importing.reading.payload`).
+      keep_going: whether to go on where more than half of the files cannot be read.
 
     Raises:
       InputError: a file cannot be used; the message names it and says why.
@@ -78,8 +80,12 @@ def import_logs(
             payload=parse_payload(payload),
         )
         logs = _read(importer, paths, options, tally)
+        if not keep_going:
+            _expect_most(len({name for log in logs for name in log.files}), tally)
     except WrongFormat as error:
         raise _explained(error, importer) from error
+    except MostUnreadable:
+        raise
     except InputError as error:
         raise _with_left_out(error, tally) from error
     _expect_mapped(options, tally)
@@ -124,6 +130,27 @@ def _read(
             f"these {importer.name} logs need the package {error.name}, which is not installed: "
             f'pip install "glider-twin[{importer.extra}]"'
         ) from error
+
+
+def _expect_most(read: int, tally: Tally) -> None:
+    """Refuse a call in which fewer files were read than could not be."""
+    lost = [e for e in tally.entries() if e.subject == UNREADABLE]
+    count = sum(entry.count for entry in lost)
+    if count > read:
+        reasons = "; ".join(entry.detail for entry in lost[:_REASONS])
+        more = f"; and {len(lost) - _REASONS} more reasons" if len(lost) > _REASONS else ""
+        raise MostUnreadable(
+            f"{count} files cannot be read, more than half: {reasons}{more}; repair that, or "
+            "import the rest with --keep-going"
+        )
+
+
+_REASONS = 3
+"""Reasons that an error names"""
+
+
+class MostUnreadable(InputError):
+    """More than half of the files of an import cannot be read; the message says why."""
 
 
 def _with_left_out(error: InputError, tally: Tally) -> InputError:

@@ -75,10 +75,20 @@ class Flight(JsonOption):
                     f"{100 * summary.w_mean_climb:.2f} in climbs"
                 ),
                 "vertical water velocity, deviation": f"{100 * summary.w_deviation:.2f} cm/s",
+                "largest dive less climb": (
+                    f"{100 * summary.w_profile_difference:.2f} cm/s, of means in bins of depth"
+                ),
                 "depth rate, RMSE": f"{100 * summary.depth_rate_rmse:.2f} cm/s",
                 "currents": f"of {len(found.currents)} dives between fixes",
             }
         )
+        if summary.suspect:
+            console.warn(
+                f"vertical water velocity is {100 * summary.w_mean_dive:.1f} cm/s in dives and "
+                f"{100 * summary.w_mean_climb:.1f} in climbs: the vehicle "
+                f"{found.calibration.vehicle.name} does not fit the log, not the water; identify "
+                f"one with `twin identify {self.store} --out mine.xml` and give --vehicle mine.xml"
+            )
         console.say(str(self.out))
         pictures: list[Path] = []
         if self.plots is not None:

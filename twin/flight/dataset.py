@@ -77,7 +77,9 @@ COPIED = {
 """Signals of the store that stand beside it, under these names"""
 COMMENTS = {
     W_WATER: "depth rate of the flight model less the observed one, both filtered over 20 s; "
-    "missing above 3 m, in gaps of the log and while the model settles",
+    "missing above 3 m, in gaps of the log and while the model settles; "
+    "not to be trusted to better than 0.01 m s-1: w_profile_difference_m_s is the largest "
+    "difference of dives and climbs in a bin of depth",
     "position_sd": "of the fix at a fix; between two fixes of a random walk that the change of "
     "the depth-averaged current from dive to dive sets",
     "latitude": "dead-reckoned, the misclosure at each fix spread linearly in time",

@@ -102,7 +102,7 @@ def estimate_flight(
     way = open_estimator(estimator) if isinstance(estimator, str) else estimator
     found = MissionStore(store)
     chosen = list(range(len(found))) if missions is None else list(missions)
-    logs = {log.index: log for log in load_logs(store, chosen)}
+    logs = {log.index: log for log in load_logs(store, chosen, task="a flight")}
     places = places_of(found, chosen)
     raw = {mission: _ctd(found, mission, places[mission]) for mission in chosen}
     deployments = _deployments(found)

@@ -18,7 +18,7 @@ from twin.flight.flight import FlownMission, estimate_flight
 from twin.geodesy import offset
 from twin.records.logged_trajectory import AVERAGED, MEASURED, LoggedTrajectory
 from twin.records.logs import LogStore
-from twin.records.place import START_LATITUDE, START_LONGITUDE
+from twin.records.place import METHOD, METHODS, START_LATITUDE, START_LONGITUDE
 from twin.records.schema import VARIABLES
 from twin.records.store import read_trajectory
 from twin.records.store_path import StorePath
@@ -36,6 +36,12 @@ COPIED = (
 """Measured signals that stand for the truth as they are, or corrected"""
 CORRECTED, RECKONED = "corrected track", "dead-reckoned track"
 ON_BOARD, STRAIGHT = "on-board track", "straight line between fixes"
+STORED = {
+    METHODS["onboard_track"]: f"corrected {ON_BOARD}",
+    METHODS["depth_rate_and_pitch"]: CORRECTED,
+    METHODS["straight_line"]: STRAIGHT,
+}
+"""What the latitude and longitude of a store are, by how they were found"""
 DOPPLER, PROFILED, MODEL = "Doppler log", "current profiler", "flight model"
 PROFILER = "profiler's current"
 SIMULATED, LOGGED = "simulated truth", "reference of the log"
@@ -69,7 +75,8 @@ def logged_trajectory(
       store: path of the store.
       missions: which; several must belong to one deployment.
       vehicle: as `estimate_flight` takes it: default the shipped one of the log's kind. A log of a
-        vehicle whose flight has no model has the track that it logged on board.
+        vehicle whose flight has no model has the store's latitude and longitude, corrected at the
+        fixes; in stores of earlier versions the track that it logged on board.
 
     Raises:
       StoreError: no store of logs, or no such mission. VehicleError: no such vehicle.
@@ -182,6 +189,11 @@ def _track(logs: LogStore, mission: int, flown: FlownMission | None) -> tuple[Ar
     """North and east [m] of a mission, (time, 2), and what they are; None where nothing says."""
     if flown is not None:
         return flown.position, CORRECTED if len(flown.fixes) else RECKONED
+    origin = logs.fixes(mission)[0]
+    if METHOD in logs and np.isfinite(origin).all():
+        latitude, longitude, how = logs.positions(mission)
+        if how in STORED and np.isfinite(latitude).any():
+            return np.stack(offset(latitude, longitude, *origin), axis=1), STORED[how]
     onboard = [logs.signal(f"measured_onboard_{name}", mission) for name in POSITION]
     if all(np.isfinite(values).any() for values in onboard):
         return np.stack(onboard, axis=1), ON_BOARD

@@ -104,7 +104,9 @@ class Log:
         return hull - REFERENCE_TEMPERATURE
 
 
-def load_logs(store: str | StorePath, rows: Sequence[int] | None = None) -> list[Log]:
+def load_logs(
+    store: str | StorePath, rows: Sequence[int] | None = None, *, task: str = "identification"
+) -> list[Log]:
     """Missions of a store of logs, real or simulated.
 
     Left out are missions without a dive, and those without density where others have it: their
@@ -113,6 +115,7 @@ def load_logs(store: str | StorePath, rows: Sequence[int] | None = None) -> list
     Args:
       store: path of a zarr store of the schema.
       rows: which missions, all by default.
+      task: what they are for, as errors say it.
 
     Raises:
       StoreError: no such store, a missing channel, an unknown row, or no dive in any of them.
@@ -123,7 +126,7 @@ def load_logs(store: str | StorePath, rows: Sequence[int] | None = None) -> list
         raise StoreError(
             f"store {store} has no channel {missing[0]}"
             + (f" (nor {', '.join(missing[1:])})" if missing[1:] else "")
-            + "; identification needs depth, attitude, heading and pumped volume"
+            + f"; {task} needs depth, attitude, heading and pumped volume"
         )
     chosen = list(range(len(found))) if rows is None else list(rows)
     for row in chosen:

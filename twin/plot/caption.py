@@ -22,6 +22,8 @@ LETTERS_PER_INCH = 13.0
 LINE_HEIGHT = 0.16
 """[in]"""
 FONT_SIZE = 7.5
+MINUTES = "%Y-%m-%d %H:%M"
+"""How figures write a moment"""
 
 
 def mission_caption(store: MissionStore, mission: int) -> str:
@@ -46,7 +48,8 @@ def mission_caption(store: MissionStore, mission: int) -> str:
     if START_LATITUDE in began and "place" not in nominal:
         parts.append(place(float(began[START_LATITUDE]), float(began[START_LONGITUDE])))
     if START_TIME in began and "date" not in nominal:
-        parts.append(f"{began[START_TIME]} UTC")
+        moment = datetime.datetime.fromisoformat(str(began[START_TIME]))
+        parts.append(f"{moment:{MINUTES}} UTC")
     return ", ".join([*parts, "simulated"])
 
 
@@ -58,7 +61,7 @@ def _logged(store: MissionStore, mission: int) -> str:
         parts.append(f"dive {dive:.0f}")
     if np.isfinite(row.start):
         moment = datetime.datetime.fromtimestamp(row.start, datetime.UTC)
-        parts.append(f"{moment:%Y-%m-%d %H:%M} UTC")
+        parts.append(f"{moment:{MINUTES}} UTC")
     latitude, longitude = (numbers(store, f"start_{n}")[mission] for n in ("latitude", "longitude"))
     if np.isfinite(latitude) and np.isfinite(longitude):
         parts.append(place(latitude, longitude))
@@ -74,10 +77,11 @@ def missions_caption(store: MissionStore, missions: Sequence[int], vehicle: str 
     if last != first:
         rows = log_rows(store)
         text = f"{rows[first].deployment}, missions {first} to {last}"
-        moments = [rows[k].start for k in (first, last)]
+        ends = [rows[k].start + rows[k].duration for k in missions]
+        moments = [rows[first].start, max(ends) if np.isfinite(ends).all() else rows[last].start]
         if np.isfinite(moments).all():
             begin, end = (datetime.datetime.fromtimestamp(m, datetime.UTC) for m in moments)
-            text += f", {begin:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M} UTC"
+            text += f", {begin:{MINUTES}} to {end:{MINUTES}} UTC"
     return text if vehicle is None else f"{text}, flight model {vehicle}"
 
 

@@ -170,12 +170,17 @@ def write_store(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = Fals
 def write_zarr(dataset: xr.Dataset, folder: Path) -> None:
     """Write any dataset as a zarr v3 group that `xarray.open_zarr(path)` opens without options.
 
-    `folder` is one of `whole_folder`: a kill leaves part of the group.
+    Each chunk has a CRC-32C, so that whatever reads a changed one fails. `folder` is one of
+    `whole_folder`: a kill leaves part of the group.
     """
+    from zarr.codecs import Crc32cCodec, ZstdCodec
+
+    codecs = {"compressors": [ZstdCodec(), Crc32cCodec()]}
+    encoding = dict.fromkeys(dataset.variables, codecs)
     with warnings.catch_warnings():
         # zarr 3 warns that its specification does not name consolidated metadata yet
         warnings.filterwarnings("ignore", "Consolidated metadata")
-        dataset.to_zarr(folder, mode="w", zarr_format=3, consolidated=True)
+        dataset.to_zarr(folder, mode="w", zarr_format=3, consolidated=True, encoding=encoding)
 
 
 def write_netcdf(
@@ -283,7 +288,10 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
     if is_flight(path):
         raise StoreError(flight_message(path))
     if not is_there(path):
-        raise StoreError(f"no store at {path}; make one with `factory generate --out {path}`")
+        raise StoreError(
+            f"no store at {path}; make one with `factory generate --out {path}`, or of logs with "
+            f"`factory import KIND FILES --out {path}`"
+        )
     if not is_complete(path):
         raise StoreError(f"{path} is not a zarr v3 store; give the folder that ends in .zarr")
     files = files_at(path)

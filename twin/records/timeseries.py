@@ -1,7 +1,7 @@
 """Time series: missions of a store one after another over date and time, without padding.
 
 A store keeps one row for each mission, padded to the longest. Here the rows are laid end to end,
-so that `sel(time=slice("2023-09-01", "2023-09-02"))`, `resample(time="1h").mean()` and
+so that `sel(time=slice("2023-09-01", "2023-09-02"))`, `twin.resample(series, "1h")` and
 `to_dataframe()` do what they say.
 """
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, StoreError
+from twin.geodesy import from_tangent_plane, position, wrap_longitude
 from twin.records.attributes import COMMENT
 from twin.records.logs import LogStore
 from twin.records.place import (
@@ -24,6 +25,8 @@ from twin.records.place import (
     LATITUDE,
     LOGGED,
     LONGITUDE,
+    START_LATITUDE,
+    START_LONGITUDE,
     START_TIME,
     flown_coordinates,
     read_place,
@@ -39,14 +42,26 @@ if TYPE_CHECKING:
     import xarray as xr
 
 DEPTHS = ("measured_depth", "true_depth")
-"""What the coordinate `depth` is: the first that the store has, for logs; the last, for others."""
+"""What the variable `depth` is: the first that the store has, for logs; the last, for others."""
+FIXES = ("measured_gps_north", "measured_gps_east")
+"""[m] from the start of a mission; a series has `GPS_LATITUDE` and `GPS_LONGITUDE` of them."""
+GPS_LATITUDE, GPS_LONGITUDE = "gps_latitude", "gps_longitude"
+FROM_THE_START = frozenset(
+    f"{name}_{way}"
+    for name in ("true", "measured_onboard", "commanded_waypoint")
+    for way in ("north", "east")
+) | {"measured_depth_time", "measured_attitude_time", "measured_ctd_time"}
+"""Metres and seconds from the start of each mission: end to end they would jump, so that a series
+has none of them. `latitude`, `longitude` and `time` say where and when."""
 
 
 def timeseries(store: str | Path | xr.Dataset, missions: Sequence[int] | None = None) -> xr.Dataset:
     """The samples of missions as one dataset over a dimension `time` of UTC moments.
 
-    Its variables are the signals of the store, (time,), in their units, and its coordinates
-    `latitude`, `longitude` [degree], `depth` [m] and `mission`. The missions stand in the order of
+    Its variables are the signals of the store, (time,), in their units, and `latitude`,
+    `longitude` [degree], `depth` [m] and `mission`; fixes are `gps_latitude` and `gps_longitude`
+    [degree], NaN between fixes. What counts metres or seconds from the start of each mission is
+    left out (`FROM_THE_START`). Average with `twin.resample`. The missions stand in the order of
     their starts; missions that overlap, as those of a simulated store do, stay one after another,
     so that `time` increases within each mission only: choose one, or `sortby("time")`. With dask
     (the extra `dask`) samples are read when they are asked for, without it at once.
@@ -78,37 +93,34 @@ def timeseries(store: str | Path | xr.Dataset, missions: Sequence[int] | None = 
                 "no dates: make it again, or use the seconds of its coordinate time"
             )
     chosen.sort(key=lambda mission: rows[mission][DATETIME][0])
-    names = found.signals()
+    names = [n for n in found.signals() if n not in FROM_THE_START and n not in FIXES]
     lengths = [int(found.samples[mission]) for mission in chosen]
     variables = {
         name: (TIME, _joined(found, lazy, name, chosen, lengths), _attributes(found, name))
         for name in names
     }
     said = LOGGED if found.logged else FLOWN
-    place: dict[str, Any] = {
+    places: dict[str, Any] = {
         name: (
             TIME,
             np.concatenate([rows[mission][name] for mission in chosen]),
-            {**ATTRIBUTES[name], **said},
+            {n: v for n, v in ATTRIBUTES[name].items() if n != "axis"} | said,
         )
         for name in (LATITUDE, LONGITUDE)
-    }
-    attributes = {n: ATTRIBUTES[DATETIME][n] for n in ("standard_name", "long_name", "axis")}
-    time = np.concatenate([rows[mission][DATETIME] for mission in chosen])
-    coordinates: dict[str, Any] = {
-        TIME: (TIME, time.astype("datetime64[ns]"), attributes),
-        **place,
-        MISSION: (TIME, np.repeat(chosen, lengths), {"long_name": "mission index"}),
     }
     order = DEPTHS if found.logged else DEPTHS[::-1]
     depth = next((name for name in order if name in variables), None)
     if depth is not None:
         _, values, about = variables[depth]
         about = {n: about[n] for n in ("units", "standard_name", "positive") if n in about}
-        coordinates["depth"] = (
-            TIME, values, {**about, "long_name": "depth", "axis": "Z", "comment": f"is {depth}"}
-        )  # fmt: skip
-    return xr.Dataset(variables, coordinates, _about(found))
+        places["depth"] = TIME, values, {**about, "long_name": "depth", "comment": f"is {depth}"}
+    places |= _fixes(found, chosen)
+    places[MISSION] = TIME, np.repeat(chosen, lengths), {"long_name": "mission index"}
+    attributes = {n: ATTRIBUTES[DATETIME][n] for n in ("standard_name", "long_name", "axis")}
+    time = np.concatenate([rows[mission][DATETIME] for mission in chosen])
+    return xr.Dataset(
+        places | variables, {TIME: (TIME, time.astype("datetime64[ns]"), attributes)}, _about(found)
+    )
 
 
 def sample_coordinates(store: MissionStore, mission: int) -> dict[str, NDArray[Any]]:
@@ -137,6 +149,30 @@ def sample_coordinates(store: MissionStore, mission: int) -> dict[str, NDArray[A
         LATITUDE: latitude,
         LONGITUDE: longitude,
     }
+
+
+def _fixes(store: MissionStore, missions: Sequence[int]) -> dict[str, Any]:
+    """Latitude and longitude [degree] of the fixes of missions; none where nobody looked."""
+    if any(name not in store for name in FIXES):
+        return {}
+    found = []
+    for mission in missions:
+        count = int(store.samples[mission])
+        north, east = (store.row(name, mission)[:count].astype(float) for name in FIXES)
+        place = read_place(store.dataset.isel({MISSION: mission}))
+        origin = [float(place.get(n, np.nan)) for n in (START_LATITUDE, START_LONGITUDE)]
+        # logs count metres along the parallel, simulated missions in the plane at their start
+        degrees = (position if store.logged else from_tangent_plane)(north, east, *origin)
+        found.append((degrees[0], wrap_longitude(degrees[1])))
+    return {
+        name: (
+            TIME,
+            np.concatenate([one[k] for one in found]),
+            {"units": ATTRIBUTES[of]["units"], "standard_name": of,
+             "long_name": f"{of} of the GPS fix", "comment": "NaN without a fix"},
+        )
+        for k, (name, of) in enumerate(((GPS_LATITUDE, LATITUDE), (GPS_LONGITUDE, LONGITUDE)))
+    }  # fmt: skip
 
 
 def _open(store: str | Path | xr.Dataset) -> MissionStore:

@@ -22,6 +22,7 @@ from factory.importing.reading.deployment_log import Channel, DeploymentLog
 from factory.importing.reading.tally import ImportReport, Tally, summarise
 from factory.importing.reading.unread_names import likely_replacements, tell_unread, unread
 from factory.importing.repairs.dive_rules import DiveRules
+from factory.importing.repairs.gps_fixes import tell_read
 from factory.importing.repairs.plausibility import check_signs
 from factory.importing.repairs.seawater import depth_of, pressure_of
 from factory.importing.repairs.surface_offset import zeroed
@@ -82,6 +83,7 @@ def build(
     logs = [log for log in logs if log.channels]
     if not logs:
         raise InputError(f"{summarise(files)}: no signal has a value")
+    tell_read(logs, tally)
     rows: list[DiveRow] = []
     lacking: dict[str, list[str]] = {}
     deepened: list[DeploymentLog] = []

@@ -8,7 +8,7 @@ from factory.importing.dives.segments import Segment
 from factory.importing.reading.deployment_log import DeploymentLog, Fixes
 from factory.importing.reading.tally import Tally
 from factory.importing.repairs.dive_rules import DiveRules
-from factory.importing.repairs.gps_fixes import good_fixes
+from factory.importing.repairs.gps_fixes import good_fixes, tell_fixes
 from twin.geodesy import offset
 
 NEAR_END = 5.0
@@ -26,6 +26,10 @@ def pieces(log: DeploymentLog, rules: DiveRules, tally: Tally) -> list[Segment]:
     tally.add(
         "left out", "rows", len(log.pieces) - len(long), f"shorter than {rules.min_duration:g} s"
     )
+    used = np.zeros(len(fixes), bool)
+    for start, end in long:
+        used |= (fixes.time >= start) & (fixes.time <= end)
+    tell_fixes(fixes, used, tally, kept="within rows", left_out="outside rows")
     return [_segment(start, end, fixes.within(start, end)) for start, end in long]
 
 

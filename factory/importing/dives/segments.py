@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from factory.importing.reading.deployment_log import NO_FIXES, Channel, DeploymentLog, Fixes
 from factory.importing.reading.tally import Tally
 from factory.importing.repairs.dive_rules import DiveRules
-from factory.importing.repairs.gps_fixes import good_fixes
+from factory.importing.repairs.gps_fixes import good_fixes, tell_fixes
 from twin.geodesy import offset
 
 Array = NDArray[np.float64]
@@ -114,6 +114,14 @@ def cut(log: DeploymentLog, depth: Channel, rules: DiveRules, tally: Tally) -> l
         dataclasses.replace(s, surface_drift=nothing) if s in carried else s for s in segments
     ]
     _tell_holes(log, depth, tally)
+    ends = [s.start for s in segments if s.start_fix is not None]
+    ends += [s.end for s in segments if s.end_fix is not None]
+    tell_fixes(
+        fixes, np.isin(fixes.time, ends), tally,
+        kept="that dives begin and end with",
+        left_out="at the surface beside those that dives begin and end with; the drift of the stay "
+        "before each dive is kept",
+    )  # fmt: skip
     open_ended = sum(1 for s in segments if s.start_fix is None or s.end_fix is None)
     tally.add("note", "rows", open_ended, "without a fix at one or both ends")
     return segments

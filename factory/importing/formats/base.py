@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from factory.importing.reading.other_kind import OtherKind
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ class Importer:
         return path.suffix.lower() in self.suffixes or bool(self.name_words & words)
 
 
-class WrongFormat(InputError):
+class WrongFormat(OtherKind):
     """A file is not a log of the kind that is read; `names` are the columns or variables in it."""
 
     def __init__(self, path: Path, names: Iterable[str]):

@@ -17,7 +17,7 @@ class Entry:
     """One kind of finding about one thing."""
 
     action: str
-    """What was done: read, sorted, removed, repaired, interpolated, left out, missing, note ..."""
+    """What was done: read, kept, removed, repaired, interpolated, left out, missing, note ..."""
     subject: str
     """The channel, table or file."""
     count: int

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.deployment_log import Channel, Fixes
+from factory.importing.reading.deployment_log import Channel, DeploymentLog, Fixes
 from factory.importing.reading.tally import Tally
 from factory.importing.repairs.dive_rules import DiveRules
 from twin.geodesy import offset
@@ -13,6 +15,8 @@ from twin.geodesy import offset
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+FIXES = "GPS fixes"
+"""Subject of the report's entries. Those read are those kept, removed and left out."""
 STATION_DEPTH = 8.0
 """[m] A shore station has paired fixes with dives; the first sample comes after the fix."""
 _STEPS = 3
@@ -44,14 +48,14 @@ def good_fixes(
         return fixes
     racing = coasting(fixes, rules.coast_speed)
     tally.add(
-        "removed", "GPS fixes", int(racing.sum()),
+        "removed", FIXES, int(racing.sum()),
         f"constant velocity above {rules.coast_speed:g} m/s: the receiver coasts, or is carried",
     )  # fmt: skip
     fixes = fixes.keep(~racing)
     if station:
         near = np.abs(nearest(depth.time, fixes.time) - fixes.time) < _NEAR
         deep = (depth.at(fixes.time) > STATION_DEPTH) & near
-        tally.add("removed", "GPS fixes", int(deep.sum()), f"deeper than {STATION_DEPTH:g} m")
+        tally.add("removed", FIXES, int(deep.sum()), f"deeper than {STATION_DEPTH:g} m")
         fixes = fixes.keep(~deep)
     elif len(depth):
         fixes = _afloat(fixes, depth, rules, tally)
@@ -60,8 +64,24 @@ def good_fixes(
         # alone away from both neighbours, which agree with each other
         if _apart(fixes, i - 1, i, rules) and _apart(fixes, i, i + 1, rules):
             keep[i] = _apart(fixes, i - 1, i + 1, rules)
-    tally.add("removed", "GPS fixes", int((~keep).sum()), "away from their neighbours")
+    tally.add("removed", FIXES, int((~keep).sum()), "away from their neighbours")
     return fixes.keep(keep)
+
+
+def tell_read(logs: Sequence[DeploymentLog], tally: Tally) -> None:
+    """Count the fixes that the files held: those of the logs, and what the reader took away."""
+    before = sum(
+        entry.count
+        for entry in tally.entries()
+        if entry.subject == FIXES and entry.action in ("removed", "left out")
+    )
+    tally.add("read", FIXES, before + sum(len(log.fixes) for log in logs), "with a position")
+
+
+def tell_fixes(fixes: Fixes, used: Mask, tally: Tally, *, kept: str, left_out: str) -> None:
+    """Count the good fixes that rows hold and those that no row holds."""
+    tally.add("kept", FIXES, int(used.sum()), kept)
+    tally.add("left out", FIXES, int((~used).sum()), left_out)
 
 
 def coasting(fixes: Fixes, fastest: float) -> Mask:
@@ -117,13 +137,13 @@ def _afloat(fixes: Fixes, depth: Channel, rules: DiveRules, tally: Tally) -> Fix
             coasted += int(keep[i])
     wet = int((~keep).sum())
     if wet > _SHARE * near.sum() and wet >= _LEAST:
-        tally.add("suspect", "GPS fixes", wet, _clocks(fixes.time, depth, rules))
+        tally.add("suspect", FIXES, wet, _clocks(fixes.time, depth, rules))
     tally.add(
-        "removed", "GPS fixes", int((~keep).sum()),
+        "removed", FIXES, int((~keep).sum()),
         f"under water: deeper than {rules.fix_depth:g} m",
     )  # fmt: skip
     tally.add(
-        "note", "GPS fixes", coasted,
+        "note", FIXES, coasted,
         f"deeper than {rules.fix_depth:g} m, within {rules.fix_lag:g} s of the surface and"
         f" {rules.coast:g} m of the last one there: kept",
     )  # fmt: skip

@@ -406,3 +406,32 @@ def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(tmp_path: Pat
     begun = unfinished(store)
     assert begun is not None
     assert begun.missions_kept >= 2
+
+
+def test_a_run_that_kept_nothing_is_in_nobodys_way(tmp_path: Path, recipe: Recipes) -> None:
+    store = tmp_path / "missions.zarr"
+    with pytest.raises(InputError, match="failed 20 times"):
+        generate(recipe(changes={"mission.pitch_deg": "2"}), store, workers=1)
+    generate(recipe(), store, workers=1)  # the corrected command, without --overwrite
+    assert not generating(store).exists()
+
+
+def test_an_overwrite_that_was_stopped_is_resumed(
+    tmp_path: Path, recipe: Recipes, paper_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = tmp_path / "missions.zarr"
+    shutil.copytree(paper_store, store)
+    with monkeypatch.context() as patch:
+        patch.setattr(factory.generation.generate, "assemble", _interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            generate(recipe(seed=1), store, workers=1, overwrite=True)
+    assert contents(store) == contents(paper_store)
+    with pytest.raises(StoreError, match="--overwrite --resume completes that"):
+        generate(recipe(seed=1), store, workers=1, resume=True)
+    summary = generate(recipe(seed=1), store, workers=1, resume=True, overwrite=True)
+    assert summary.flown == 0
+    assert GeneratedStore(store).seed == 1
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt

@@ -19,6 +19,7 @@ from logs import (
 
 from benchmarks.real_logs.accounts import Raw, account, fixes_apart, table, times_apart
 from factory.importing import import_logs
+from factory.importing.repairs.gps_fixes import FIXES
 
 FLIGHT = Flight(depth=100.0, surface=600.0)
 
@@ -49,6 +50,45 @@ def test_an_import_keeps_times_and_fixes_of_the_raw_files(
         assert found.fix_error_m < 1e-3
     assert found.read > 3
     assert f"| {found.log} | {kind} | 3, {fixes // 2} |" in table([found])
+
+
+@pytest.mark.parametrize(
+    ("kind", "write"),
+    [
+        ("slocum", write_dbd),
+        ("seaglider", write_basestation),
+        ("seaexplorer", lambda f, flight: write_seaexplorer(f / "sea009_M3_gli.csv", flight)),
+        ("lrauv", lambda f, flight: write_mat(f / "log.mat", flight)),
+        ("og1", lambda f, flight: write_og1(f / "deployment.nc", flight)),
+    ],
+)
+def test_every_fix_that_was_read_is_kept_removed_or_left_out(
+    kind: str, write: Callable[[Path, Flight], object], tmp_path: Path
+) -> None:
+    if kind == "slocum":
+        pytest.importorskip("dbdreader")
+    write(tmp_path, FLIGHT)
+    dataset, report = import_logs(kind, [tmp_path])
+    counts = {what: report.count(what, FIXES) for what in ("kept", "removed", "left out")}
+    assert report.count("read", FIXES) == sum(counts.values())
+    ends = set(np.round(dataset["start_time"].values, 3))
+    ends |= set(np.round(dataset["start_time"].values + dataset["dive_duration"].values, 3))
+    assert counts["kept"] == len(ends)
+
+
+def test_fixes_of_a_long_stay_are_left_out_and_counted(tmp_path: Path) -> None:
+    import netCDF4
+
+    path = write_og1(tmp_path / "deployment.nc", FLIGHT)
+    with netCDF4.Dataset(path) as file:
+        there = ~np.ma.getmaskarray(np.ma.masked_invalid(file["LATITUDE_GPS"][:]))
+        there &= ~np.ma.getmaskarray(np.ma.masked_invalid(file["TIME_GPS"][:]))
+        total = int(there.sum())
+    _, report = import_logs("og1", [path])
+    assert report.count("read", FIXES) == total
+    kept = report.count("kept", FIXES)
+    assert 0 < kept <= 2 * report.rows
+    assert report.count("left out", FIXES) == total - kept - report.count("removed", FIXES)
 
 
 def test_what_the_raw_files_contradict_is_told(tmp_path: Path) -> None:

@@ -79,8 +79,10 @@ def test_one_bad_file_is_left_out_and_told(dbd: Path, tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(content)
     write_seaexplorer(tmp_path / "sea009_M3_gli.csv", Flight(depth=50.0))  # another vehicle's
     dataset, report = import_logs("slocum", [tmp_path])
-    told = [e.detail for e in report.entries if e.subject == "unreadable file"]
+    told = [e.detail for e in report.entries if e.subject.endswith(("unreadable file", "kind"))]
     assert len(told) == 6
+    with pytest.raises(InputError, match=r"^5 files cannot be read, more than half: .*keep-going"):
+        import_logs("slocum", [tmp_path], keep_going=False)
     for name in ("a.dbd", "b.dbd", "c.dbd", "d.dbd", "e.ecd", "sea009_M3_gli.csv"):
         assert sum(name in line for line in told) == 1, name
     assert report.files == (dbd.name,)
@@ -89,6 +91,20 @@ def test_one_bad_file_is_left_out_and_told(dbd: Path, tmp_path: Path) -> None:
     for name in ("a.dbd", "b.dbd", "c.dbd", "d.dbd", "e.ecd"):
         with pytest.raises(InputError, match=name):
             import_logs("slocum", [tmp_path / name])
+
+
+def test_files_with_the_same_reason_are_told_once(dbd: Path, tmp_path: Path) -> None:
+    caches = tmp_path.parent / "caches"
+    caches.mkdir(exist_ok=True)
+    (caches / "11111111.cac").write_text("")
+    for name in "abc":
+        content = dbd.read_bytes().replace(b"0badcafe", b"11111111")
+        (tmp_path / f"{name}.dbd").write_bytes(content)
+    _, report = import_logs("slocum", [tmp_path])
+    (told,) = (e for e in report.entries if e.subject == "unreadable file")
+    assert told.count == 3
+    assert told.detail.startswith("3 of 4 files: cache file 11111111.cac is missing")
+    assert f"--cache {caches}" in told.detail
 
 
 def test_science_and_flight_of_one_vehicle_are_joined_whatever_their_names(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from twin.errors import InputError, StoreError, UnknownName
 from twin.flight import estimate_flight, flight_dataset
 from twin.flight.estimators import ESTIMATORS, FlightEstimator
 from twin.flight.figures import FIGURES, write_figures
+from twin.flight.summary import summarise
 from twin.geodesy import from_tangent_plane
 from twin.identify.speed import motion_of
 from twin.records.store import write_store
@@ -66,8 +69,24 @@ def test_rising_water_is_found_in_dives_and_climbs(flight) -> None:
     assert summary.w_deviation < 0.01
     assert summary.depth_rate_rmse >= summary.w_deviation
     assert set(summary.describe()) == {
-        "w_mean_dive_m_s", "w_mean_climb_m_s", "w_sd_m_s", "depth_rate_rmse_m_s"
+        "w_mean_dive_m_s", "w_mean_climb_m_s", "w_sd_m_s", "depth_rate_rmse_m_s",
+        "w_profile_difference_m_s",
     }  # fmt: skip
+
+
+def test_a_vehicle_that_does_not_fit_is_suspect() -> None:
+    depth = np.tile(np.arange(0.0, 100.0, 0.1), 2)
+    down = np.arange(2000) < 1000
+    for climbing, suspect in ((-0.03, True), (-0.004, False)):
+        water = np.where(down, 0.0, climbing) * (depth > 50.0)
+        dive = SimpleNamespace(water_up=water, descending=down, ascending=~down, depth=depth)
+        found = summarise([dive])
+        assert found.suspect is suspect
+        # the means hide half of what the lower bins show
+        assert found.w_profile_difference == pytest.approx(-climbing, rel=0.01)
+        assert found.w_mean_climb == pytest.approx(climbing / 2.0, rel=0.01)
+    large = dataclasses.replace(found, w_mean_dive=0.02, w_mean_climb=0.02)
+    assert large.suspect
 
 
 def test_the_current_of_each_dive_is_the_water_s(flight) -> None:

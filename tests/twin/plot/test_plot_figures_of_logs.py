@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import Flight, write_seaglider
+from logs import Flight, write_seaglider, write_slocum
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
@@ -21,6 +21,7 @@ from twin.plot import FIGURES, figure
 from twin.plot.transect import along_track
 from twin.records.logged_trajectory import LoggedTrajectory
 from twin.records.logs import LogStore
+from twin.records.place import METHOD, METHODS
 from twin.records.reader import MissionStore
 from twin.records.store import write_store
 from twin.vehicle.vehicle import load_vehicle
@@ -92,6 +93,25 @@ def test_the_track_goes_through_the_fixes_and_the_sources_say_what_each_signal_i
     assert one.sources["true_surge"] == "flight model"
     assert one.sources["true_current_north"] == "depth-averaged current"
     assert logged.vehicle == "seaglider"
+
+
+def test_without_a_model_the_track_is_the_stores_own_and_meets_the_fixes(tmp_path: Path) -> None:
+    data, _ = import_logs("slocum", write_slocum(tmp_path, Flight()))
+    lacking = [name for name in data if str(name).endswith(("_pitch", "_pump"))]
+    for name in data.variables:
+        data[name].encoding.clear()
+    data[METHOD][:] = [*METHODS].index("onboard_track")
+    store = write_store(data.drop_vars(lacking), tmp_path / "real.zarr")
+    logs = LogStore(store)
+    one = logged_trajectory(store)
+    assert one.unflown
+    latitude, longitude, how = logs.positions(0)
+    assert how == METHODS["onboard_track"]
+    assert one.sources["true_north"] == "corrected on-board track"
+    for found, stored in zip(one.geographic_position(), (latitude, longitude), strict=True):
+        np.testing.assert_allclose(found, stored, atol=1e-6)
+    last = latitude[-1], longitude[-1]
+    np.testing.assert_allclose(last, logs.fixes(0)[1], atol=1e-6)
 
 
 def test_dives_together_lie_where_the_vehicle_was(dives: Path, logged: LoggedTrajectory) -> None:
@@ -186,7 +206,7 @@ def test_a_log_that_no_model_flies_shows_its_own_track(dives: Path, tmp_path: Pa
     one = logged_trajectory(plain, [0])
     assert one.vehicle is None
     assert "measured_pump" in one.unflown
-    assert one.sources["true_north"] == "straight line between fixes"
+    assert one.sources["true_north"] == "corrected track"  # as the import found it
     assert "true_surge" not in one
     with pytest.raises(InputError, match="no signal true_surge"):
         figure(one, "velocity")

@@ -12,7 +12,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from twin.plot import style
-from twin.plot.caption import add_caption, mission_caption, place
+from twin.plot.caption import add_caption, mission_caption, missions_caption, place
 from twin.plot.logged_dive import GAP_COLOUR, gap_spans, log_figure, robust_limits
 from twin.plot.signals import centred_line, circular_mean
 from twin.plot.space import space_axes
@@ -133,6 +133,24 @@ def test_captions_tell_missions_apart(tmp_path: Path) -> None:
     bare = written("bare.zarr", xr.Dataset())
     assert mission_caption(bare, 0) == "bare.zarr, mission 0, simulated"
     assert place(-12.5, 190.0) == "12.500°S 170.000°W"
+
+
+def test_a_caption_of_dives_tells_the_end_of_the_last(tmp_path: Path) -> None:
+    data = xr.Dataset(
+        {
+            "deployment": ("mission", np.array(["unit334"] * 2, object)),
+            "start_time": (
+                "mission",
+                np.array(["2023-09-20T14:43:20", "2023-09-20T18:00"], "datetime64[ns]"),
+            ),
+            "dive_duration": ("mission", np.array([3600.0, 6.5 * 3600.0])),
+        },
+        attrs={**CONVENTIONS, "comment": "Recorded at sea.", "source_format": "slocum"},
+    )
+    store = MissionStore(write_store(data, tmp_path / "real.zarr"))
+    assert missions_caption(store, [0, 1], None) == (
+        "unit334, missions 0 to 1, 2023-09-20 14:43 to 2023-09-21 00:30 UTC"
+    )
 
 
 @pytest.mark.parametrize("by_hand", [False, True])

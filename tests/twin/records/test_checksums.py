@@ -151,3 +151,23 @@ def test_a_large_file_is_read_in_pieces(tmp_path):
     assert said(tmp_path) == []
     assert tracemalloc.get_traced_memory()[1] < 2_000_000
     tracemalloc.stop()
+
+
+def test_a_changed_chunk_of_any_store_fails_where_it_is_read(tmp_path):
+    """Readers that know nothing of the list of checksums are warned too."""
+
+    from twin.records.store import write_zarr
+
+    values = np.random.default_rng(0).normal(15.0, 2.0, (3, 400)).astype(np.float32)
+    words = xr.DataArray(np.array(["a", "b", "c"], object), dims="mission")
+    write_zarr(xr.Dataset({"t": (("mission", "time"), values), "w": words}), tmp_path / "a.zarr")
+    chunk = next(path for path in (tmp_path / "a.zarr" / "t" / "c").rglob("*") if path.is_file())
+    whole = chunk.read_bytes()
+    for place in range(0, len(whole), 97):
+        changed = bytearray(whole)
+        changed[place] ^= 4
+        chunk.write_bytes(bytes(changed))
+        with pytest.raises(Exception, match=r"(?i)checksum|crc|zstd|decompress"):
+            xr.open_zarr(tmp_path / "a.zarr")["t"].load()
+    chunk.write_bytes(whole)
+    assert list(xr.open_zarr(tmp_path / "a.zarr")["w"].values) == ["a", "b", "c"]

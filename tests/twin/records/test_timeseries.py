@@ -15,6 +15,7 @@ from factory.importing import import_logs
 from twin.errors import InputError, StoreError
 from twin.mission import Mission, SawTooth
 from twin.records.store import mission_dataset, write_store
+from twin.records.timeseries import FROM_THE_START
 
 FLIGHT = Flight()
 YO = Mission(
@@ -54,7 +55,9 @@ def test_missions_follow_each_other_by_date_without_padding(simulated: Path) -> 
     assert dict(series.sizes) == {"time": int(store["n_samples"].sum())}
     assert series.indexes["time"].is_monotonic_increasing
     assert list(dict.fromkeys(series["mission"].values.tolist())) == [1, 0]
-    assert set(series.coords) == {"time", "latitude", "longitude", "depth", "mission"}
+    assert set(series.coords) == {"time"}
+    assert {"latitude", "longitude", "depth", "mission", "gps_latitude"} <= set(series.data_vars)
+    assert not FROM_THE_START & set(series.variables)
     first = series["mission"] == 1
     np.testing.assert_array_equal(series["true_pitch"].values[first], store["true_pitch"].values[1])
     np.testing.assert_array_equal(series["depth"], series["true_depth"])
@@ -70,7 +73,7 @@ def test_days_are_selected_and_hours_averaged(simulated: Path) -> None:
     assert first.sizes["time"] == 120  # a minute at 2 Hz before midnight
     both = series.sel(time=slice("2023-09-01", "2023-09-02"))
     assert both.sizes == series.sizes
-    hourly = series.resample(time="1h").mean()
+    hourly = twin.resample(series, "1h")
     at_noon = series["true_temperature"].where(series["mission"] == 0, drop=True)
     expected = pytest.approx(float(at_noon.mean()), rel=1e-5)
     assert float(hourly["true_temperature"].sel(time="2023-09-02T12:00")) == expected
@@ -85,8 +88,14 @@ def test_logs_are_a_series_of_their_own_depth(logged: Path) -> None:
     assert series.indexes["time"].is_monotonic_increasing
     day = str(series["time"].values[0])[:10]
     assert series.sel(time=day).sizes["time"] > 0
-    hourly = series.resample(time="1h").mean()
+    hourly = twin.resample(series, "1h")
     assert np.isfinite(hourly["measured_depth"]).any()
+    assert hourly["latitude"].attrs == series["latitude"].attrs
+    fixed = np.isfinite(series["gps_latitude"].values)
+    assert fixed.sum() >= 2
+    for name in ("latitude", "longitude"):  # the track was corrected at the fixes
+        away = (series[f"gps_{name}"] - series[name]).values[fixed]
+        assert np.abs(away).max() < 3e-4
     unix = series["time"].values.astype("datetime64[ms]").astype(float) / 1e3
     latitude, longitude = FLIGHT.position(unix)
     assert np.abs(series["latitude"] - latitude).max() < 3e-4  # 30 m
@@ -94,6 +103,39 @@ def test_logs_are_a_series_of_their_own_depth(logged: Path) -> None:
     one = twin.timeseries(logged, [1])
     assert set(one["mission"].values.tolist()) == {1}
     assert len(one.to_dataframe()) == one.sizes["time"]
+
+
+def test_directions_are_averaged_as_directions() -> None:
+    """Against vectors added by hand: headings about north, longitudes across 180."""
+    time = np.datetime64("2024-05-01T00:00", "ns") + np.arange(8) * np.timedelta64(15, "m")
+    series = xr.Dataset(
+        {
+            "measured_heading": ("time", [350.0, 20.0, 359.0, 1.0, 90.0, 270.0, np.nan, np.nan]),
+            "commanded_heading": ("time", [300.0, 340.0, 300.0, 340.0, 10.0, 10.0, 10.0, 10.0]),
+            "longitude": ("time", [179.9, -179.9, 179.9, -179.9, 10.0, 11.0, 10.0, 11.0]),
+            "mission": ("time", [3, 3, 3, 4, 4, 4, 4, 4]),
+            "depth": ("time", [1.0, 2.0, np.nan, 3.0, 4.0, 4.0, 4.0, 4.0]),
+        },
+        {"time": time},
+    )
+    for name in ("measured_heading", "commanded_heading"):
+        series[name].attrs["units"] = "degree"
+    series["longitude"].attrs["standard_name"] = "longitude"
+    mean = twin.resample(series.isel(time=[3, 0, 7, 1, 2, 4, 5, 6]), "1h")
+    assert list(mean.data_vars) == list(series.data_vars)
+    turned = np.radians([350.0, 20.0, 359.0, 1.0])
+    expected = np.degrees(np.arctan2(np.sin(turned).sum(), np.cos(turned).sum()))
+    assert float(mean["measured_heading"][0]) == pytest.approx(expected % 360.0)
+    assert np.isnan(mean["measured_heading"][1])  # east and west cancel
+    np.testing.assert_allclose(mean["commanded_heading"], [320.0, 10.0])
+    assert abs(float(mean["longitude"][0])) == pytest.approx(180.0)
+    assert float(mean["longitude"][1]) == pytest.approx(10.5)
+    np.testing.assert_array_equal(mean["mission"], [3, 4])
+    np.testing.assert_allclose(mean["depth"], [2.0, 4.0])
+    with pytest.raises(InputError, match="step 'hourly'"):
+        twin.resample(series, "hourly")
+    with pytest.raises(InputError, match="UTC `time`"):
+        twin.resample(xr.Dataset(), "1h")
 
 
 @pytest.mark.parametrize("kind", ["simulated", "logged"])

@@ -27,6 +27,7 @@ from factory.importing.reading.columns import (
 )
 from factory.importing.reading.deployment_log import NO_FIXES, Channel, DeploymentLog, Fixes
 from factory.importing.reading.each_file import each_file
+from factory.importing.reading.other_kind import OtherKind
 from factory.importing.reading.payload import payload_channels, payload_names
 from factory.importing.reading.tally import Tally
 from factory.importing.reading.unread_names import leave_out, note_empty, note_unread
@@ -120,7 +121,7 @@ def _timed_table(path: Path, tally: Tally) -> tuple[str, Table, Columns]:
       InputError: it cannot be read, or is empty, or without times.
     """
     if "evt" in path.name.lower().split("."):
-        raise InputError(f"{path.name} is the vehicle's list of events: texts, no measurements")
+        raise OtherKind(f"{path.name} is the vehicle's list of events: texts, no measurements")
     table = read_table(path)
     names = [*table.columns, *table.texts]
     if "NavState" in table.columns and "Timestamp" in names:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -31,6 +32,7 @@ class CacheShelf:
         self._given = given
         self._named = named
         self._places: dict[Path, dict[str, Path]] = {}
+        self._told: dict[str, str] = {}
         self._checked: dict[tuple[str, int, int], None] = {}
 
     def prepare(self, path: Path, header: Mapping[str, str]) -> None:
@@ -47,12 +49,7 @@ class CacheShelf:
             return
         found = self._at_hand(path)
         if name not in found:
-            others = ", ".join(sorted(one.name for one in found.values())[:4]) or "no cache file"
-            places = ", ".join(dict.fromkeys(str(p) for p in self._folders(path)))
-            raise InputError(
-                f"{path.name} needs the cache file {name}.cac; there is {others} in {places}; "
-                "give its folder with --cache"
-            )
+            raise InputError(f"{path.name}: {self._missing(path, name, found)}")
         target = self.folder / f"{name}.cac"
         if is_compressed(found[name]):
             plain, _ = unpacked(found[name], self.folder)
@@ -68,6 +65,18 @@ class CacheShelf:
                 f"{len(listed)} sensors, the header says {total[1]} of {total[0]}"
             )
         self._checked[(name, *total)] = None
+
+    def _missing(self, path: Path, name: str, found: Mapping[str, Path]) -> str:
+        """What is missing, and the folder that has it where one of the neighbours does."""
+        if name not in self._told:
+            others = ", ".join(sorted(one.name for one in found.values())[:4]) or "no cache file"
+            places = ", ".join(dict.fromkeys(str(p) for p in self._folders(path)))
+            near = _folder_with(name, self._folders(path))
+            advice = "give its folder with --cache" if near is None else f"give --cache {near}"
+            self._told[name] = (
+                f"cache file {name}.cac is missing; there is {others} in {places}; {advice}"
+            )
+        return self._told[name]
 
     def _folders(self, path: Path) -> list[Path]:
         if self._given is not None:
@@ -87,3 +96,20 @@ class CacheShelf:
                 self._places[folder] = here
             found = {**self._places[folder], **found}
         return found
+
+
+def _folder_with(name: str, folders: Sequence[Path]) -> Path | None:
+    """The folder in or beside one of these that holds a cache file of this number."""
+    for folder in dict.fromkeys(folders):
+        for around in (folder, Path(os.path.normpath(folder / ".."))):
+            try:
+                near = sorted(one for one in around.iterdir() if one.is_dir())
+                for one in near:
+                    if any(
+                        file.stem.lower() == name and file.suffix.lower() in CACHES
+                        for file in one.iterdir()
+                    ):
+                        return one
+            except OSError:
+                continue  # a folder that may not be looked into offers nothing
+    return None
