@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import datetime
 import difflib
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +24,7 @@ from factory.importing.reading.payload import parse_payload
 from factory.importing.reading.tally import ImportReport, Tally, summarise
 from factory.importing.repairs.dive_rules import DiveRules
 from twin.errors import InputError
-from twin.records.attributes import DEPLOYMENT_METADATA
+from twin.records.attributes import DEPLOYMENT_METADATA, HISTORY
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -101,6 +103,20 @@ def import_logs(
         held=importer.held,
         lacks=importer.lacks,
     )
+    rules = rules or DiveRules()
+    words = {
+        "period": period,
+        "min-depth": None if rules.min_depth == DiveRules().min_depth else rules.min_depth,
+        "variation-deg": variation_deg,
+        "cache": cache,
+        "mapping": mapping,
+    }
+    command = ["factory", "import", kind, *map(str, files)]
+    for name, value in words.items():
+        command += [] if value is None else [f"--{name}", str(value)]
+    command += ["--payload", *payload] if payload else []
+    stamp = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    dataset.attrs[HISTORY] = f"{stamp}: {shlex.join(command)}"
     said = _beside(paths) or (logs[0].said if len(logs) == 1 else None)
     if said is not None:
         dataset.attrs[DEPLOYMENT_METADATA] = said

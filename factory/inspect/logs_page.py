@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
+from matplotlib.dates import date2num
 from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
 from twin.plot import style
+from twin.plot.dates import DAY, LABEL, draw_dates
 from twin.plot.graticule import box_around
 from twin.plot.map import (
     Currents,
@@ -218,11 +219,9 @@ def _draw_depths(axes: Axes, logs: LogStore, missions: list[int]) -> None:
     if any((logs.signal("measured_gap", k) > 0.0).any() for k in missions):
         axes.plot([], [], color=CLIMB, lw=1.3, label="bridged gap of the log")
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
-    locator = AutoDateLocator(minticks=4, maxticks=10)
-    axes.xaxis.set_major_locator(locator)
-    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+    draw_dates(axes, 0.0, DAY)
     axes.margins(x=0.01)
-    axes.set_xlabel("time [UTC]")
+    axes.set_xlabel(LABEL)
 
 
 def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> None:

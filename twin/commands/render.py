@@ -38,7 +38,7 @@ class Render(JsonOption):
     end: float | None = None
     """last mission time shown [s]"""
     time: float | None = None
-    """mission time of a .png [s]; default: the end of the part"""
+    """mission time of a .png [s]; default: the last moment of the part that the log has"""
     colour: Literal["speed", "current", "depth", "error"] | None = None
     """what colours the track; default: speed, or depth in a log that does not tell it; error is
     the first track's of --tracks"""

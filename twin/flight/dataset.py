@@ -24,6 +24,7 @@ from twin.records.attributes import (
 )
 from twin.records.flight_file import FLIGHT_TITLE
 from twin.records.logs import start_times
+from twin.records.place import DATETIME, padded, sample_variables, unix_milliseconds
 from twin.records.schema import MISSION, TIME
 from twin.records.store import is_derived, write_netcdf, write_zarr
 from twin.records.whole import check_file_target, check_folder_target, whole_file, whole_folder
@@ -95,7 +96,7 @@ PER_DIVE: dict[str, tuple[str, str, str | None]] = {
     "dac_end": ("s", "time of the fix after the dive, since the mission's start", None),
 }  # fmt: skip
 """The same of each dive between two fixes, (dac,)"""
-DAC, DAC_MISSION = "dac", "dac_mission"
+DAC, DAC_MISSION, DAC_TIME = "dac", "dac_mission", "dac_time"
 
 
 def flight_dataset(flight: Flight) -> xr.Dataset:
@@ -157,7 +158,7 @@ def flight_dataset(flight: Flight) -> xr.Dataset:
                       "long_name": "UTC time of the mission's first sample"}  # fmt: skip
         variables[START_TIME] = (MISSION, starts, attributes)
     period = store.period
-    coordinates = {
+    coordinates: dict[str, Any] = {
         MISSION: (MISSION, np.array(chosen), {"long_name": "row of the store"}),
         TIME: (
             TIME,
@@ -165,6 +166,13 @@ def flight_dataset(flight: Flight) -> xr.Dataset:
             {"units": "s", "long_name": "time since the start of the mission"},
         ),
     }
+    if np.isfinite(starts).any():
+        moments = [
+            unix_milliseconds(float(start), period * np.arange(count))
+            for start, count in zip(starts, lengths, strict=True)
+        ]
+        whole = {DATETIME: padded(DATETIME, moments, longest)}
+        coordinates |= sample_variables(whole, {}, (MISSION, TIME))
     return xr.Dataset(variables, coordinates, _about(flight))
 
 
@@ -247,6 +255,36 @@ def _per_dive(flight: Flight) -> dict[str, Any]:
         arrays[name] = (DAC, np.array(values[name]), attributes)
     mission = np.array([one.mission for one in found], np.int32)
     arrays[DAC_MISSION] = (DAC, mission, {"long_name": "row of the store that the dive is in"})
+    return arrays | _dac_places(flight)
+
+
+def _dac_places(flight: Flight) -> dict[str, Any]:
+    """Moment and place of the middle of each dive, where the store knows them."""
+    missions = {one.dive.mission: one for one in flight.missions}
+    middle = np.array([one.start + 0.5 * one.duration for one in flight.currents])
+    where = []
+    for one in flight.currents:
+        flown = missions[one.mission]
+        sample = (one.first + one.last) // 2
+        north, east = flown.position[sample]
+        where.append(flown.place.degrees(np.array(north), np.array(east)))
+    arrays: dict[str, Any] = {}
+    if np.isfinite(middle).any():
+        arrays[DAC_TIME] = (
+            DAC, middle,
+            {"units": EPOCH, "calendar": "standard", "standard_name": "time",
+             "long_name": "UTC time of the middle between the two fixes"},
+        )  # fmt: skip
+    if any(one.place.known for one in flight.missions):
+        for k, (name, units) in enumerate(
+            (("latitude", "degree_north"), ("longitude", "degree_east"))
+        ):
+            values = np.array([float(place[k]) for place in where])
+            arrays[f"dac_{name}"] = (
+                DAC, values,
+                {"units": units, "standard_name": name,
+                 "long_name": f"{name} of the corrected track in the middle of the dive"},
+            )  # fmt: skip
     return arrays
 
 

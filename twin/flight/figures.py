@@ -17,6 +17,8 @@ from twin.flight.dataset import DAC, DAC_MISSION, POSITIONS, W_WATER, flight_dat
 from twin.flight.dive import CLIMB, DESCENT
 from twin.flight.flight import Flight
 from twin.plot import style
+from twin.plot.caption import MINUTES, add_caption
+from twin.plot.dates import LABEL, draw_dates, moment_of
 from twin.plot.map import Currents, MapContent, draw_content, joined
 from twin.plot.ocean_maps import ocean_map
 from twin.records.attributes import DEPLOYMENT, N_SAMPLES, SAMPLE_PERIOD, START_TIME
@@ -57,12 +59,17 @@ def read_flight(path: str | Path) -> xr.Dataset:
 
 
 def caption_of(flight: xr.Dataset, path: Path) -> str:
-    """One line that names a flight: deployments, missions, vehicle."""
+    """One line that names a flight: deployments, missions, dates, vehicle."""
     names = []
     if DEPLOYMENT in flight:
         names = list(dict.fromkeys(str(name) for name in flight[DEPLOYMENT].values))
     count = flight.sizes[MISSION]
     parts = [", ".join(names[:3]) or path.name, f"{count} mission{'s' if count > 1 else ''}"]
+    if (first := _start(flight)) is not None:
+        lengths = float(flight.attrs[SAMPLE_PERIOD]) * (_samples(flight) - 1)
+        last = first + float((np.array(_starts(flight)) + lengths).max())
+        begin, end = (f"{moment_of(unix):{MINUTES}}" for unix in (first, last))
+        parts.append(f"{begin} to {end} UTC")
     return ", ".join([*parts, f"flight model {flight.attrs.get('vehicle', 'unknown')}"])
 
 
@@ -97,6 +104,9 @@ def section(flight: xr.Dataset) -> Figure:
         axes.set_xlim(float(ends.min()), float(ends.max()))
         style.depth_axis(axes, float(segments[keep][:, :, 1].max()))
         axes.set_xlabel("time since the first sample [h]")
+        if (first := _start(flight)) is not None:
+            draw_dates(axes, first, HOUR)
+            axes.set_xlabel(LABEL)
         bar = figure.colorbar(lines, ax=axes, pad=0.02, aspect=22)
         bar.set_label("vertical water velocity, up [cm/s]")
         bar.outline.set_visible(False)
@@ -191,6 +201,18 @@ LEVEL_RATE = 0.03
 """[m/s] below which a vehicle turns or flies level, as the import's phases have it"""
 
 
+def _start(flight: xr.Dataset) -> float | None:
+    """Unix time [s] of the first sample of all; None where it is not known."""
+    if START_TIME not in flight:
+        return None
+    starts = np.asarray(flight[START_TIME].values)
+    if np.issubdtype(starts.dtype, np.datetime64):
+        if np.isnat(starts).any():
+            return None
+        starts = starts.astype("datetime64[ns]").astype(np.int64) / 1e9
+    return float(starts.min()) if np.isfinite(starts.astype(float)).all() else None
+
+
 def _starts(flight: xr.Dataset) -> list[float]:
     """[s] of each mission's first sample since that of the first; one after the other without."""
     if START_TIME in flight:
@@ -222,6 +244,7 @@ def write_figures(flight: Flight, folder: Path) -> tuple[list[Path], list[str]]:
             missing.append(f"no {name} figure: {error}")
             continue
         path = folder / f"{name}.png"
+        add_caption(figure, caption_of(dataset, folder))
         with whole_file(path) as place:
             figure.savefig(place, dpi=PRINT_DPI)
         written.append(path)

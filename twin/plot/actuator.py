@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from twin.plot import style
+from twin.plot.dates import label_time
 from twin.plot.registry import FigureKind
 from twin.plot.signals import draw_lines, stack, thinned_time, unit_text
 from twin.records.logged_trajectory import source_of
@@ -29,7 +30,7 @@ def actuator_figure(trajectory: Trajectory) -> Figure:
         figure, axes = stack(parts + len(ATTITUDE), height=0.92)
         draw_actuators(axes[:parts], trajectory, legend_at=ABOVE_TITLE)
         draw_attitude(axes[parts:], trajectory)
-        style.label_time(axes[-1], thinned_time(trajectory)[2])
+        label_time(axes[-1], trajectory, *thinned_time(trajectory)[1:])
         figure.align_ylabels()
     return figure
 

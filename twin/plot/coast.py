@@ -13,12 +13,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.path import Path
+from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
 LAND = "#E8E2D0"
 SHORE = "#8C8570"
+COAST_NOTE = "coast: Natural Earth 1:50m, coarse"
+"""What a map with land says of it"""
 NEIGHBOURS = (-360.0, 0.0, 360.0)
 """[degree] by which the world is repeated, for maps across the date line"""
 
@@ -73,6 +76,15 @@ def coast_within(west: float, east: float, south: float, north: float) -> bool:
         if ((x > west) & (x < east) & (y > south) & (y < north)).any():
             return True
     return False
+
+
+def land_in_view(west: float, east: float, south: float, north: float) -> bool:
+    """Whether land reaches into a box [degree], and not only the box around that land."""
+    box = Bbox.from_extents(west, south, east, north)
+    return any(
+        Path(ring, closed=True).intersects_bbox(box)
+        for ring in land_within(west, east, south, north)
+    )
 
 
 def draw_land(axes: Axes, box: tuple[float, float, float, float], **look: Any) -> None:

@@ -84,8 +84,8 @@ def draw_graticule(axes: Axes, box: Box, *, lines: int = MOST_LINES) -> None:
         label.set_verticalalignment("center")
     for side in ("top", "right"):
         axes.spines[side].set_visible(True)
-    axes.set_xlabel("longitude [° ′]")
-    axes.set_ylabel("latitude [° ′]")
+    axes.set_xlabel("longitude")
+    axes.set_ylabel("latitude")
 
 
 def line_step(span: float, most: int) -> float:

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.plot import style
+from twin.plot.dates import label_time
 from twin.plot.ocean_maps import ocean_map
 from twin.plot.registry import FigureKind
 from twin.plot.water import Water, water_of
@@ -34,7 +35,9 @@ def hydrography_figure(trajectory: Trajectory) -> Figure:
       InputError: the mission has neither.
     """
     seconds, unit = style.time_unit(trajectory.time)
-    return draw_sections(trajectory, trajectory.time / seconds, f"time [{unit}]")
+    figure = draw_sections(trajectory, trajectory.time / seconds, "")
+    label_time(figure.axes[len(PANELS) - 1], trajectory, seconds, unit)
+    return figure
 
 
 def draw_sections(trajectory: Trajectory, along: Array, label: str) -> Figure:
@@ -59,6 +62,7 @@ def _draw(axes: Axes, along: Array, depth: Array, water: Water, quantity: str, u
     axes.plot(*style.thin(along, depth), color=style.GUIDE, lw=0.4, zorder=1)
     x, y, shown = style.thin(along, depth, values, most=MOST_POINTS)
     known = np.isfinite(shown) & np.isfinite(y)
+    y = np.maximum(y, 0.0)  # waves and a transducer's zero lift a vehicle above the surface
     room = 72.0 * 0.8 * WIDTH / max(profiles(depth), 1)
     low, high = (float(v) for v in np.percentile(shown[known], COVERED))
     dots = axes.scatter(

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.plot import style
+from twin.plot.dates import label_time
 from twin.plot.registry import FigureKind
 from twin.plot.signals import (
     PANEL_HEIGHT,
@@ -106,13 +107,13 @@ def log_figure(trajectory: Trajectory, beside: Trajectory | None = None) -> Figu
         _vertical_speed(places[0], trajectory, beside)
         for place, panel in zip(places[1:], shown, strict=True):
             _draw(place, trajectory, panel, beside)
-        unit = thinned_time(trajectory)[2]
+        seconds, unit = thinned_time(trajectory)[1:]
         for place in (top, *places):
             _shade_gaps(place, trajectory)
         for place in places[:-2]:
             place.tick_params(labelbottom=False)
         for place in (top, *places[-2:]):  # the wide panel has a time axis of its own length
-            style.label_time(place, unit)
+            label_time(place, trajectory, seconds, unit)
         figure.align_ylabels()
     return figure
 

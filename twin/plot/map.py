@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.plot import style
-from twin.plot.coast import coast_within, draw_land
+from twin.plot.coast import COAST_NOTE, SHORE, coast_within, draw_land, land_in_view
 from twin.plot.graticule import Box, box_around, cosine, draw_graticule, draw_scale_bar
 from twin.plot.registry import FigureKind
 from twin.records.logged_trajectory import AVERAGED, source_of
@@ -201,6 +201,11 @@ def draw_base(axes: Axes, box: Box) -> None:
     draw_land(axes, box)
     draw_graticule(axes, box)
     draw_scale_bar(axes, box)
+    if land_in_view(*box):
+        axes.text(
+            0.99, 0.01, COAST_NOTE, transform=axes.transAxes, ha="right", va="bottom",
+            fontsize=5.5, color=SHORE, zorder=5,
+        )  # fmt: skip
 
 
 def draw_tracks(axes: Axes, content: MapContent) -> None:

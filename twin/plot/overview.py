@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from twin.plot import style
 from twin.plot.actuator import ATTITUDE, draw_actuators, draw_attitude
 from twin.plot.current_profile import draw_current
+from twin.plot.dates import label_time
 from twin.plot.registry import FigureKind
 from twin.plot.section import draw_section
 from twin.plot.signals import thinned_time
@@ -51,7 +52,7 @@ def overview_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -
         grid = bottom.subplots(panels, 1, sharex=True)
         draw_attitude(grid[: len(ATTITUDE)], trajectory)
         draw_actuators(grid[len(ATTITUDE) :], trajectory)
-        style.label_time(grid[-1], thinned_time(trajectory)[2])
+        label_time(grid[-1], trajectory, *thinned_time(trajectory)[1:])
         bottom.align_ylabels()
     return figure
 

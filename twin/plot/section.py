@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
 from twin.plot import style
+from twin.plot.dates import label_time
 from twin.plot.ocean_maps import ocean_map
 from twin.plot.registry import FigureKind
 from twin.plot.water import water_of
@@ -109,7 +110,7 @@ def draw_section(axes: Axes, trajectory: Trajectory, colour: str = "speed") -> N
         ground = np.full_like(floor, 2.0 * max(deepest, float(floor.max())))
         axes.fill_between(time / seconds, floor, ground, color=style.GROUND, lw=0)
     style.depth_axis(axes, deepest)
-    style.label_time(axes, unit)
+    label_time(axes, trajectory, seconds, unit)
     bar = axes.figure.colorbar(lines, ax=axes, pad=0.02, aspect=22)
     bar.set_label(f"{chosen.label} [{chosen.unit}]" + (f"\n{word}" if word else ""))
     bar.outline.set_visible(False)

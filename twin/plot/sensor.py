@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, UnknownName
 from twin.plot import style
+from twin.plot.dates import label_time
 from twin.plot.registry import FigureKind
 from twin.plot.signals import thinned_time, unit_text
 from twin.records.logged_trajectory import MEASURED, LoggedTrajectory, source_of
@@ -135,7 +136,7 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
                 )  # fmt: skip
         axes[0, 0].set_xlim(time[0], time[-1])
         for panel in axes[-1]:
-            style.label_time(panel, unit)
+            label_time(panel, trajectory, seconds, unit)
         figure.align_ylabels()
     return figure
 

@@ -112,14 +112,14 @@ def length_unit(*arrays: Array) -> tuple[float, str]:
 
 
 def label_time(axes: Axes, unit: str) -> None:
-    """The time axis' label."""
+    """The label of a time axis that counts from the start."""
     axes.set_xlabel(f"time [{unit}]")
 
 
 def depth_axis(axes: Axes, deepest: float, *, label: bool = True) -> None:
     """Depth positive down from the surface at the top; `deepest` [m] sets the range."""
     bottom = max(deepest * 1.06, 1.0)
-    axes.set_ylim(bottom, -0.04 * bottom)
+    axes.set_ylim(bottom, 0.0)
     if label:
         axes.set_ylabel("depth [m]")
 

@@ -54,7 +54,16 @@ def ts_figure(trajectory: Trajectory) -> Figure:
             digits = 2 if step < 0.1 else 1 if step < 1.0 else 0
             axes.clabel(lines, fmt=f"%.{digits}f", fontsize=6.5, inline_spacing=2)
         dots = axes.scatter(
-            s, t, c=d, s=3.0, cmap=ocean_map("depth"), linewidths=0, rasterized=True, zorder=3
+            s,
+            t,
+            c=d,
+            s=3.0,
+            cmap=ocean_map("depth"),
+            linewidths=0,
+            rasterized=True,
+            zorder=3,
+            vmin=0.0,
+            vmax=max(float(d.max()), 1.0),
         )
         axes.set_xlim(*limits[0])
         axes.set_ylim(*limits[1])

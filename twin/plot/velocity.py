@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from twin.plot import style
+from twin.plot.dates import label_time
 from twin.plot.registry import FigureKind
 from twin.plot.signals import draw_lines, stack, thinned_time
 from twin.records.logged_trajectory import source_of
@@ -35,7 +36,7 @@ def velocity_figure(trajectory: Trajectory) -> Figure:
             f"speed over ground, {track}" if track else "horizontal speed over ground"
         )
         axes[-1].set_ylabel("[m/s]")
-        style.label_time(axes[-1], unit)
+        label_time(axes[-1], trajectory, seconds, unit)
         figure.align_ylabels()
     return figure
 

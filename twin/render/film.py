@@ -24,6 +24,7 @@ from twin.records.trajectory import Trajectory
 from twin.records.whole import check_file_target, whole_file
 from twin.render.encode import STILL_FORMATS, VIDEO_FORMATS, Encoder
 from twin.render.painter import Painter
+from twin.render.playback import POSITION
 from twin.render.shot import Shot
 from twin.vehicle.vehicle import Vehicle
 
@@ -32,6 +33,8 @@ Pixels = NDArray[np.uint8]
 
 SLOTS = 3
 """Frames that each worker may be ahead of the encoder"""
+GAP = "measured_gap"
+"""Flag of samples that a log does not have"""
 PATIENCE = 1.0
 """[s] between looks at whether a silent worker still lives"""
 
@@ -50,10 +53,20 @@ class Subject:
 
 
 def still(subject: Subject, shot: Shot, at: float | None = None) -> Pixels:
-    """One picture, (height, width, 3), at mission time `at` [s]; None is the end of the part."""
-    times = shot.still_time(subject.trajectory.time, at)
+    """One picture, (height, width, 3), at mission time `at` [s]; None is the last in the
+    part at which the vehicle's place is known, outside the gaps of a log.
+    """
+    times = shot.still_time(subject.trajectory.time, at, known_samples(subject.trajectory))
     with _painter(subject, shot, times) as painter:
         return painter.paint(0)
+
+
+def known_samples(trajectory: Trajectory) -> NDArray[np.bool_]:
+    """Samples at which the place is known and measured, (time,)."""
+    known = np.isfinite([trajectory[f"true_{name}"] for name in POSITION]).all(axis=0)
+    if GAP in trajectory:
+        known &= ~(trajectory[GAP] > 0.0)
+    return np.asarray(known)
 
 
 def save_still(path: Path, subject: Subject, shot: Shot, at: float | None = None) -> None:

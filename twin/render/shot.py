@@ -101,10 +101,20 @@ class Shot:
         frames = max(2, round((end - start) / speed_up * self.fps) + 1)
         return np.asarray(np.linspace(start, end, frames))
 
-    def still_time(self, time: Array, at: float | None) -> Array:
-        """The one mission time [s] of a still: `at`, or the end of the part. Shape (1,)."""
+    def still_time(
+        self, time: Array, at: float | None, known: NDArray[np.bool_] | None = None
+    ) -> Array:
+        """The one mission time [s] of a still, shape (1,): `at`, or the end of the part.
+
+        Args:
+          time: [s] of the samples, (time,).
+          at: [s]; None is the end of the part.
+          known: samples whose place is known, (time,); then the end is the last of these.
+        """
         start, end = self.part(time)
         if at is None:
+            if known is not None and (shown := time[known & (time >= start) & (time <= end)]).size:
+                end = float(shown[-1])
             return np.array([end])
         if not start <= at <= end:
             raise InputError(f"time {at:g} s is outside the shown part, {start:g} to {end:g} s")

@@ -176,6 +176,9 @@ def with_metadata(own: dict[str, Any], metadata: Metadata, *, simulated: bool) -
                 given[name] = f"SIMULATED: {given[name]}"
     if "institution" in given:
         given.setdefault("contributing_institutions", given["institution"])
+    for part in ("name", "email"):  # who made the data contributed to it
+        if f"creator_{part}" in given:
+            given.setdefault(f"contributor_{part}", given[f"creator_{part}"])
     merged = {**own, **given}
     for name in ("creator", "publisher"):
         if f"{name}_name" in given:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import datetime
 import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -30,7 +29,6 @@ from twin.errors import InputError
 from twin.records.attributes import (
     COMMENT,
     FILES,
-    HISTORY,
     IMPORT_REPORT,
     PLATFORM,
     SOURCE_FORMAT,
@@ -179,12 +177,10 @@ def build(
         entries=tally.entries(),
         names=tally.named(),
     )
-    stamp = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     attributes = {
         SOURCE_FORMAT: kind,
         PLATFORM: ", ".join(dict.fromkeys(row.log.platform for row in rows)),
         FILES: " ".join(files),
-        HISTORY: f"{stamp}: factory import {kind}",
         IMPORT_REPORT: json.dumps(report.to_dict()),
     }
     models = {row.log.model for row in rows if row.log.model is not None}

@@ -89,6 +89,13 @@ NUMBERS: dict[str, tuple[str, str]] = {
 """Units and meaning of the per-row numbers."""
 
 
+_STANDARD_NAMES = {
+    "dac_north": "northward_sea_water_velocity",
+    "dac_east": "eastward_sea_water_velocity",
+}
+"""CF standard names of our currents and of the vehicle's"""
+
+
 def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, Any]) -> xr.Dataset:
     """The rows padded with NaN to the longest; variables that no row has are left out."""
     import xarray as xr
@@ -232,6 +239,9 @@ def _per_row(rows: Sequence[DiveRow]) -> dict[str, Any]:
         if any(name in entry for entry in numbers):
             values = np.array([entry.get(name, np.nan) for entry in numbers], np.float64)
             described = {"units": units, "long_name": long_name}
+            standard = _STANDARD_NAMES.get(name.removeprefix("vehicle_"))
+            if standard is not None:
+                described["standard_name"] = standard
             if name.startswith("dac_"):
                 described["comment"] = CURRENT_METHOD
             variables[name] = (MISSION, values, described)

@@ -78,6 +78,10 @@ def og1(store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_what_people_said_beside_the_log_is_in_the_file(og1: Path) -> None:
     with netCDF4.Dataset(og1) as file:
+        assert (file.contributor_name, file.contributor_email) == (
+            "A. Nansen",
+            "nansen@example.org",
+        )
         assert (file.title, file.project, file.license) == (
             "Salmon of the Gulf", "Salmon 2023", "CC0"
         )  # fmt: skip

@@ -51,6 +51,8 @@ def test_the_command_writes_a_store_and_prints_the_report(
     assert code == 0
     assert answer["report"]["period"] == 4.0
     assert answer["report"]["rows"] == 3
+    history = open_store(out).attrs["history"]
+    assert history.endswith(f": factory import slocum {tmp_path} --period 4.0")
 
 
 @pytest.mark.parametrize(

@@ -138,6 +138,16 @@ def test_the_file_says_what_it_holds(flight, tmp_path: Path) -> None:
     for variable in dataset.data_vars.values():
         assert variable.attrs["long_name"]
     assert dataset["dac_sd"].dims == ("dac",)
+    assert dataset["datetime"].dims == ("mission", "time")
+    middle = 0.5 * (dataset["dac_start"].values + dataset["dac_end"].values)
+    # all in the one mission of the store
+    since = dataset["dac_time"].values - dataset["start_time"].values[0]
+    np.testing.assert_allclose(since, middle, atol=1e-3)
+    for name in ("latitude", "longitude"):
+        track = dataset[name].values
+        assert np.nanmin(track) <= dataset[f"dac_{name}"].values.min()
+        assert dataset[f"dac_{name}"].values.max() <= np.nanmax(track)
+        assert dataset[f"dac_{name}"].attrs["standard_name"] == name
     from twin.flight import write_flight
 
     for ending in (".nc", ".zarr"):

@@ -251,7 +251,7 @@ def test_a_caption_says_where_and_when(tmp_path: Path) -> None:
 
     run = twin.simulate(mission=YO, start=PLACE, duration=30.0)
     caption = mission_caption(MissionStore(run.save(tmp_path / "run.zarr")), 0)
-    assert "49.000°N 16.000°W, 2003-08-01T00:00:00 UTC, simulated" in caption
+    assert "49.000°N 16.000°W, 2003-08-01 00:00 UTC, simulated" in caption
 
 
 def test_nothing_outside_the_physics_writes_to_a_compiled_block() -> None:

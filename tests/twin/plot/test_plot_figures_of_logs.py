@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import datetime
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,8 @@ from twin.errors import InputError, VehicleError
 from twin.flight import estimate_flight, logged_trajectory
 from twin.geodesy import offset
 from twin.plot import FIGURES, figure
+from twin.plot.coast import COAST_NOTE, land_within
+from twin.plot.dates import DateFormatter, DateLocator
 from twin.plot.transect import along_track
 from twin.records.logged_trajectory import LoggedTrajectory
 from twin.records.logs import LogStore
@@ -155,7 +159,7 @@ def test_every_figure_takes_a_log(log: Path, dives: Path, name: str) -> None:
         "sensor": ("simulated truth", "difference: mean"),
         "current": ("depth-averaged current [m/s]",),
         "map": ("corrected track", "GPS fix", "depth-averaged current", "latitude", "longitude"),
-        "hydrography": ("temperature (measured)", "[°C]", "time ["),
+        "hydrography": ("temperature (measured)", "[°C]", "time, UTC"),
         "transect": ("distance along the corrected track", "salinity (measured"),
         "ts": ("absolute salinity", "[g/kg]", "conservative temperature", "depth [m]"),
     }.get(name, ())
@@ -190,6 +194,51 @@ def test_arrows_of_the_map_are_the_currents_of_the_dives(logged: LoggedTrajector
     (track,) = [line for line in axes.lines if line.get_label() == "corrected track"]
     np.testing.assert_allclose(track.get_ydata(), latitude, equal_nan=True)
     np.testing.assert_allclose(track.get_xdata(), longitude, equal_nan=True)
+
+
+def test_time_of_a_log_is_told_by_dates(logged: LoggedTrajectory) -> None:
+    axes = figure(logged, "hydrography").axes[1]
+    assert axes.get_xlabel() == "time, UTC"
+    texts = axes.xaxis.get_major_formatter().format_ticks(axes.get_xticks())
+    begin = str(logged.provenance["start_time"])
+    day, clock = begin[:10], begin[11:16]
+    assert texts[0].endswith(f"\n{day}")
+    assert "\n" not in texts[1]
+    assert sum(text[:5] >= clock for text in texts) >= 2
+
+
+def test_dates_of_days_and_of_midnight() -> None:
+    start = datetime.datetime(2023, 12, 31, 22, tzinfo=datetime.UTC).timestamp()
+    hours = DateFormatter(start, 3600.0)
+    assert hours.format_ticks([0.0, 1.0, 2.0, 3.0]) == [
+        "22:00\n2023-12-31", "23:00", "00:00\n2024-01-01", "01:00"
+    ]  # fmt: skip
+    assert hours.format_ticks([2.0, 26.0]) == ["01-01\n2024", "01-02"]
+    ticks = np.array(DateLocator(start, 3600.0).tick_values(0.0, 10.0)) * 3600.0 + start
+    assert len(ticks) >= 3
+    assert np.allclose(np.round(ticks) % 3600.0, 0.0)
+
+
+def test_no_mark_of_the_water_lies_above_the_surface(logged: LoggedTrajectory) -> None:
+    depth = logged["true_depth"].copy()
+    depth[:5] = -0.8
+    signals = {**logged.signals, "true_depth": depth}
+    axes = figure(dataclasses.replace(logged, signals=signals), "hydrography").axes[0]
+    assert axes.get_ylim()[1] == 0.0
+    assert np.asarray(axes.collections[0].get_offsets())[:, 1].min() == 0.0
+
+
+def test_a_map_with_land_says_how_coarse_its_coast_is(logged: LoggedTrajectory) -> None:
+    def notes(latitude: float, longitude: float) -> bool:
+        place = {"start_latitude": latitude, "start_longitude": longitude}
+        moved = dataclasses.replace(logged, provenance={**logged.provenance, **place})
+        return COAST_NOTE in labels(figure(moved, "map"))
+
+    shore = np.concatenate(land_within(-122.5, -121.5, 36.5, 37.5))  # about Monterey Bay
+    nearest = np.abs(shore - [-122.0, 37.0]).sum(axis=1).argmin()
+    assert notes(float(shore[nearest, 1]), float(shore[nearest, 0]))
+    assert notes(37.3, -121.0)  # inland
+    assert not notes(45.0, -35.0)
 
 
 def test_a_transect_counts_the_way_over_ground(logged: LoggedTrajectory) -> None:

@@ -17,6 +17,7 @@ from twin.flight import logged_trajectory
 from twin.records.logged_trajectory import LoggedTrajectory
 from twin.records.reader import MissionStore
 from twin.records.store import write_store
+from twin.render.film import known_samples
 from twin.render.flight import Replay
 from twin.render.palette import track_colours
 from twin.render.playback import moving_parts, poses
@@ -87,6 +88,17 @@ def test_in_a_gap_only_the_time_is_known(log: LoggedTrajectory) -> None:
     assert UNKNOWN not in {item.value for item in after}
 
 
+def test_a_still_is_of_the_last_moment_outside_gaps(log: LoggedTrajectory) -> None:
+    gap, north = np.zeros(len(log.time)), log["true_north"].copy()
+    gap[-4:], north[-6:-4] = 1.0, np.nan
+    holed = dataclasses.replace(
+        log, signals={**log.signals, "measured_gap": gap, "true_north": north}
+    )
+    (time,) = Shot().still_time(holed.time, None, known_samples(holed))
+    assert time == log.time[-7]
+    assert Shot().still_time(holed.time, float(log.time[-2]), known_samples(holed)) == log.time[-2]
+
+
 def test_a_log_without_attitude_is_drawn_along_its_track(log: LoggedTrajectory) -> None:
     angles = ("pitch", "roll", "heading")
     names = {n: v for n, v in log.items() if not n.endswith(angles)}
@@ -135,7 +147,7 @@ def test_the_subject_of_a_log_says_which_dive_it_is(dives: Path) -> None:
 
 
 def test_a_log_without_any_track_says_why(dives: Path, tmp_path: Path) -> None:
-    data = MissionStore(dives).dataset.load().drop_vars(["measured_pump"])
+    data = MissionStore(dives).dataset.load().drop_vars(["measured_pump", "position_method"])
     for name in ("displacement_north", "displacement_east"):
         data[name] = data[name] * np.nan
     plain = write_store(data, tmp_path / "plain.zarr")
