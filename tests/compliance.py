@@ -17,10 +17,14 @@ needs_checker = pytest.mark.skipif(
 DEMANDS = ("high_priorities", "medium_priorities", "low_priorities")
 
 
-def complaints(
-    path: Path, checks: Sequence[str], folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> dict[str, dict[str, list[str]]]:
-    """What each check says against a file, by how much it matters."""
+def run_checks(
+    path: Path,
+    checks: Sequence[str],
+    report: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    report_format: str = "text",
+) -> tuple[bool, bool]:
+    """Whether a file passes, and whether the checker itself failed; writes its report."""
     from compliance_checker.cf import util
     from compliance_checker.runner import CheckSuite, ComplianceChecker
 
@@ -33,11 +37,19 @@ def complaints(
     ):  # fmt: skip
         monkeypatch.setattr(util, name, functools.cache(getattr(util, name)))
     CheckSuite.load_all_available_checkers()
-    report = folder / "report.json"
-    ComplianceChecker.run_checker(
+    passed, errors = ComplianceChecker.run_checker(
         str(path), list(checks), verbose=0, criteria="strict",
-        output_filename=str(report), output_format="json",
+        output_filename=str(report), output_format=report_format,
     )  # fmt: skip
+    return passed, errors
+
+
+def complaints(
+    path: Path, checks: Sequence[str], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> dict[str, dict[str, list[str]]]:
+    """What each check says against a file, by how much it matters."""
+    report = folder / "report.json"
+    run_checks(path, checks, report, monkeypatch, "json")
     found = json.loads(report.read_text())
     return {
         check: {

@@ -126,19 +126,10 @@ def _flights() -> dict[str, Trajectory]:
 
 
 def _generate(inputs: Path) -> Write:
-    from concurrent.futures import Executor, Future
-
+    from benchmarks.faults.here import Here
     from factory.generation.generate import generate
     from factory.generation.runlog import log_of
     from factory.recipe.recipe import make_recipe
-
-    class Here(Executor):
-        """Runs everything in this process, where the faults are."""
-
-        def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-            future: Future[Any] = Future()
-            future.set_result(fn(*args, **kwargs))
-            return future
 
     short = {"mission.duration_h": 0.05, "mission.segment_duration_s": "uniform(30, 90)"}
     recipes = {

@@ -112,11 +112,7 @@ def generate(
 def check_workers(workers: int | None, executor: Executor | None) -> int:
     """Processes to start; raises StoreError for an impossible number."""
     if workers is None:
-        return (
-            len(os.sched_getaffinity(0))
-            if hasattr(os, "sched_getaffinity")
-            else os.cpu_count() or 1
-        )
+        return len(os.sched_getaffinity(0))
     if executor is not None:
         raise StoreError("give either workers or an executor, which has its own")
     if workers < 1:
@@ -159,7 +155,7 @@ def _fly(job: Job, workers: int, executor: Executor | None, watch: Watcher | Non
             missions = layout.missions_of_block(block.number)
             for mission, failures in zip(missions, block.failures, strict=True):
                 watch(recipe.plan.durations_s[mission] / HOUR, failures)
-        left[layout.shard_of(layout.missions_of_block(block.number)[0])].discard(block.number)
+        left[layout.shard_of_block(block.number)].discard(block.number)
 
     if len(layout.shards) == 1 and executor is None:
         # one shard: this process assembles it, and gets zarr ready while the others fly
@@ -179,7 +175,7 @@ def _fly(job: Job, workers: int, executor: Executor | None, watch: Watcher | Non
         assembling = [tasks.submit(assemble, job, s) for s in shards if not left[s]]
         for block in _run(tasks, job, blocks, None if executor else workers):
             done(block)
-            shard = layout.shard_of(layout.missions_of_block(block.number)[0])
+            shard = layout.shard_of_block(block.number)
             if not left[shard]:
                 assembling.append(tasks.submit(assemble, job, shard))
         for future in concurrent.futures.as_completed(assembling):

@@ -68,15 +68,11 @@ class Layout:
     def blocks_of_shard(self, shard: int) -> range:
         """Blocks of one shard."""
         missions = self.missions_of_shard(shard)
-        return range(missions.start // self.block_missions, self.block_of(missions[-1]) + 1)
+        return range(missions.start // self.block_missions, missions[-1] // self.block_missions + 1)
 
-    def block_of(self, mission: int) -> int:
-        """The block of one mission."""
-        return mission // self.block_missions
-
-    def shard_of(self, mission: int) -> int:
-        """The shard of one mission."""
-        return mission // self.shard_missions
+    def shard_of_block(self, block: int) -> int:
+        """The shard of one block."""
+        return block * self.block_missions // self.shard_missions
 
     def _part(self, number: int, size: int) -> range:
         return range(number * size, min((number + 1) * size, self.missions))

@@ -35,7 +35,7 @@ from factory.generation.job import Job
 from factory.generation.site import Site, locked
 from factory.generation.target import give_name
 from factory.recipe.plan import samples_in
-from factory.recipe.recipe import Recipe, read_recipe
+from factory.recipe.recipe import Recipe, read_recipe, recipe_document
 from factory.recipe.sampling import sensor_seed
 from twin.errors import StoreError
 from twin.records import attributes as names
@@ -71,7 +71,7 @@ def repair(store: str | StorePath) -> Repaired:
     recipe = _recipe(path)
     job = Job(recipe, Site(path, recipe.digest))
     with told(path), locked(path):
-        job.site.clear_folder()
+        job.site.files.remove_all()
         job.site.begin(recipe)
         wreck = _Wreck(job, path, damaged)
         for shard in job.layout.shards:
@@ -209,21 +209,12 @@ def _recipe(path: Path) -> Recipe:
     wrong = ""
     for key in (METADATA, f"{RECIPE_COPY}/{METADATA}"):
         try:
-            return read_recipe(_unpacked(json.loads((path / key).read_bytes())["attributes"]))
+            return read_recipe(recipe_document(json.loads((path / key).read_bytes())["attributes"]))
         except (OSError, ValueError, KeyError, TypeError) as error:
             wrong = f"{key}: {error}"
     raise StoreError(
         f"{path} cannot be repaired, its recipe cannot be read ({wrong}); make it again"
     )
-
-
-def _unpacked(attributes: dict[str, Any]) -> dict[str, Any]:
-    """The document of a recipe; a store's own attributes hold its parts as text."""
-    document = {n: attributes[n] for n in (names.SETTINGS, names.CHANGES, names.VEHICLE_MJCF)}
-    for name in (names.SETTINGS, names.CHANGES):
-        if isinstance(document[name], str):
-            document[name] = json.loads(document[name])
-    return document
 
 
 def _failures(flown: list[FlownMission]) -> list[tuple[int, int, str, float | None]]:

@@ -109,13 +109,9 @@ class Site:
                 f"everything below {generating(self.store)} and {self.store}"
             )
 
-    def clear_folder(self) -> None:
-        """Remove what this recipe's runs keep."""
-        self.files.remove_all()
-
     def clear(self) -> None:
         """Remove what this recipe's runs keep, and the folder when nothing else is in it."""
-        self.clear_folder()
+        self.files.remove_all()
         outer = generating(self.store)
         if not isinstance(outer, Path):
             return

@@ -11,7 +11,7 @@ from factory.generation.completion import FAILED_MISSION
 from factory.generation.job import Job
 from factory.generation.manifest import missions_kept
 from factory.generation.site import Site
-from factory.recipe.recipe import Recipe, differences, read_recipe
+from factory.recipe.recipe import Recipe, differences, read_recipe, recipe_document
 from twin.errors import StoreError
 from twin.records.attributes import CHANGES, FAILED_MISSIONS, SETTINGS, VEHICLE_MJCF, is_logged
 from twin.records.object_files import files_at
@@ -126,13 +126,8 @@ def recipe_begun(path: StorePath) -> Recipe:
 def recipe_of(store: StorePath) -> Recipe:
     """The recipe of a complete store; raises StoreError."""
     attributes = read_attributes(store)
-    return read_recipe(
-        {
-            SETTINGS: _settings(store),
-            CHANGES: json.loads(attributes.get(CHANGES, "{}")),
-            VEHICLE_MJCF: attributes.get(VEHICLE_MJCF),
-        }
-    )
+    known = {CHANGES: "{}", VEHICLE_MJCF: None, **attributes, SETTINGS: _settings(store)}
+    return read_recipe(recipe_document(known))
 
 
 def failures_in(store: StorePath) -> int:

@@ -188,6 +188,17 @@ class Recipe:
         }
 
 
+def recipe_document(stored: Mapping[str, Any]) -> dict[str, Any]:
+    """The `document` that attributes of a store hold, some of it as text.
+
+    Raises:
+      KeyError, ValueError, TypeError: they hold none, or it is damaged.
+    """
+    parts = {name: stored[name] for name in (attributes.SETTINGS, attributes.CHANGES)}
+    unpacked = {n: json.loads(part) if isinstance(part, str) else part for n, part in parts.items()}
+    return {**unpacked, attributes.VEHICLE_MJCF: stored[attributes.VEHICLE_MJCF]}
+
+
 def read_recipe(document: Mapping[str, Any], *, any_versions: bool = False) -> Recipe:
     """The recipe of a `document`.
 

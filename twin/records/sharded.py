@@ -99,6 +99,7 @@ class ShardedStore:
         self.shard_missions, self.row_missions = shard_missions, row_missions
         self._staging = staging
         self._staged: dict[tuple[str, np.dtype[Any]], zarr.Array[Any]] = {}
+        self._alike: dict[Any, tuple[dict[str, Any], zarr.Array[Any]]] = {}
 
     def prepare(self) -> None:
         """Get zarr ready, which takes a tenth of a second; `write_shard` else does it itself."""
@@ -136,13 +137,12 @@ class ShardedStore:
           length: of the whole array's first axis.
           dimensions: names of all axes.
         """
-        memory: dict[str, Any] = {}
         with _pipeline(PYTHON_PIPELINE):
-            array = self._rows(memory, values.dtype, (length, *values.shape[1:]), dimensions)
+            memory, array = self._rows(values.dtype, (length, *values.shape[1:]), tuple(dimensions))
             first = number * array.chunks[0]
             array[first : first + len(values)] = values
         (chunk,) = (key for key in memory if key != METADATA)
-        return f"{name}/{chunk}", self.files.put(f"{name}/{chunk}", memory[chunk].to_bytes())
+        return f"{name}/{chunk}", self.files.put(f"{name}/{chunk}", memory.pop(chunk).to_bytes())
 
     def finish(
         self,
@@ -162,12 +162,10 @@ class ShardedStore:
         """
         metadata: dict[str, Any] = {}
         with _pipeline(PYTHON_PIPELINE):
-            like: dict[Any, zarr.Array[Any]] = {}
             for name, one in arrays.items():
-                kind = (one.shape, one.dtype, one.dimensions)
-                if kind not in like:
-                    like[kind] = self._rows({}, one.dtype, one.shape, one.dimensions)
-                metadata[name] = _document(like[kind], one.attributes)
+                _, array = self._rows(one.dtype, one.shape, one.dimensions)
+                metadata[name] = _document(array, one.attributes)
+            like: dict[np.dtype[Any], zarr.Array[Any]] = {}
             for name, (dtype, said) in signals.items():
                 if dtype not in like:
                     like[dtype] = self._signal({}, dtype)
@@ -227,13 +225,23 @@ class ShardedStore:
         )
 
     def _rows(
+        self, dtype: np.dtype[Any], shape: tuple[int, ...], dimensions: tuple[str, ...]
+    ) -> tuple[dict[str, Any], zarr.Array[Any]]:
+        """An array in memory whose chunks are not compressed, and that memory. Many arrays of a
+        store are alike but for their values, and making one takes zarr some milliseconds."""
+        kind = (dtype, shape, dimensions)
+        if kind not in self._alike:
+            memory: dict[str, Any] = {}
+            self._alike[kind] = memory, self._make_rows(memory, dtype, shape, dimensions)
+        return self._alike[kind]
+
+    def _make_rows(
         self,
         memory: dict[str, Any],
         dtype: np.dtype[Any],
         shape: tuple[int, ...],
-        dimensions: Sequence[str],
+        dimensions: tuple[str, ...],
     ) -> zarr.Array[Any]:
-        """A new array in memory whose chunks are not compressed."""
         import zarr
         from zarr.codecs import BytesCodec, Crc32cCodec
 
@@ -246,7 +254,7 @@ class ShardedStore:
             fill_value="" if dtype.kind == TEXT else fill_value(dtype),
             serializer="auto" if dtype.kind == TEXT else BytesCodec(),
             compressors=[Crc32cCodec()],
-            dimension_names=tuple(dimensions),
+            dimension_names=dimensions,
             config={"write_empty_chunks": True},
         )
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from trees import contents
 
 from factory.generation.cluster import dask_executor
 from factory.generation.generate import generate
@@ -52,14 +53,6 @@ def address() -> Iterator[str]:
     yield f"tcp://127.0.0.1:{port}"
     scheduler.kill()
     scheduler.wait()
-
-
-def contents(store: Path) -> dict[str, bytes]:
-    return {
-        path.relative_to(store).as_posix(): path.read_bytes()
-        for path in store.rglob("*")
-        if path.is_file()
-    }
 
 
 def test_a_lost_worker_and_one_that_joins_change_no_byte(

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -18,10 +18,12 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from trees import contents
 
 import factory.generation.block
 import factory.generation.generate
 import twin.records.files
+from benchmarks.faults.here import Here
 from factory.generation.block import fly_block
 from factory.generation.generate import generate
 from factory.generation.job import Job
@@ -36,15 +38,6 @@ from twin.errors import InputError, StoreError, TwinError
 from twin.records.store import open_store
 
 Recipes = Callable[..., Recipe]
-
-
-def contents(store: Path) -> dict[str, bytes]:
-    """Every file of a store."""
-    return {
-        str(path.relative_to(store)): path.read_bytes()
-        for path in store.rglob("*")
-        if path.is_file()
-    }
 
 
 def kept(store: Path) -> int:
@@ -124,15 +117,6 @@ def test_a_kill_between_any_two_files_of_a_shard_loses_nothing(
     monkeypatch.setattr(twin.records.files.LocalFiles, "_parent", written)
     generate(recipe(), store, executor=Here(), resume=True)
     assert contents(store) == contents(paper_store)
-
-
-class Here(Executor):
-    """Runs everything at once in this process."""
-
-    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        future.set_result(fn(*args, **kwargs))
-        return future
 
 
 def test_any_executor_makes_the_same_bytes(

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from trees import contents
 
 from factory.generation.generate import generate
 from factory.generation.layout import Layout
@@ -18,14 +19,6 @@ from twin.errors import InputError, StoreError
 from twin.records.store import open_store
 
 Recipes = Callable[..., Recipe]
-
-
-def contents(store: Path) -> dict[str, bytes]:
-    return {
-        path.relative_to(store).as_posix(): path.read_bytes()
-        for path in store.rglob("*")
-        if path.is_file()
-    }
 
 
 @pytest.mark.parametrize("missions", [1, 3, 13, 64, 65, 1333, 13_333, 1_000_000])

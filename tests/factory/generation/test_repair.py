@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from trees import contents
 
 from factory.generation.generate import generate
 from factory.generation.repair import lost, repair
@@ -16,14 +17,6 @@ from factory.stores.generated import GeneratedStore
 from twin.errors import StoreError
 
 Recipes = Callable[..., Recipe]
-
-
-def contents(store: Path) -> dict[str, bytes]:
-    return {
-        path.relative_to(store).as_posix(): path.read_bytes()
-        for path in store.rglob("*")
-        if path.is_file()
-    }
 
 
 def flip(path: Path, share: float) -> None:

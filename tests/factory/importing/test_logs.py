@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import importlib.util
 import json
 import shutil
@@ -12,6 +11,7 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
+from compliance import needs_checker, run_checks
 from logs import LATITUDE, START, Flight, write_seaglider, write_slocum
 from matplotlib.quiver import Quiver
 
@@ -122,28 +122,12 @@ def test_what_a_profiler_measured_stays_as_sparse_as_it_was(
     np.testing.assert_allclose(again["true_surge"].values, sparse, atol=1e-6)
 
 
-@pytest.mark.skipif(
-    importlib.util.find_spec("compliance_checker") is None,
-    reason="compliance-checker is not installed (extra `test`)",
-)
+@needs_checker
 def test_an_exported_log_passes_the_cf_check(
     og1: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from compliance_checker.cf import util
-    from compliance_checker.runner import CheckSuite, ComplianceChecker
-
-    for name in (  # the checker asks the same thousands of times
-        "get_auxiliary_coordinate_variables", "get_axis_variables", "get_geophysical_variables",
-        "get_time_variable", "get_time_variables", "get_z_variable", "get_z_variables",
-        "get_latitude_variables", "get_longitude_variables", "get_axis_map",
-        "get_climatology_variable", "coordinate_dimension_matrix", "guess_feature_type",
-    ):  # fmt: skip
-        monkeypatch.setattr(util, name, functools.cache(getattr(util, name)))
-    CheckSuite.load_all_available_checkers()
     report = tmp_path / "report.txt"
-    passed, errors = ComplianceChecker.run_checker(
-        str(og1), ["cf:1.10"], verbose=0, criteria="strict", output_filename=str(report)
-    )
+    passed, errors = run_checks(og1, ["cf:1.10"], report, monkeypatch)
     assert passed, report.read_text()
     assert not errors
 
