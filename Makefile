@@ -8,11 +8,14 @@ BENCHMARKS := benchmarks/cli_startup.py benchmarks/physics_step.py benchmarks/cu
 .NOTPARALLEL:
 .PHONY: setup demo test lint check mutants bench gallery lock clean
 
-setup: .venv/.installed   ## virtual environment with the pinned versions, GL libraries
+setup: .venv/.installed .venv-s3/.installed ## virtual environment with the pinned versions, GL libraries
 	@scripts/gl.sh
 
 .venv/.installed: pyproject.toml constraints.txt scripts/venv.sh
 	@scripts/venv.sh "$(PYTHON)"
+
+.venv-s3/.installed: scripts/s3_server.sh .venv/.installed
+	@scripts/s3_server.sh .venv/bin/python
 
 demo: setup               ## the main job, into demo/ (overwritten)
 	@scripts/demo.sh
@@ -40,5 +43,5 @@ lock:                     ## constraints.txt again, from the newest versions tha
 	@scripts/lock.sh "$(PYTHON)"
 
 clean:                    ## the environment and the caches; data/, runs/ and demo/ stay
-	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-s3 build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +
