@@ -154,10 +154,13 @@ def slope(x: Sequence[float], y: Sequence[float]) -> str:
     """Change of `y` over the range of `x`, in % of its mean, with 95 % interval."""
     if len(x) < 3:
         return "too few"
-    fit = stats.linregress(x, y)
+    away = np.asarray(x) - np.mean(x)
+    per_unit = float(away @ np.asarray(y)) / float(away @ away)
+    left = np.asarray(y) - np.mean(y) - per_unit * away
+    error = float(np.sqrt(left @ left / (len(x) - 2) / (away @ away)))
     factor = 100.0 * (max(x) - min(x)) / float(np.mean(y))
-    half = float(stats.t.ppf(0.975, len(x) - 2)) * fit.stderr * factor
-    return f"{fit.slope * factor:+.1f} +- {half:.1f} %"
+    half = float(stats.t.ppf(0.975, len(x) - 2)) * error * factor
+    return f"{per_unit * factor:+.1f} +- {half:.1f} %"
 
 
 def report(lines: Sequence[dict[str, Any]]) -> None:
