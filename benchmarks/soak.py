@@ -50,7 +50,7 @@ class Looks:
     """What a store's making took by the hours done."""
 
     def __init__(self) -> None:
-        self.hours, self.rows = 0.0, list[tuple[float, float, Use]]()
+        self.hours, self.rows = 0.0, list[tuple[float, Use]]()
 
     def flown(self, hours: float, again: int) -> None:
         """A mission is done."""
@@ -58,7 +58,7 @@ class Looks:
 
     def see(self, use: Use) -> None:
         """A look at the processes."""
-        self.rows.append((self.hours, time.perf_counter(), use))
+        self.rows.append((self.hours, use))
 
 
 def verify(store: Path) -> dict[str, float]:
@@ -105,15 +105,15 @@ def _line(seed: int, preset: str, made: Summary, looks: Looks, cpu: float) -> di
     return {
         "seed": seed, "preset": preset, "hours": made.hours, "missions": made.missions,
         "failed": made.failed, "wall_s": made.wall_s, "cpu_s": cpu, "bytes": made.stored_bytes,
-        "memory": max((use.memory for _, _, use in looks.rows), default=0),
-        "open_files": max((use.files for _, _, use in looks.rows), default=0),
+        "memory": max((use.memory for _, use in looks.rows), default=0),
+        "open_files": max((use.files for _, use in looks.rows), default=0),
         "looks": _thinned(looks),
     }  # fmt: skip
 
 
 def _thinned(looks: Looks) -> list[dict[str, float]]:
-    """A row for each piece of the hours: memory [bytes], open files, elapsed [s] for an hour."""
-    rows = [(hours, at, use) for hours, at, use in looks.rows if hours > 0.0]
+    """A row for each piece of the hours: memory [bytes], open files, CPU time [s] of an hour."""
+    rows = [(hours, use) for hours, use in looks.rows if hours > 0.0]
     if len(rows) < 2 * HOUR_BINS:
         return []
     found = []
@@ -123,9 +123,9 @@ def _thinned(looks: Looks) -> list[dict[str, float]]:
         if done > 0.0:
             found.append({
                 "hours": last[0],
-                "memory": float(np.mean([rows[i][2].memory for i in piece])),
-                "open_files": float(max(rows[i][2].files for i in piece)),
-                "s_per_hour": (last[1] - first[1]) / done,
+                "memory": float(np.mean([rows[i][1].memory for i in piece])),
+                "open_files": float(max(rows[i][1].files for i in piece)),
+                "cpu_s_per_hour": (last[1].cpu_s - first[1].cpu_s) / done,
             })  # fmt: skip
     return found
 
@@ -202,7 +202,7 @@ def report(lines: Sequence[dict[str, Any]]) -> None:
     if longest["looks"]:
         looks = longest["looks"]
         at = [look["hours"] for look in looks]
-        for what, key in (("memory", "memory"), ("elapsed time of an hour", "s_per_hour")):
+        for what, key in (("memory", "memory"), ("CPU time of an hour", "cpu_s_per_hour")):
             found = slope(at, [look[key] for look in looks])
             rows.append({"what": f"{what}, within {longest['hours']:,.0f} h", "found": found})
     print(format_table(rows))
