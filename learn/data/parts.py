@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from learn.data.features import GLIDER_PARTS
 from twin.errors import StoreError
+from twin.navigation.features import GLIDER_PARTS
 from twin.records.reader import MissionStore
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.data.dataset import load_missions
-from learn.data.features import channels_of
 from learn.networks.predictor import Ensemble
+from twin.navigation.features import channels_of
 
 Floats = NDArray[np.float32]
 
