@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from learn.data.features import INPUT_SETS, select_features
 from learn.data.labels import LabelConfig
 from learn.data.parts import parts_of
 from learn.data.preparation import check_window
@@ -35,6 +34,7 @@ from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, unknown_name
 from twin.extras import require
+from twin.navigation.features import INPUT_SETS, select_features
 from twin.records.store_path import StorePath, store_path
 
 if TYPE_CHECKING:
@@ -346,8 +346,8 @@ def export(
     for package in ("onnx", "onnxscript", "onnxruntime"):
         require(package, extra="onnx", purpose="learn export")
     from learn.data.dataset import load_missions
-    from learn.data.features import channels_of
     from learn.networks.onnx_export import export_step
+    from twin.navigation.features import channels_of
 
     found = run if isinstance(run, Run) else open_run(run)
     target = found.folder / "onnx" if folder is None else Path(folder)
