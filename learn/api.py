@@ -39,7 +39,7 @@ from twin.records.store_path import StorePath, store_path
 
 if TYPE_CHECKING:
     from learn.evaluation.evaluation import Watch as EvaluationWatch
-    from learn.networks.onnx_export import Parity
+    from learn.networks.parity import Parity
 
 DEFAULT_MEMBERS = 2
 DEFAULT_INPUTS = "full"
@@ -337,36 +337,57 @@ def evaluate(
     return evaluate_run(found, place, split=split, baselines=baselines, watches=watches)
 
 
+EXPORTS = ("onnx", "c")
+"""What `export` writes."""
+
+
 def export(
-    run: Run | str | Path, folder: str | Path | None = None, *, store: str | StorePath | None = None
+    run: Run | str | Path,
+    folder: str | Path | None = None,
+    *,
+    to: str = "onnx",
+    store: str | StorePath | None = None,
 ) -> dict[str, Parity]:
-    """Write one ONNX model per network, one time step with explicit state, and check each.
+    """Write a run for on-board use, and check it over a mission.
 
     Args:
       run: as `fit` or `open_run` give it, or its folder or name.
-      folder: for the models; None is onnx/ in the run's folder.
-      store: of the mission that is run through network and model; None is the run's own. Its
+      folder: for the files; None is onnx/ or c/ in the run's folder.
+      to: `onnx`, one model per network, one time step with explicit state; or `c`, one C99 header
+        from sensor samples to surge and sway, features included.
+      store: of the mission that is run through network and file; None is the run's own. Its
         longest mission is taken.
 
     Returns:
-      By the name of the network, such as surge-0, the file and how far it is from the network.
+      By the name of the network, such as surge-0, or `velocity` for C, the file and how far it is
+      from the network.
 
     Raises:
-      InputError: the extra onnx is not installed, or torch cannot export the network.
-      StoreError: a model differs by more than 1e-5 m/s, or a file cannot be read or written.
+      InputError: the extra onnx is not installed; torch cannot export the network; or there is no
+        C compiler, or no C code of the network or of a feature.
+      StoreError: a file differs by more than 1e-5 m/s, or cannot be read or written.
     """
-    for package in ("onnx", "onnxscript", "onnxruntime"):
+    if to not in EXPORTS:
+        raise InputError(unknown_name("export", to, EXPORTS))
+    for package in ("onnx", "onnxscript", "onnxruntime") if to == "onnx" else ():
         require(package, extra="onnx", purpose="learn export")
     from learn.data.dataset import load_missions
-    from learn.networks.onnx_export import export_step
     from twin.navigation.features import channels_of
 
     found = run if isinstance(run, Run) else open_run(run)
-    target = found.folder / "onnx" if folder is None else Path(folder)
+    target = found.folder / to if folder is None else Path(folder)
     networks = found.networks()
     channels = [c for e in networks.values() for c in channels_of(e.members[0].features)]
-    missions = load_missions(found.store if store is None else store, channels, split="all")
+    missions = load_missions(
+        found.store if store is None else store, channels, split="all", period=found.period
+    )
     longest = max(missions, key=lambda mission: mission.samples)
+    if to == "c":
+        from learn.networks.c_export import NAME, export_c
+
+        return {"velocity": export_c(networks, target / NAME, longest)}
+    from learn.networks.onnx_export import export_step
+
     return {
         f"{name}-{k}": export_step(member, target / f"{name}-{k}.onnx", longest)
         for name, ensemble in networks.items()
