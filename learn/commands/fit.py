@@ -257,7 +257,17 @@ class Fit(JsonOption):
 UNITS: tuple[Unit, ...] = ("dive", "deployment")
 """What `--leave-out-each-...` leaves out."""
 SETTINGS = (
-    *("store", "network", "hidden", "layers", "delays", "memories", "inputs", "features", "without"),
+    *(
+        "store",
+        "network",
+        "hidden",
+        "layers",
+        "delays",
+        "memories",
+        "inputs",
+        "features",
+        "without",
+    ),
     *("optimiser", "seconds", "epochs", "window", "washin", "seed", "members", "division"),
     *("period", "start", "device", "labels", "known_current", "smoothing"),
 )

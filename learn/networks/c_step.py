@@ -110,7 +110,9 @@ def perceptron(sizes: list[int], activation: str, source: str = "x") -> str:
     for k in range(last + 1):
         made = "out" if k == last else f"h{k}"
         lines.append(f"float {made}[{sizes[k + 1]}];")
-        lines.append(f"gt_dense({made}, weight_{k}, bias_{k}, {source}, {sizes[k]}, {sizes[k + 1]});")
+        lines.append(
+            f"gt_dense({made}, weight_{k}, bias_{k}, {source}, {sizes[k]}, {sizes[k + 1]});"
+        )
         if k < last:
             lines.append(f"{activation}({made}, {sizes[k + 1]});")
         source = made

@@ -54,7 +54,8 @@ class CausalConvolutions(Network):
         config, arrays, lines = self.config, {}, []
         source, size, place = "x", config.inputs, 0
         for k, taps in enumerate(self.taps):
-            assert isinstance(taps, nn.Conv1d) and taps.bias is not None
+            assert isinstance(taps, nn.Conv1d)
+            assert taps.bias is not None
             arrays[f"bias_{k}"] = taps.bias
             lines += [f"float h{k}[{config.hidden}];", f"memcpy(h{k}, bias_{k}, sizeof h{k});"]
             for tap in range(config.kernel):
