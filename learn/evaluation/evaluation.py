@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from learn.data.dataset import Mission, any_channel, load_missions
-from learn.data.features import channels_of
 from learn.data.labels import LabelConfig
 from learn.data.logs import SPEED
 from learn.evaluation.against_dvl import DvlComparison, compare, summarise
@@ -24,11 +22,13 @@ from learn.evaluation.score import (
     score_mission,
     summarise_scores,
 )
-from learn.navigation.baselines.base import Baseline, Estimate, check_estimate
-from learn.navigation.baselines.registry import BASELINES
-from learn.navigation.dead_reckoning import Array
 from twin.errors import StoreError
+from twin.navigation.baselines.base import Baseline, Estimate, check_estimate
+from twin.navigation.baselines.registry import BASELINES
+from twin.navigation.dead_reckoning import Array
+from twin.navigation.features import channels_of
 from twin.records.reader import MissionStore
+from twin.records.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ Watch = Callable[[Reference, Mapping[str, Estimate]], None]
 
 def evaluate(
     networks: Mapping[str, Ensemble],
-    store: str | Path,
+    store: str | StorePath,
     *,
     split: str = "test",
     baselines: Sequence[str] | None = None,
@@ -185,7 +185,7 @@ def evaluate(
 
 def _evaluate_logs(
     networks: Mapping[str, Ensemble],
-    store: str | Path,
+    store: str | StorePath,
     split: str,
     channels: Sequence[str],
     runners: Mapping[str, Baseline],

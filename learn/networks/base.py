@@ -7,7 +7,7 @@ A network sees inputs and its own state, never a velocity:
     initial_state(batch)              zeros, (batch, state_size)
 
 The state is one matrix so that every kind is carried, stored and exported the same way. Inputs and
-outputs are normalised values; see `learn.data.features` and `learn.networks.predictor`.
+outputs are normalised values; see `twin.navigation.features` and `learn.networks.predictor`.
 """
 
 from __future__ import annotations

@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from learn.data.dataset import Mission
-from learn.data.features import feature, is_known
 from learn.networks.predictor import Predictor
 from twin.errors import InputError, StoreError
 from twin.extras import require
+from twin.navigation.features import feature, is_known
 from twin.preload import preload_triton
 from twin.records.whole import whole_file
 

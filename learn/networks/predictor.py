@@ -14,13 +14,13 @@ import torch
 from numpy.typing import NDArray
 
 from learn.data.dataset import Mission
-from learn.data.features import feature
 from learn.data.normalisation import Normalisation
 from learn.files import SEAL, check_seal, read_json, write_sealed
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.registry import NETWORKS
 from twin.errors import InputError, StoreError
+from twin.navigation.features import feature
 from twin.records.whole import whole_file
 
 Floats = NDArray[np.float32]

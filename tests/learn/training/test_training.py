@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import torch
 
-from learn.data.features import DEFAULT_GROUPS, select_features
 from learn.data.preparation import prepare
 from learn.files import write_sealed
 from learn.networks.config import NetworkConfig
@@ -20,6 +19,7 @@ from learn.networks.predictor import Ensemble, Predictor, free_run, load_predict
 from learn.training.schedule import TrainingConfig, step_size
 from learn.training.trainer import Trainer, mean_squared_error, pick_device
 from twin.errors import InputError, StoreError
+from twin.navigation.features import DEFAULT_GROUPS, select_features
 
 SMALL = NetworkConfig(hidden=10, layers=2)
 SOAP = TrainingConfig(
@@ -215,7 +215,7 @@ def predictors(surge):
 
 def test_predictions_do_not_depend_on_the_company(predictors, small_store):
     from learn.data.dataset import load_missions
-    from learn.data.features import channels_of
+    from twin.navigation.features import channels_of
 
     missions = load_missions(small_store, channels_of(predictors[0].features))
     together = predictors[0].predict(missions)
@@ -282,7 +282,7 @@ def test_networks_of_older_versions_have_no_hash_and_are_read(predictors, tmp_pa
 
 def test_an_ensemble_has_mean_and_spread(predictors, small_store):
     from learn.data.dataset import load_missions
-    from learn.data.features import channels_of
+    from twin.navigation.features import channels_of
 
     missions = load_missions(small_store, channels_of(predictors[0].features), limit=2)
     mean, spread = Ensemble(tuple(predictors)).predict(missions)[1]

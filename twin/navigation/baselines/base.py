@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.navigation.dead_reckoning import Array, Signals, depth_rate
 from twin.errors import InputError, unknown_name
+from twin.navigation.dead_reckoning import Array, Signals, depth_rate
 from twin.records.schema import VARIABLES
 from twin.registry import check_class, place_of
 from twin.vehicle.laws import FlowFrame

@@ -5,10 +5,10 @@ import pytest
 from navigation import PERIOD, steady_mission
 from torpedo import TORPEDO
 
-from learn.navigation.baselines.dvl import SHORT_LOSS_S
-from learn.navigation.baselines.registry import BASELINES
-from learn.navigation.dead_reckoning import horizontal_error, true_ground_track
 from twin.frames import euler_to_matrix
+from twin.navigation.baselines.dvl import SHORT_LOSS_S
+from twin.navigation.baselines.registry import BASELINES
+from twin.navigation.dead_reckoning import horizontal_error, true_ground_track
 from twin.vehicle.vehicle import load_vehicle
 
 VEHICLE = load_vehicle(str(TORPEDO))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from learn.data.features import FEATURES
+from twin.navigation.features import FEATURES
 
 STEP = 60
 """sample at which a signal jumps or begins to change"""

@@ -19,13 +19,13 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from learn.navigation.baselines.base import Baseline, Estimate, afloat, no_glider
-from learn.navigation.dead_reckoning import Array, Attitude, Signals, finite_channel
 from twin.compiled import jit
 from twin.errors import InputError
 from twin.fossen.forces import Parameters, damping_wrench, parameters_of
 from twin.fossen.matrices import skew
 from twin.identify.balance import net_mass
+from twin.navigation.baselines.base import Baseline, Estimate, afloat, no_glider
+from twin.navigation.dead_reckoning import Array, Attitude, Signals, finite_channel
 from twin.vehicle.vehicle import Vehicle
 
 STATES = 5
@@ -99,7 +99,7 @@ class Ekf(Baseline):
         return why
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `learn.navigation.baselines.base.Baseline`."""
+        """See `twin.navigation.baselines.base.Baseline`."""
         run = self.run(signals, period)
         return Estimate(
             surge=run.states[:, SURGE],

@@ -4,24 +4,23 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from learn_missions import PERIOD, synthetic_mission
+from navigation import PERIOD, synthetic_mission
 
-from learn.data.features import (
+from twin.errors import InputError, StoreError
+from twin.mission.schedule import Schedule
+from twin.navigation.features import (
     DEFAULT_GROUPS,
     FEATURES,
-    GROUPS,
     INPUT_SETS,
     SENSORS,
     channels_of,
     feature_matrix,
+    groups,
     mirror_signs,
     select_features,
     trailing_mean,
     trailing_slope,
 )
-from learn.data.normalisation import fit_normalisation
-from twin.errors import InputError, StoreError
-from twin.mission.schedule import Schedule
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.records.schema import VARIABLES
@@ -123,7 +122,7 @@ def test_masks_take_groups_and_names_and_keep_the_order():
         "depth_rate",
         "depth_rate_slow",
         "glide_speed",
-        *GROUPS["controls"],
+        *groups()["controls"],
     )
 
 
@@ -173,19 +172,6 @@ def test_nan_names_mission_channel_and_time():
     del signals["measured_pitch"]
     with pytest.raises(StoreError, match="mission 7 has no channel measured_pitch"):
         feature_matrix(signals, select_features(), PERIOD, 7)
-
-
-def test_normalisation_gives_unit_inputs_and_leaves_constants_alone():
-    rng = np.random.default_rng(0)
-    matrices = [rng.normal(3.0, 2.0, (500, 2)).astype(np.float32) for _ in range(3)]
-    matrices = [np.concatenate([m, np.full((500, 1), 7.0, np.float32)], 1) for m in matrices]
-    targets = [rng.normal(0.3, 0.1, 500).astype(np.float32) for _ in range(3)]
-    found = fit_normalisation(matrices, targets, features=("a", "b", "c"), target="surge")
-    values = found.inputs(np.concatenate(matrices))
-    assert np.allclose(values.mean(0), 0.0, atol=1e-4)
-    assert np.allclose(values.std(0), [1.0, 1.0, 0.0], atol=1e-4)
-    assert found.scale[2] == 1.0
-    assert found.target_scale == pytest.approx(0.1, rel=0.1)
 
 
 def test_a_mirrored_flight_has_the_signs_of_the_features():

@@ -20,6 +20,8 @@ Mask = NDArray[np.bool_]
 Smoothing = Literal["gaussian", "causal", "none"]
 SMOOTHINGS: tuple[Smoothing, ...] = get_args(Smoothing)
 
+BOTTOM, WATER = 1, 2
+"""Locks in `measured_dvl_mode`; 0 is none."""
 HAMPEL_SAMPLES = 11
 """Window of the outlier test: 5.5 s at 2 Hz."""
 HAMPEL_SIGMAS = 3.0

@@ -15,8 +15,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from learn.navigation.baselines.base import Baseline, Estimate, afloat, hold, no_glider, smooth
-from learn.navigation.dead_reckoning import Signals, depth_rate, finite_channel
+from twin.navigation.baselines.base import Baseline, Estimate, afloat, hold, no_glider, smooth
+from twin.navigation.dead_reckoning import Signals, depth_rate, finite_channel
 from twin.vehicle.vehicle import Vehicle
 
 REFERENCE_PITCH = math.radians(26.0)
@@ -53,7 +53,7 @@ class PitchPlusAlpha(Baseline):
         return steady_angle_of_attack(self.vehicle, REFERENCE_PITCH)
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `learn.navigation.baselines.base.Baseline`."""
+        """See `twin.navigation.baselines.base.Baseline`."""
         depth = finite_channel(signals, "measured_depth")
         pitch = np.deg2rad(finite_channel(signals, "measured_pitch"))
         rate = smooth(depth_rate(depth, period), WINDOW_S, period)

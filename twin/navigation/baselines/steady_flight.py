@@ -12,9 +12,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from learn.navigation.baselines.base import Baseline, Estimate, afloat, bridge, no_glider, smooth
-from learn.navigation.dead_reckoning import Attitude, Signals, depth_rate, finite_channel
 from twin.identify.balance import balance, net_mass
+from twin.navigation.baselines.base import Baseline, Estimate, afloat, bridge, no_glider, smooth
+from twin.navigation.dead_reckoning import Attitude, Signals, depth_rate, finite_channel
 from twin.vehicle.vehicle import Vehicle
 
 WINDOW_S = 10.0
@@ -51,7 +51,7 @@ class SteadyFlight(Baseline):
         return no_glider(vehicle)
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `learn.navigation.baselines.base.Baseline`."""
+        """See `twin.navigation.baselines.base.Baseline`."""
         depth = finite_channel(signals, "measured_depth")
         rate = smooth(depth_rate(depth, period), WINDOW_S, period)
         attitude = Attitude.of(signals)

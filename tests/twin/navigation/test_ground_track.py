@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from navigation import PERIOD, add_fixes, steady_mission
 
-from learn.navigation.dead_reckoning import (
+from twin.navigation.dead_reckoning import (
     LEAST_COSINE,
     Attitude,
     heave_from_depth_rate,
@@ -15,7 +15,7 @@ from learn.navigation.dead_reckoning import (
     true_water_track,
     water_track,
 )
-from learn.navigation.dives import find_dives
+from twin.navigation.dives import find_dives
 
 
 def moved_away(signals, north, east):

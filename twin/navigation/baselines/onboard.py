@@ -14,8 +14,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from learn.navigation.baselines.base import Baseline, Estimate
-from learn.navigation.dead_reckoning import Signals, finite_channel
+from twin.navigation.baselines.base import Baseline, Estimate
+from twin.navigation.dead_reckoning import Signals, finite_channel
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -35,7 +35,7 @@ class Onboard(Baseline):
     channels: ClassVar[tuple[str, ...]] = ("measured_onboard_north", "measured_onboard_east")
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `learn.navigation.baselines.base.Baseline`."""
+        """See `twin.navigation.baselines.base.Baseline`."""
         track = np.stack([finite_channel(signals, name) for name in self.channels], axis=1)
         propelled = self.vehicle.steered("speed") is not None
         return Estimate(ground_track=track, uses_fixes=True, saw_bottom=propelled)

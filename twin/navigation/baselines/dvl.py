@@ -17,11 +17,9 @@ from typing import ClassVar
 import numpy as np
 from scipy.ndimage import median_filter
 
-from learn.data.dvl_cleaning import HAMPEL_SAMPLES, HAMPEL_SIGMAS, LEAST_SPREAD, MAD_TO_SIGMA
-from learn.data.labels import BOTTOM, WATER
-from learn.navigation.baselines.base import Baseline, Estimate, Mask, bridge, hold, no_glider
-from learn.navigation.baselines.steady_flight import SteadyFlight
-from learn.navigation.dead_reckoning import (
+from twin.navigation.baselines.base import Baseline, Estimate, Mask, bridge, hold, no_glider
+from twin.navigation.baselines.steady_flight import SteadyFlight
+from twin.navigation.dead_reckoning import (
     Array,
     Attitude,
     Signals,
@@ -30,6 +28,14 @@ from learn.navigation.dead_reckoning import (
     horizontal_velocity,
     integrate,
     rotate_to_ned,
+)
+from twin.navigation.dvl_cleaning import (
+    BOTTOM,
+    HAMPEL_SAMPLES,
+    HAMPEL_SIGMAS,
+    LEAST_SPREAD,
+    MAD_TO_SIGMA,
+    WATER,
 )
 from twin.vehicle.vehicle import Vehicle
 
@@ -70,7 +76,7 @@ class Dvl(Baseline):
         return tuple(dict.fromkeys((*cls.channels, *flight)))
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `learn.navigation.baselines.base.Baseline`; without any lock nothing is estimated."""
+        """See `twin.navigation.baselines.base.Baseline`; without any lock nothing is estimated."""
         mode = np.rint(np.nan_to_num(signals["measured_dvl_mode"])).astype(int)
         log = np.stack(
             [np.asarray(signals[f"measured_dvl_{n}"], float) for n in ("surge", "sway", "heave")],
@@ -139,8 +145,9 @@ def _filled(values: Array, valid: Mask, fallback: Array | None, period: float) -
 
 
 def spikes(values: Array, valid: Mask) -> Mask:
-    """As `learn.data.dvl_cleaning.outliers`, with deviations from each sample's own median: a track
-    is bridged over what is taken out of a turn, and is none the worse."""
+    """As `twin.navigation.dvl_cleaning.outliers`, with deviations from each sample's own median.
+
+    A track is bridged over what is taken out of a turn, and is none the worse."""
     smooth = bridge(values, valid)
     middle = median_filter(smooth, HAMPEL_SAMPLES, mode="nearest")
     off = np.abs(smooth - middle)

@@ -4,23 +4,23 @@ import numpy as np
 import pytest
 from navigation import PERIOD, steady_mission, trimmed_mission
 
-from learn.navigation.baselines import ekf
-from learn.navigation.baselines.base import bridge, hold, smooth
-from learn.navigation.baselines.dvl import spikes
-from learn.navigation.baselines.ekf import DEPTH, NET_ERROR, SURGE, SWAY, Ekf, EkfNoise
-from learn.navigation.baselines.pitch_plus_alpha import PitchPlusAlpha, steady_angle_of_attack
-from learn.navigation.baselines.registry import BASELINES
-from learn.navigation.baselines.steady_flight import SteadyFlight
-from learn.navigation.dead_reckoning import (
+from twin.errors import InputError, StoreError
+from twin.fossen import FossenModel, FossenState
+from twin.fossen.forces import parameters_of
+from twin.mission.schedule import Schedule
+from twin.navigation.baselines import ekf
+from twin.navigation.baselines.base import bridge, hold, smooth
+from twin.navigation.baselines.dvl import spikes
+from twin.navigation.baselines.ekf import DEPTH, NET_ERROR, SURGE, SWAY, Ekf, EkfNoise
+from twin.navigation.baselines.pitch_plus_alpha import PitchPlusAlpha, steady_angle_of_attack
+from twin.navigation.baselines.registry import BASELINES
+from twin.navigation.baselines.steady_flight import SteadyFlight
+from twin.navigation.dead_reckoning import (
     Attitude,
     horizontal_error,
     true_water_track,
     water_track,
 )
-from twin.errors import InputError, StoreError
-from twin.fossen import FossenModel, FossenState
-from twin.fossen.forces import parameters_of
-from twin.mission.schedule import Schedule
 from twin.vehicle.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("glider")

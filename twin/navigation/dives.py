@@ -21,8 +21,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.navigation.dead_reckoning import Array, Signals
 from twin.errors import InputError, unknown_name
+from twin.navigation.dead_reckoning import Array, Signals
 
 CurrentKnowledge = Literal["none", "previous", "corrected"]
 KNOWLEDGE: tuple[CurrentKnowledge, ...] = get_args(CurrentKnowledge)

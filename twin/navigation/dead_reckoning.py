@@ -3,7 +3,7 @@
 The paper's equations (2) and (3), with two repairs: heave is solved from the vertical row with the
 given surge and sway instead of from the depth rate alone, and the east row has its heave term.
 Integration is trapezoidal. What comes out is the track THROUGH THE WATER; the current is another
-matter, see `learn.navigation.dives`.
+matter, see `twin.navigation.dives`.
 
 Angles are radians here; stores hold degrees, `Attitude.of` converts.
 """
