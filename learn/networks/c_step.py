@@ -55,7 +55,7 @@ static inline void gt_tanh(float *v, int count)
 }
 
 /* A row goes in behind the oldest first; the oldest goes out. */
-static inline void gt_shift(float *rows, int count, int width, const float *row)
+static inline void gt_append(float *rows, int count, int width, const float *row)
 {
     memmove(rows, rows + width, (size_t)((count - 1) * width) * sizeof *rows);
     memcpy(rows + (count - 1) * width, row, (size_t)width * sizeof *rows);

@@ -67,7 +67,7 @@ class CausalConvolutions(Network):
             if size == config.hidden:
                 lines.append(f"for (int i = 0; i < {size}; i++) h{k}[i] += {source}[i];")
             if self.reach[k]:
-                lines.append(f"gt_shift(state + {place}, {self.reach[k]}, {size}, {source});")
+                lines.append(f"gt_append(state + {place}, {self.reach[k]}, {size}, {source});")
             source, size, place = f"h{k}", config.hidden, place + self.widths[k]
         arrays |= {"weight_out": self.out.weight, "bias_out": self.out.bias}
         lines += [
