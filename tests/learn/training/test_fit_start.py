@@ -87,11 +87,17 @@ def contents(folder):
         (("s.zarr", "--period", "-1"), "period must be a finite number"),
         (("s.zarr", "--seconds", "nan"), "seconds must be a finite number, not nan"),
         (("s.zarr", "--seconds", "inf"), "seconds must be a finite number, not inf"),
-        (("s.zarr", "--window", "1000000"), "the longest, mission 0, has 300 samples"),
+        (
+            ("s.zarr", "--network", "elman", "--window", "1000000"),
+            "the longest, mission 0, has 300 samples",
+        ),
         (("s.zarr", "--hidden", "99999999"), "hidden must be at most 4096"),
         (("s.zarr", "--layers", "99999999"), "layers must be at most 64"),
         (("s.zarr", "--delays", "99999999"), "delays must be at most 256"),
-        (("s.zarr", "--hidden", "4096", "--delays", "256"), "take fewer units"),
+        (
+            ("s.zarr", "--network", "elman", "--hidden", "4096", "--delays", "256"),
+            "take fewer units",
+        ),
         (("s.zarr", "--leave-out-each-dive"), "leaving one out needs at least"),
     ],
 )
