@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from clusters import dask_cluster
 from s3 import s3_server
 
 from factory.__main__ import main
+from factory.generation.cluster import dask_executor
 from factory.generation.generate import generate
 from factory.generation.parts import Part, finish, generate_part
 from factory.generation.repair import repair
@@ -92,6 +94,17 @@ def test_the_metadata_of_the_store_come_last_and_a_kill_before_loses_nothing(
     with pytest.raises(StoreError, match=r"started with other settings \(.*seed"):
         generate(recipe(seed=5), store, workers=1, resume=True)
     assert generate(recipe(), store, workers=1, resume=True).flown == 0
+    assert contents(store) == contents(paper_store)
+
+
+def test_workers_of_a_dask_cluster_write_there(
+    server: None, recipe: Recipes, paper_store: Path
+) -> None:
+    pytest.importorskip("distributed", reason='needs pip install "glider-twin[cluster]"')
+    store = "s3://bucket/cluster/missions.zarr"
+    with dask_cluster(2) as address, dask_executor(address) as executor:
+        summary = generate(recipe(), store, executor=executor)
+    assert summary.flown == summary.missions
     assert contents(store) == contents(paper_store)
 
 
