@@ -168,7 +168,7 @@ def test_dask_kubernetes(machine: Machine) -> None:
     with s3_server() as environment:
         machine.environment |= environment
         machine.python(blocks("Dask", "python")[2])
-        assert "preset field" in machine.run("factory", "info", "s3://bucket/kubernetes.zarr")
+        assert "preset     field" in machine.run("factory", "info", "s3://bucket/kubernetes.zarr")
 
 
 def test_s3(machine: Machine) -> None:

@@ -21,11 +21,12 @@ from factory.inspect.verify import check_files
 from factory.recipe.recipe import Recipe
 from factory.stores.generated import GeneratedStore
 from learn.data.dataset import load_missions
-from twin.errors import InputError, StoreError
+from twin.errors import InputError, StoreError, WriteError
 from twin.records.content import content_hash, store_hash
 from twin.records.object_files import ObjectFiles, files_at
 from twin.records.store import open_store
 from twin.records.store_path import Url, store_path
+from twin.records.whole import check_folder_target
 
 Recipes = Callable[..., Recipe]
 
@@ -162,17 +163,33 @@ def test_commands_keep_the_address(
     assert len(list((tmp_path / "og1").glob("*.nc"))) == len(GeneratedStore(stored))
 
 
+def test_what_cannot_be_written_there_is_refused(
+    stored: str, paper_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for out in ("s3://bucket/og1", Path("s3://bucket/og1")):
+        with pytest.raises(
+            WriteError, match=r"s3://bucket/og1 is in an object storage, where only"
+        ):
+            check_folder_target(out)
+    assert main_with(["export", str(paper_store), "--to", "og1", "--out", "s3://bucket/og1"]) == 2
+    assert main_with(["plot", stored, "--out", "s3://bucket/page.png"]) == 2
+    assert not list(tmp_path.iterdir())
+    assert main_with(["plot", stored]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["missions.png"]
+
+
 def main_with(words: list[str]) -> int:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sys.argv", ["factory", *words])
         return main()
 
 
-def test_what_cannot_be_reached_is_told(server: None) -> None:
+def test_what_cannot_be_reached_is_told(server: None, recipe: Recipes) -> None:
     with pytest.raises(StoreError, match=r"no store at s3://bucket/none\.zarr"):
         open_store("s3://bucket/none.zarr")
-    with pytest.raises(FileNotFoundError):
-        files_at("s3://absent/none.zarr").read("zarr.json")
+    with pytest.raises(StoreError, match=r"^cannot write s3://absent: the storage has no bucket"):
+        generate(recipe(), "s3://absent/none.zarr", workers=1)
     with pytest.raises(InputError, match=r"unknown kind of address 's4': did you mean 's3'"):
         open_store("s4://bucket/none.zarr")
     with pytest.raises(InputError, match=r"s3://bucket names no store"):
