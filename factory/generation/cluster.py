@@ -63,7 +63,7 @@ def dask_executor(address: str) -> Iterator[Executor]:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Without the tracebacks that dask's client logs of a scheduler that is gone: an error says it."""
+    """Without the tracebacks that dask's client logs of a scheduler that is gone."""
     log = logging.getLogger("distributed.client")
     before = log.level
     log.setLevel(logging.CRITICAL)
