@@ -18,7 +18,6 @@ from learn.data.dataset import (
     load_missions,
     sample_split,
 )
-from learn.data.features import channels_of, mirror_signs
 from learn.data.labels import (
     NO_CURRENT,
     STORE_CURRENT,
@@ -31,6 +30,7 @@ from learn.data.logs import SPEED
 from learn.data.normalisation import Normalisation, fit_normalisation
 from learn.data.parts import parts_of
 from twin.errors import InputError, StoreError, unknown_name
+from twin.navigation.features import channels_of, mirror_signs
 from twin.records.attributes import SPLIT
 from twin.records.reader import MissionStore
 from twin.records.store_path import StorePath
@@ -50,6 +50,8 @@ class Prepared:
     train: Sequences
     validation: Sequences
     normalisation: Normalisation
+    period: float
+    """[s] between samples"""
 
 
 def prepare(
@@ -341,6 +343,7 @@ def _assemble(
             sequences(matrices, targets, weights[0]),
             sequences(matrices, targets, weights[1]),
             normalisation,
+            train[0].period,
         )
     return Prepared(
         sequences(matrices, targets, None),
@@ -350,4 +353,5 @@ def _assemble(
             None,
         ),
         normalisation,
+        train[0].period,
     )

@@ -14,9 +14,9 @@ from learn.data.dataset import (
     pack_windows,
     sample_split,
 )
-from learn.data.features import channels_of, select_features
 from learn.data.preparation import prepare
 from twin.errors import InputError, StoreError
+from twin.navigation.features import channels_of, select_features
 
 CHANNELS = (*channels_of(select_features()), "true_surge")
 
