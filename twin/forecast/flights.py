@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import math
 import os
 from collections.abc import Iterator, Sequence
 
@@ -54,9 +56,10 @@ def fly(
       threads: of a fleet; 0 takes every core.
     """
     cores = threads or os.cpu_count() or 1
-    chunks = [scenarios[:1]]
-    size = PER_CORE * cores
-    chunks += [scenarios[k : k + size] for k in range(1, len(scenarios), size)]
+    rest = len(scenarios) - 1
+    fleets = max(1, math.ceil(rest / (PER_CORE * cores)))
+    ends = [1 + rest * k // fleets for k in range(fleets + 1)]
+    chunks = [scenarios[:1], *(scenarios[a:b] for a, b in itertools.pairwise(ends) if b > a)]
     for chunk in chunks:
         with quiet_mujoco():
             results = Fleet(chunk, threads=threads).run()

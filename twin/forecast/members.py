@@ -30,7 +30,7 @@ FASTEST = 3.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Members:
-    """What is flown, and from what it was drawn; the first scenario is the mean of what is known."""
+    """What is flown, and from what it was drawn; the first is the mean of what is known."""
 
     scenarios: tuple[Scenario, ...]
     spread: dict[str, str]
@@ -59,7 +59,9 @@ def members_of(request: Request, known: Known) -> Members:
     scatter = 100.0 * float(np.std(water.speed_scale[1:]))
     if known.legs or not drawn:
         source = "by the fixes" if known.legs else "assumed"
-        spread["speed"] = f"{100.0 * float(water.speed_scale[0]):+.1f} %, +-{scatter:.1f} %, {source}"
+        spread["speed"] = (
+            f"{100.0 * float(water.speed_scale[0]):+.1f} %, +-{scatter:.1f} %, {source}"
+        )
     degrees = np.degrees(water.compass)
     spread["compass"] = f"{degrees[0]:+.1f} degree, +-{float(np.std(degrees[1:])):.1f} degree"
     mission = believing(request.mission, known.last_current)
@@ -120,7 +122,9 @@ def _with_field(
 ) -> tuple[WaterDraws, str]:
     """The draws of the field's error, and what they are in words."""
     field = _mean_field(request)
-    drawn = draw_field_error(water, known.filter_, field, request.field_error, rng, told=known.legs > 0)
+    drawn = draw_field_error(
+        water, known.filter_, field, request.field_error, rng, told=known.legs > 0
+    )
     words = f"field, error {request.field_error:g} m/s"
     return drawn, words + (f", told by {known.source}" if known.legs else "")
 

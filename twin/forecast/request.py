@@ -13,8 +13,8 @@ from twin.water.current.origin import Origin
 
 HOUR = 3600.0
 FIELD_ERROR = 0.1
-"""[m/s] of a forecast field's depth-averaged current, north and east each: of the size that models of
-shelf seas have against gliders"""
+"""[m/s] of a forecast field's depth-averaged current, north and east each: of the size that models
+of shelf seas have against gliders"""
 LONGEST_HOURS = 240.0
 
 

@@ -1,7 +1,7 @@
 """Vehicle draws: vehicles as an identification leaves them possible.
 
-`twin identify` writes into its vehicle file how surely each parameter is known, and how their errors
-go together. Of other vehicles only the speed is drawn, as the current filter knows it.
+`twin identify` writes into its vehicle file how surely each parameter is known, and how their
+errors go together. Of other vehicles only the speed is drawn, as the current filter knows it.
 """
 
 from __future__ import annotations

@@ -48,9 +48,7 @@ def draw_water(
       dive: [s] after which what single dives add is another.
     """
     mean, covariance = _state(filter_)
-    states = mean + np.concatenate(
-        [np.zeros((1, len(mean))), _normal(covariance, count - 1, rng)]
-    )
+    states = mean + np.concatenate([np.zeros((1, len(mean))), _normal(covariance, count - 1, rng)])
     times = np.arange(math.ceil(duration / INTERVAL) + 2)
     modes = states[:, MODES::2] + 1j * states[:, MODES + 1 :: 2]
     gone = passage(filter_.modes, INTERVAL)
@@ -93,9 +91,7 @@ def draw_field_error(
     count, steps, _ = drawn.current.shape
     kept = math.exp(-INTERVAL / FIELD_TIME)
     gained = deviation * math.sqrt(1.0 - kept**2)
-    error = mean + np.concatenate(
-        [np.zeros((1, 2)), _normal(prior - gain @ prior, count - 1, rng)]
-    )
+    error = mean + np.concatenate([np.zeros((1, 2)), _normal(prior - gain @ prior, count - 1, rng)])
     course = np.empty((count, steps, 2))
     for k in range(steps):
         course[:, k] = error

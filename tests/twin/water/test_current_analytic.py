@@ -21,6 +21,7 @@ from twin.water.current import (
     TidalEllipse,
     Tide,
     Uniform,
+    parse_current,
     still_water,
 )
 from twin.water.current.origin import coriolis

@@ -1,10 +1,10 @@
 """Ocean currents: what they are, and one compiled sampler for all of them.
 
 Build a current (`Uniform`, `Profile`, `Ekman`, `Geostrophic`, `Tide`, `Inertial`, `GaussMarkov`,
-`Series`, `LogLayer`, `Grid`, sums by +, or `parse_current("ekman:tau=0.1,direction=90")`), compile it for a
-mission, and read it with `twin.water.current.sampler.sample`. A kind of one's own is a subclass of
-`Current` with a compiled kernel, decorated with `register`. Importing this package loads neither
-numba nor xarray.
+`Series`, `LogLayer`, `Grid`, sums by +, or `parse_current("ekman:tau=0.1,direction=90")`), compile
+it for a mission, and read it with `twin.water.current.sampler.sample`. A kind of one's own is a
+subclass of `Current` with a compiled kernel, decorated with `register`. Importing this
+package loads neither numba nor xarray.
 """
 
 from twin.water.current.base import Current, CurrentSum, current_from_dict, still_water
