@@ -24,7 +24,7 @@ MARGIN = 1.25
 """Of the view over what must be seen"""
 LEAST_SPAN = 0.02
 """[degree] of latitude that is shown at least: 2 km"""
-NEAR = 3.0
+NEAR = 1.5
 """A target farther away than so many spans is outside of the first view"""
 MOST_DOTS = 400
 """Members that are drawn of a surfacing"""
@@ -88,32 +88,39 @@ def draw_map(found: Forecast) -> str:
         title = f"surfacing {one.number}: {found.moment(one.time_s)} UTC"
         dots = frame.at(degrees(one.members[:MOST_DOTS], place))
         parts += [
-            f'<g style="--c:{colour}"><title>{html.escape(title)}</title>',
+            f'<g fill="{colour}" stroke="{colour}"><title>{html.escape(title)}</title>',
             f'<polygon class="ninety" points="{_points(frame.at(ring))}"/>',
             f'<polygon class="half" points="{_points(frame.at(half))}"/>',
             *(f'<circle class="member" cx="{x:.1f}" cy="{y:.1f}" r="1.6"/>' for x, y in dots),
             "</g>",
         ]
+    x0, y0 = frame.at(start)[0]
+    west = 0
     for one in found.surfacings:
         colour = COLOURS[(one.number - 1) % len(COLOURS)]
         x, y = frame.at(np.array([[one.longitude, one.latitude]]))[0]
+        west += 1 if x < x0 else -1
         parts.append(
-            f'<g style="--c:{colour}"><circle class="here" cx="{x:.1f}" cy="{y:.1f}" r="5"/>'
-            f'<text class="name" x="{x + 9:.1f}" y="{y - 8:.1f}">{one.number}: '
-            f"{found.moment(one.time_s)[11:16]}</text></g>"
+            f'<g fill="{colour}"><circle class="here" cx="{x:.1f}" cy="{y:.1f}" r="5"/></g>'
+            + _label("name", x, y - 8.0, f"{one.number}: {found.moment(one.time_s)[11:16]}", x < x0)
         )
     for k, (x, y) in enumerate(frame.at(found.targets()), start=1):
         parts.append(
-            f'<g class="target"><path d="M{x:.1f} {y - 7:.1f}l7 7l-7 7l-7-7z"/>'
-            f'<text x="{x + 10:.1f}" y="{y + 4:.1f}">target {k}</text></g>'
+            f'<g class="target"><path d="M{x:.1f} {y - 7:.1f}l7 7l-7 7l-7-7z"/></g>'
+            + _label("", x, y + 4.0, f"target {k}", False)
         )
-    x, y = frame.at(start)[0]
     parts.append(
-        f'<g class="start"><rect x="{x - 5:.1f}" y="{y - 5:.1f}" width="10" height="10"/>'
-        f'<text x="{x + 10:.1f}" y="{y + 14:.1f}">start {str(place.time)[11:16]}</text></g>'
+        f'<g class="start"><rect x="{x0 - 5:.1f}" y="{y0 - 5:.1f}" width="10" height="10"/></g>'
+        + _label("", x0, y0 + 4.0, f"start {str(place.time)[11:16]}", west < 0)
     )
     parts += [*_scale_bar(frame), "</svg>"]
     return "\n".join(parts)
+
+
+def _label(kind: str, x: float, y: float, words: str, left: bool) -> str:
+    """Words beside a point."""
+    at, anchor = (x - 10.0, "end") if left else (x + 10.0, "start")
+    return f'<text class="{kind}" x="{at:.1f}" y="{y:.1f}" text-anchor="{anchor}">{words}</text>'
 
 
 def _points(points: Array) -> str:

@@ -41,10 +41,10 @@ svg text { font: 13px system-ui, "DejaVu Sans", sans-serif; fill: var(--ink);
 .sea { fill: #eef4f8; } .land { fill: #e8e2d0; stroke: #8c8570; stroke-width: 1; }
 .grid path { stroke: #c5d0d9; stroke-width: .8; } .grid text { fill: var(--dim); font-size: 11px; }
 .track { fill: none; stroke: #333; stroke-width: 1.6; stroke-dasharray: 5 3; }
-.ninety { fill: var(--c); fill-opacity: .12; stroke: var(--c); stroke-width: 1.2; }
-.half { fill: var(--c); fill-opacity: .2; stroke: var(--c); stroke-width: 1.2; }
-.member { fill: var(--c); fill-opacity: .55; } .here { fill: var(--c); stroke: #fff;
-  stroke-width: 1.5; } .name { font-weight: 600; }
+.ninety { fill-opacity: .12; stroke-width: 1.2; }
+.half { fill-opacity: .2; stroke-width: 1.2; }
+.member { fill-opacity: .55; stroke: none; } .here { stroke: #fff; stroke-width: 1.5; }
+.name { font-weight: 600; }
 .target path { fill: #fff; stroke: #000; stroke-width: 1.5; } .start rect { fill: #000; }
 .scale path { fill: none; stroke: #000; stroke-width: 1.5; } .scale text { text-anchor: middle; }
 svg * { vector-effect: non-scaling-stroke; }
