@@ -35,6 +35,7 @@ from learn.training.settings import FitConfig
 from twin.errors import InputError, unknown_name
 from twin.extras import require
 from twin.navigation.features import INPUT_SETS, select_features
+from twin.records.store_path import StorePath, store_path
 
 if TYPE_CHECKING:
     from learn.evaluation.evaluation import Watch as EvaluationWatch
@@ -45,7 +46,7 @@ DEFAULT_INPUTS = "full"
 
 
 def fit(
-    store: str | Path | None = None,
+    store: str | StorePath | None = None,
     *,
     folder: str | Path | None = None,
     resume: bool = False,
@@ -126,7 +127,7 @@ def train_and_finish(
 
 
 def fit_settings(
-    store: str | Path | None = None,
+    store: str | StorePath | None = None,
     *,
     resumed: Path | None = None,
     network: str | None = None,
@@ -254,9 +255,14 @@ def _resumed(folder: Path | None) -> FitConfig | None:
     return FitConfig.of(read_description(folder)["settings"], folder)
 
 
-def _same_place(store: str | Path | None, base: FitConfig) -> str:
+def _absolute(store: str | StorePath) -> StorePath:
+    place = store_path(store)
+    return place.absolute() if isinstance(place, Path) else place
+
+
+def _same_place(store: str | StorePath | None, base: FitConfig) -> str:
     """The store as the settings have it: another path to the same folder is the same store."""
-    if store is None or Path(store).absolute() == Path(base.store).absolute():
+    if store is None or _absolute(store) == _absolute(base.store):
         return base.store
     return str(store)
 
@@ -292,7 +298,7 @@ def _check_uses(
 
 def evaluate(
     run: Run | str | Path,
-    store: str | Path | None = None,
+    store: str | StorePath | None = None,
     *,
     split: str = "test",
     baselines: Sequence[str] | None = None,
@@ -320,7 +326,7 @@ def evaluate(
 
 
 def export(
-    run: Run | str | Path, folder: str | Path | None = None, *, store: str | Path | None = None
+    run: Run | str | Path, folder: str | Path | None = None, *, store: str | StorePath | None = None
 ) -> dict[str, Parity]:
     """Write one ONNX model per network, one time step with explicit state, and check each.
 

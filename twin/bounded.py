@@ -15,6 +15,7 @@ import tomllib
 import warnings
 import zipfile
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -158,13 +159,24 @@ def check_declared(
 
 
 def check_dataset(
-    dataset: xr.Dataset, path: str | Path, what: str, error: type[InputError] = InputError
+    dataset: xr.Dataset,
+    path: str | Path | Callable[[], int],
+    what: str,
+    error: type[InputError] = InputError,
 ) -> None:
-    """`check_declared` of a dataset that was opened lazily, from a file or a local folder."""
+    """`check_declared` of a dataset that was opened lazily.
+
+    Args:
+      path: of its file or local folder, or what tells the size [byte] of all its files.
+    """
     declared = sum(
         max(variable.nbytes, _chunk_size(variable)) for variable in dataset.variables.values()
     )
-    if declared > FREE_BYTES and Path(path).exists():
+    if declared <= FREE_BYTES:
+        return
+    if callable(path):
+        check_declared(declared, path(), what, error)
+    elif Path(path).exists():
         check_declared(declared, stored_size(Path(path)), what, error)
 
 

@@ -13,6 +13,7 @@ import tyro
 from factory.exporting.base import ExportOptions
 from factory.exporting.registry import EXPORTERS
 from twin.cli.console import Console, JsonOption
+from twin.cli.store_argument import StoreArgument
 from twin.errors import InputError
 
 CHOICES = "{" + ",".join(EXPORTERS.names()) + "}"
@@ -25,7 +26,7 @@ ENDINGS = ", ".join(one.ending for one in EXPORTERS.values())
 class Export(JsonOption):
     """Write a store's missions or dives in a format that other programs read."""
 
-    store: Annotated[Path, tyro.conf.Positional]
+    store: Annotated[StoreArgument, tyro.conf.Positional]
     """the store"""
     to: Annotated[str, tyro.conf.arg(metavar=CHOICES, help=FORMATS)]
     out: Annotated[

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 import tyro
 
 from twin.cli.console import Console, JsonOption
+from twin.cli.store_argument import StoreArgument
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,7 +17,7 @@ class Finish(JsonOption):
     single run. While parts are missing, says which, as Slurm's --array takes them.
     """
 
-    store: Annotated[Path, tyro.conf.Positional]
+    store: Annotated[StoreArgument, tyro.conf.Positional]
     """the store"""
 
     def run(self, console: Console) -> int:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.cli.console import Console, JsonOption
+from twin.cli.store_argument import StoreArgument
 
 if TYPE_CHECKING:
     from factory.generation.generate import Summary, Watcher
@@ -34,8 +35,9 @@ class Generate(JsonOption):
     surface) or paper-test (the paper's three test missions of a glider)"""
     seed: int = 0
     """root of every random draw"""
-    out: Path = DEFAULT_OUT
-    """the store"""
+    out: StoreArgument = DEFAULT_OUT
+    """the store: a folder, or an address such as s3://bucket/missions.zarr (needs the extra: pip
+    install "glider-twin[cloud]")"""
     workers: int | None = None
     """processes [default: the CPUs that this process may use]"""
     scheduler: str | None = None
@@ -97,7 +99,7 @@ class Generate(JsonOption):
             watch = stack.enter_context(_watching(recipe.plan.hours, console))
             return generate(
                 recipe,
-                self.out.absolute() if executor else self.out,
+                self.out.absolute() if executor and isinstance(self.out, Path) else self.out,
                 workers=self.workers,
                 executor=executor,
                 resume=self.resume,
@@ -132,7 +134,8 @@ class Generate(JsonOption):
         from factory.recipe.plan import check_room
         from factory.recipe.recipe import make_recipe
 
-        if self.hours is not None and not self.resume:  # which may be nearly complete
+        # what is to be resumed may be nearly complete; an object storage has room
+        if self.hours is not None and not self.resume and isinstance(self.out, Path):
             check_room(self.hours, self.out)
         return make_recipe(
             preset=self.preset,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
@@ -12,13 +11,14 @@ if TYPE_CHECKING:
     from twin.records.logs import LogStore
 
 from twin.cli.console import Console, JsonOption
+from twin.cli.store_argument import StoreArgument
 
 
 @dataclass(frozen=True, kw_only=True)
 class Info(JsonOption):
     """Preset, missions, splits, size, drawn values and failures of a store."""
 
-    store: Annotated[Path, tyro.conf.Positional]
+    store: Annotated[StoreArgument, tyro.conf.Positional]
     """the store"""
 
     def _logs(self, logs: LogStore, console: Console) -> int:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 import tyro
 
 from twin.cli.console import Console, JsonOption
+from twin.cli.store_argument import StoreArgument
 
 SHOWN = 10
 """Damaged files that are named; the others are counted"""
@@ -21,7 +21,7 @@ class Repair(JsonOption):
     again: says what is lost.
     """
 
-    store: Annotated[Path, tyro.conf.Positional]
+    store: Annotated[StoreArgument, tyro.conf.Positional]
     """the store"""
 
     def run(self, console: Console) -> int:

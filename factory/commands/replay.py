@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 import tyro
 
 from twin.cli.console import Console, JsonOption
+from twin.cli.store_argument import StoreArgument
 
 
 @dataclass(frozen=True, kw_only=True)
 class Replay(JsonOption):
     """Fly stored missions again from what the store says and compare every byte."""
 
-    store: Annotated[Path, tyro.conf.Positional]
+    store: Annotated[StoreArgument, tyro.conf.Positional]
     """the store"""
     mission: tuple[int, ...] = (0,)
     """missions to fly again"""

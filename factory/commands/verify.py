@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from twin.cli.console import Console, JsonOption
+from twin.cli.store_argument import StoreArgument
 
 if TYPE_CHECKING:
     from factory.inspect.verify import Report
@@ -22,7 +22,7 @@ class Verify(JsonOption):
     dives, fixes and depth.
     """
 
-    store: Annotated[Path, tyro.conf.Positional]
+    store: Annotated[StoreArgument, tyro.conf.Positional]
     """the store"""
 
     def run(self, console: Console) -> int:

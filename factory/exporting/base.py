@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from twin.errors import InputError
 from twin.records.checksums import is_listed
+from twin.records.store_path import StorePath
 from twin.records.whole import whole_file, whole_folder
 
 if TYPE_CHECKING:
@@ -93,9 +94,11 @@ class Exporter:
         """file or folder."""
         return "file" if self.ending.startswith(".") else "folder"
 
-    def default_path(self, store: Path) -> Path:
-        """Where an export goes when the user names no target."""
-        return store.with_name(store.stem + self.ending)
+    def default_path(self, store: StorePath) -> Path:
+        """Where an export goes when the user names no target: beside the store, or into the current
+        folder where the store is not on this machine."""
+        name = store.stem + self.ending
+        return store.with_name(name) if isinstance(store, Path) else Path(name)
 
     def export(
         self,

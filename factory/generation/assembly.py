@@ -16,7 +16,7 @@ from factory.generation.job import ALONE, Job
 from factory.generation.manifest import Manifest, all_there, leave_manifest, read_manifest
 from factory.recipe.recipe import versions
 from twin.errors import StoreError
-from twin.records.checksums import FileSum
+from twin.records.files import FileSum
 from twin.records.sharded import ShardedStore, fill_value
 
 FAILURES = "failures"

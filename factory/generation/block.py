@@ -25,7 +25,7 @@ from factory.generation.manifest import Manifest, all_there, leave_manifest, rea
 from factory.recipe.recipe import Recipe, versions
 from twin.errors import StoreError
 from twin.physics.quiet import quiet_mujoco
-from twin.records.checksums import file_sum
+from twin.records.files import file_sum
 from twin.records.sharded import COMPRESSOR, LEVEL
 
 Signals = Mapping[str, NDArray[Any]]
@@ -148,8 +148,9 @@ class Block:
         self.missions = manifest.missions
         ((key, expected),) = manifest.files.items()
         what = f"{job.site.files.name}/{key}"
+        self._files = job.site.files
         try:
-            path = job.site.files.fetch(key, job.site.staging)
+            self._path = path = self._files.fetch(key, job.site.staging)
             if file_sum(path) != expected:
                 raise StoreError(f"{what} is damaged: remove it and continue with --resume")
             self._archive = np.load(path, allow_pickle=False)
@@ -163,6 +164,7 @@ class Block:
 
     def __exit__(self, *_: object) -> None:
         self._archive.close()
+        self._files.give_back(self._path)
 
     @property
     def signals(self) -> dict[str, np.dtype[Any]]:

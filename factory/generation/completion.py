@@ -18,7 +18,7 @@ from twin.errors import StoreError
 from twin.physics.scenario import SAMPLE_PERIOD
 from twin.records import attributes as names
 from twin.records.attributes import SPLITS
-from twin.records.checksums import FileSum
+from twin.records.files import FileSum
 from twin.records.place import (
     ATTRIBUTES,
     COORDINATE_DTYPES,
@@ -55,8 +55,8 @@ class Found:
 
 
 def complete(job: Job) -> tuple[dict[str, FileSum], int]:
-    """Write all that is not in the shards; checksums of the whole tree by key, and the number of
-    attempts that failed.
+    """Write all that is not in the shards; checksums of the tree by key, and the number of attempts
+    that failed.
 
     Memory does not grow with the store: rows are moved in chunks of `Layout.row_missions`.
 
@@ -82,7 +82,7 @@ def complete(job: Job) -> tuple[dict[str, FileSum], int]:
         said = {} if name == DATETIME else FLOWN
         signals[name] = (COORDINATE_DTYPES[name], {**ATTRIBUTES[name], **said})
     files |= target.write_group(RECIPE_COPY, recipe.document())
-    files |= target.finish(signals, arrays, store_attributes(recipe))
+    files |= target.finish(signals, arrays, store_attributes(recipe), files)
     return files, found.failures
 
 

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from factory.generation import runlog
@@ -28,6 +27,8 @@ from factory.generation.target import check_target, failures_in, give_name
 from factory.recipe.plan import HOUR
 from factory.recipe.recipe import Recipe
 from twin.errors import StoreError, TwinError
+from twin.records.object_files import files_at
+from twin.records.store_path import StorePath, store_path
 
 WAITING = 4
 """Blocks for each worker that wait at the executor: it never runs dry, and holds few at a time"""
@@ -41,7 +42,7 @@ Watcher = Callable[[float, int], None]
 class Summary:
     """What a run did."""
 
-    store: Path
+    store: StorePath
     missions: int
     hours: float
     """[h] of all missions in the store"""
@@ -64,7 +65,7 @@ class Summary:
 
 def generate(
     recipe: Recipe,
-    out: str | Path,
+    out: str | StorePath,
     *,
     workers: int | None = None,
     executor: Executor | None = None,
@@ -77,6 +78,7 @@ def generate(
 
     Args:
       workers: processes of this machine; None: as many as it may use CPUs.
+      out: a path, or an address such as s3://bucket/missions.zarr.
       executor: what flies the blocks instead of such processes: any executor of
         `concurrent.futures`, that of a dask client too. It must reach `out` by the same path.
       resume: continue a store that an earlier run left incomplete; start one if there is none.
@@ -89,7 +91,7 @@ def generate(
       TwinError: a mission that no attempt could fly, or a dead worker.
     """
     begun = time.perf_counter()
-    store = Path(out)
+    store = store_path(out)
     workers = check_workers(workers, executor)
     job = Job(recipe, Site(store, recipe.digest))
     with told(store):
@@ -102,8 +104,8 @@ def generate(
             job.site.sweep()
             runlog.note(store, recipe, history)
             flown = _fly(job, workers, executor, watch)
-            files, failed = complete(job)
-            give_name(job, files)
+            _, failed = complete(job)
+            give_name(job)
     return summary_of(recipe, store, begun, flown=flown, failed=failed)
 
 
@@ -119,7 +121,7 @@ def check_workers(workers: int | None, executor: Executor | None) -> int:
 
 
 @contextlib.contextmanager
-def told(store: Path) -> Iterator[None]:
+def told(store: StorePath) -> Iterator[None]:
     """Say of the disk's errors what is kept and how to go on."""
     try:
         yield
@@ -158,7 +160,7 @@ def _fly(job: Job, workers: int, executor: Executor | None, watch: Watcher | Non
     if len(layout.shards) == 1 and executor is None:
         # one shard: this process assembles it, and gets zarr ready while the others fly
         if blocks:
-            with local_pool(min(workers, len(blocks))) as pool:
+            with local_pool(min(workers, len(blocks)), fork=job.site.local) as pool:
                 flying = _run(pool, job, blocks, workers)
                 open_tree(job).prepare()
                 for block in flying:
@@ -168,7 +170,7 @@ def _fly(job: Job, workers: int, executor: Executor | None, watch: Watcher | Non
         return flown
     with contextlib.ExitStack() as stack:
         tasks: Executor = executor or stack.enter_context(
-            local_pool(min(workers, max(1, len(blocks))))
+            local_pool(min(workers, max(1, len(blocks))), fork=job.site.local)
         )
         assembling = [tasks.submit(assemble, job, s) for s in shards if not left[s]]
         for block in _run(tasks, job, blocks, None if executor else workers):
@@ -220,7 +222,7 @@ def _result(future: Future[Any]) -> Any:
 
 
 def summary_of(
-    recipe: Recipe, store: Path, begun: float, *, flown: list[int], failed: int
+    recipe: Recipe, store: StorePath, begun: float, *, flown: list[int], failed: int
 ) -> Summary:
     """What a run that began at `begun` [s] of the clock for durations did."""
     durations = recipe.plan.durations_s
@@ -232,5 +234,5 @@ def summary_of(
         flown_hours=sum(durations[mission] for mission in flown) / HOUR,
         failed=failed,
         wall_s=time.perf_counter() - begun,
-        stored_bytes=sum(f.stat().st_size for f in store.rglob("*") if f.is_file()),
+        stored_bytes=files_at(store).stored_bytes(),
     )

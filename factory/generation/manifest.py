@@ -16,8 +16,7 @@ from typing import Any
 
 from factory.generation.site import Site
 from twin.errors import StoreError
-from twin.records.checksums import FileSum
-from twin.records.files import Files
+from twin.records.files import Files, FileSum
 
 _DIGEST = "digest"
 

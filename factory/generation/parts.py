@@ -1,8 +1,8 @@
 """Parts: one store made by many commands that know nothing of each other, as job arrays are.
 
 Part i of n flies every n-th block and assembles each shard whose blocks are all there. Parts may
-run at once, one after the other, twice, on machines that share a file system. `finish` completes
-the store, or says which parts have to run again.
+run at once, one after the other, twice, on machines that share a file system or an object storage.
+`finish` completes the store, or says which parts have to run again.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from factory.generation import runlog
 from factory.generation.assembly import assemble, shard_manifest
@@ -27,13 +26,13 @@ from factory.generation.generate import (
 )
 from factory.generation.job import Job
 from factory.generation.layout import Layout
-from factory.generation.site import Site, begun, locked
+from factory.generation.site import Site, locked
 from factory.generation.target import check_target, failures_in, give_name, recipe_begun, recipe_of
 from factory.recipe.plan import HOUR
 from factory.recipe.recipe import Recipe
 from twin.errors import InputError, StoreError
-from twin.records.disk import write_whole
-from twin.records.store import is_complete
+from twin.records.store import begun, is_complete
+from twin.records.store_path import StorePath, store_path
 
 SLURM_TASK, SLURM_COUNT, SLURM_FIRST = (
     "SLURM_ARRAY_TASK_ID",
@@ -101,7 +100,7 @@ def hours_of(recipe: Recipe, part: Part) -> float:
 
 def generate_part(
     recipe: Recipe,
-    out: str | Path,
+    out: str | StorePath,
     part: Part,
     *,
     history: str = "factory.generate",
@@ -113,7 +112,7 @@ def generate_part(
       StoreError: something else is under the name, or the disk refuses. InputError: no such part,
         or a mission that no attempt could fly.
     """
-    store = Path(out)
+    store = store_path(out)
     job = Job(recipe, Site(store, recipe.digest))
     layout = job.layout
     with told(store):
@@ -138,14 +137,14 @@ def generate_part(
     return sum(len(layout.missions_of_block(b)) for b in todo), count
 
 
-def finish(out: str | Path) -> tuple[Summary, Recipe]:
+def finish(out: str | StorePath) -> tuple[Summary, Recipe]:
     """Complete a store whose parts have all run; what was done, and the recipe.
 
     Raises:
       StoreError: parts are missing, which the message lists, or nothing was begun.
     """
     started = time.perf_counter()
-    store = Path(out)
+    store = store_path(out)
     places = begun(store)
     if not places and is_complete(store):
         recipe = recipe_of(store)
@@ -156,7 +155,7 @@ def finish(out: str | Path) -> tuple[Summary, Recipe]:
             f"--out {store}` and so on"
         )
     if len(places) > 1:
-        raise StoreError(f"{store} was begun with {len(places)} recipes: {places[0].parent.parent}")
+        raise StoreError(f"{store} was begun with {len(places)} recipes: {places[0].parent}")
     recipe = recipe_begun(places[0])
     job = Job(recipe, Site(store, recipe.digest))
     with told(store):
@@ -170,8 +169,8 @@ def finish(out: str | Path) -> tuple[Summary, Recipe]:
             job.site.sweep()
             for shard in shards:
                 assemble(job, shard)
-            files, failed = complete(job)
-            give_name(job, files)
+            _, failed = complete(job)
+            give_name(job)
     return summary_of(recipe, store, started, flown=[], failed=failed), recipe
 
 
@@ -182,10 +181,10 @@ def _fixed(site: Site, part: Part) -> Part:
     Raises:
       InputError: no such part.
     """
-    place = site.folder / ARRAY
-    if not place.is_file():
-        write_whole(place, json.dumps({"first": part.first, "count": part.count}).encode())
-    kept = json.loads(place.read_bytes())
+    if not site.files.exists(ARRAY):
+        array = {"first": part.first, "count": part.count}
+        site.files.write_safe(ARRAY, json.dumps(array).encode())
+    kept = json.loads(site.files.read(ARRAY))
     fixed = Part(part.index, kept["count"], kept["first"])
     if not 0 <= fixed.index - fixed.first < fixed.count:
         last = fixed.first + fixed.count - 1
@@ -214,10 +213,9 @@ def _missing(job: Job, blocks: list[int]) -> str:
     """Which parts have to run again, in words that can be pasted."""
     site, missing = job.site, sum(len(job.layout.missions_of_block(b)) for b in blocks)
     start = f"{missing} of {job.layout.missions} missions of {site.store} are missing"
-    place = site.folder / ARRAY
-    if not place.is_file():
+    if not site.files.exists(ARRAY):
         return f"{start}: complete it with the command that began it and --resume"
-    array = json.loads(place.read_bytes())
+    array = json.loads(site.files.read(ARRAY))
     parts = sorted({block % array["count"] + array["first"] for block in blocks})
     return f"{start}; run these parts of {array['count']} again: --array={_ranges(parts)}"
 

@@ -23,9 +23,14 @@ _FORK = "fork"
 
 
 @contextlib.contextmanager
-def local_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool of processes on this machine; a second interrupt while it ends kills them."""
-    can_fork = _FORK in multiprocessing.get_all_start_methods()
+def local_pool(workers: int, *, fork: bool = True) -> Iterator[ProcessPoolExecutor]:
+    """A pool of processes on this machine; a second interrupt while it ends kills them.
+
+    Args:
+      fork: whether processes may be forked; what has threads, as clients of object storages have,
+        does not work in them.
+    """
+    can_fork = fork and _FORK in multiprocessing.get_all_start_methods()
     context = multiprocessing.get_context(_FORK if can_fork else "spawn")
     executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
     with warnings.catch_warnings():

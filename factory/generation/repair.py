@@ -39,10 +39,12 @@ from factory.recipe.recipe import Recipe, read_recipe, recipe_document
 from factory.recipe.sampling import sensor_seed
 from twin.errors import StoreError
 from twin.records import attributes as names
-from twin.records.checksums import FileSum, damaged_files, has_checksums, read_checksums
+from twin.records.checksums import damaged_files, has_checksums, read_checksums
+from twin.records.files import FileSum
 from twin.records.place import COORDINATE_DTYPES, COORDINATES
 from twin.records.schema import VARIABLES
 from twin.records.sharded import DTYPE, METADATA, fill_value, read_rows
+from twin.records.store_path import StorePath, store_path
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,14 +57,14 @@ class Repaired:
     """missions that were flown again"""
 
 
-def repair(store: str | Path) -> Repaired:
+def repair(store: str | StorePath) -> Repaired:
     """Make a damaged store of `factory generate` whole again.
 
     Raises:
       StoreError: both copies of its recipe are damaged, it was made with other versions of what
         can change a bit, or it came out otherwise; it is left as it is.
     """
-    path = Path(store)
+    path = _local(store)
     damaged = {damage.path for damage in damaged_files(path)}
     if not damaged:
         return Repaired(damaged=(), flown=())
@@ -76,7 +78,7 @@ def repair(store: str | Path) -> Repaired:
             wreck.mend(shard)
         files, _ = complete(job)
         wreck.compare(files)
-        give_name(job, files)
+        give_name(job)
     return Repaired(damaged=tuple(sorted(damaged)), flown=tuple(sorted(wreck.flown)))
 
 
@@ -85,6 +87,7 @@ class _Wreck:
 
     def __init__(self, job: Job, path: Path, damaged: set[str]):
         self.job, self.path, self.damaged = job, path, damaged
+        self.tree = Path(job.site.tree.name)
         self.flown: dict[int, tuple[FlownMission, Signals]] = {}
         try:
             self.sums: dict[str, FileSum] | None = read_checksums(path)
@@ -94,13 +97,13 @@ class _Wreck:
 
     def mend(self, shard: int) -> None:
         """Put a shard into the tree of the new store."""
-        site, missions = self.job.site, self.job.layout.missions_of_shard(shard)
+        missions = self.job.layout.missions_of_shard(shard)
         target, files = open_tree(self.job), dict[str, FileSum]()
         try:
             for name in self._signals(shard):
                 key = f"{name}/c/{shard}/0"
                 if self.sums is not None and key not in self.damaged:
-                    _link(self.path / key, site.folder / "tree" / key)
+                    _link(self.path / key, self.tree / key)
                     files[key] = self.sums[key]
                     continue
                 kind = COORDINATE_DTYPES.get(name, DTYPE)
@@ -190,6 +193,17 @@ class _Wreck:
             return None
 
 
+def _local(store: str | StorePath) -> Path:
+    """A store of this machine; raises StoreError for others."""
+    path = store_path(store)
+    if not isinstance(path, Path):
+        raise StoreError(
+            f"{path} lies in an object storage, where nothing can be repaired in one step: copy it "
+            "to this machine, repair the copy and put that in its place"
+        )
+    return path
+
+
 def _recipe(path: Path) -> Recipe:
     """The recipe, from whichever of its two copies is sound."""
     wrong = ""
@@ -220,13 +234,13 @@ def _link(old: Path, new: Path) -> None:
         shutil.copy2(old, new)
 
 
-def lost(store: str | Path) -> list[str] | None:
+def lost(store: str | StorePath) -> list[str] | None:
     """What is damaged of a store that no recipe can make again; None for a generated one.
 
     Raises:
       StoreError: there is no store, or it has no list of checksums.
     """
-    path = Path(store)
+    path = _local(store)
     if not path.is_dir():
         raise StoreError(f"no store at {path}")
     if not has_checksums(path):

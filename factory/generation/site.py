@@ -4,6 +4,11 @@ Beside the store `NAME` lies the folder `NAME.generating`. It holds, for the rec
 recipe itself, a file and a manifest of every finished block, a manifest of every shard, and `tree`,
 which becomes the store in one step. So a store is under its name when it is complete and not
 before, and what a run of another recipe leaves can never get into it.
+
+An object storage has no such step. There the tree grows under the store's own name, and the store
+is one when its `zarr.json` appears, which is written last. Locks it has none either, and needs none
+for runs of one recipe, which write the same bytes. Those of two recipes must not meet there: the
+first one that was begun keeps the name.
 """
 
 from __future__ import annotations
@@ -14,14 +19,17 @@ import functools
 import json
 import os
 import socket
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 from factory.recipe.recipe import Recipe
 from twin.errors import StoreError
-from twin.records.disk import sweep, write_whole
-from twin.records.files import Files, LocalFiles
-from twin.records.store import GENERATING, RECIPE
+from twin.records.disk import sweep
+from twin.records.files import Files
+from twin.records.object_files import files_at
+from twin.records.store import RECIPE, begun, generating
+from twin.records.store_path import StorePath, Url
 
 DIGITS = 16
 """Of a recipe's hash, in names of folders"""
@@ -33,29 +41,36 @@ _HELD: set[int] = set()
 class Site:
     """The working folder of one store and one recipe; picklable."""
 
-    def __init__(self, store: Path, recipe: str):
+    def __init__(self, store: StorePath, recipe: str):
         """`recipe` is the hash of a recipe."""
         self.store, self.recipe = store, recipe
 
     @property
-    def folder(self) -> Path:
+    def local(self) -> bool:
+        """Whether it is a folder of this machine."""
+        return isinstance(self.store, Path)
+
+    @property
+    def folder(self) -> StorePath:
         """All that runs of this recipe keep."""
         return generating(self.store) / self.recipe[:DIGITS]
 
     @functools.cached_property
     def files(self) -> Files:
         """Blocks and manifests."""
-        return LocalFiles(self.folder)
+        return files_at(self.folder)
 
     @functools.cached_property
     def tree(self) -> Files:
         """What will be the store."""
-        return self.files.below("tree")
+        return self.files.below("tree") if self.local else files_at(self.store)
 
     @property
     def staging(self) -> Path:
         """A folder of this process, where shards are made before they are whole."""
-        return self.folder / f"staging-{socket.gethostname()}-{os.getpid()}"
+        if isinstance(self.folder, Path):
+            return self.folder / f"staging-{socket.gethostname()}-{os.getpid()}"
+        return Path(tempfile.gettempdir()) / f"glider-twin-{_token(os.getpid())}"
 
     @staticmethod
     def block(number: int) -> str:
@@ -78,43 +93,57 @@ class Site:
         return f"shards/{number:05d}.json"
 
     def begin(self, recipe: Recipe) -> None:
-        """Make the folder, with the recipe in it; does nothing where it is."""
-        target = self.folder / RECIPE
-        if not target.is_file():
-            target.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(target, json.dumps(recipe.document(), indent=1).encode())
+        """Make the folder, with the recipe in it; does nothing where it is.
+
+        Raises:
+          StoreError: another recipe was begun at the same moment, where there are no locks.
+        """
+        if self.files.exists(RECIPE):
+            return
+        self.files.write_safe(RECIPE, json.dumps(recipe.document(), indent=1).encode())
+        others = [] if self.local else [p for p in begun(self.store) if p != self.folder]
+        if others:
+            self.files.remove(RECIPE)
+            raise StoreError(
+                f"{others[0]} belongs to a run of another recipe: use another --out, or remove "
+                f"everything below {generating(self.store)} and {self.store}"
+            )
 
     def clear(self) -> None:
         """Remove what this recipe's runs keep, and the folder when nothing else is in it."""
         self.files.remove_all()
         outer = generating(self.store)
+        if not isinstance(outer, Path):
+            return
         with contextlib.suppress(OSError):
             (outer / "lock").unlink(missing_ok=True)
             outer.rmdir()
 
     def sweep(self) -> None:
         """Remove what processes that are gone left half-written."""
-        sweep(self.folder)
+        if isinstance(self.folder, Path):
+            sweep(self.folder)
 
 
-def generating(store: Path) -> Path:
-    """The folder beside a store that runs work in."""
-    return store.with_name(store.name + GENERATING)
-
-
-def begun(store: Path) -> list[Path]:
-    """Recipes of runs that were begun and not completed."""
-    return sorted(generating(store).glob(f"*/{RECIPE}"))
+@functools.cache
+def _token(process: int) -> str:
+    """Of a process, in names of folders that nobody can foresee."""
+    return f"{process}-{os.urandom(8).hex()}"
 
 
 @contextlib.contextmanager
-def locked(store: Path, *, shared: bool = False) -> Iterator[None]:
+def locked(store: StorePath, *, shared: bool = False) -> Iterator[None]:
     """Hold the working folder of a store for this process, alone or with others that share it.
+
+    An object storage has no locks.
 
     Raises:
       StoreError: another run is working there.
     """
     folder = generating(store)
+    if isinstance(folder, Url):
+        yield
+        return
     folder.mkdir(parents=True, exist_ok=True)
     descriptor = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     _HELD.add(descriptor)

@@ -10,15 +10,22 @@ from typing import Any
 from factory.generation.completion import FAILED_MISSION
 from factory.generation.job import Job
 from factory.generation.manifest import missions_kept
-from factory.generation.site import Site, begun
+from factory.generation.site import Site
 from factory.recipe.recipe import Recipe, differences, read_recipe, recipe_document
 from twin.errors import StoreError
 from twin.records.attributes import CHANGES, FAILED_MISSIONS, SETTINGS, VEHICLE_MJCF, is_logged
-from twin.records.checksums import FileSum, write_checksums
-from twin.records.disk import sync_file
-from twin.records.files import LocalFiles
+from twin.records.object_files import files_at
 from twin.records.sharded import METADATA
-from twin.records.store import UNFINISHED, is_complete, read_attributes
+from twin.records.store import (
+    RECIPE,
+    begun,
+    begun_within,
+    generating,
+    is_complete,
+    is_there,
+    read_attributes,
+)
+from twin.records.store_path import StorePath
 from twin.records.whole import take_place
 
 MAX_DIFFERENCES = 5
@@ -26,7 +33,7 @@ MAX_DIFFERENCES = 5
 
 
 def check_target(
-    recipe: Recipe, store: Path, *, resume: bool, overwrite: bool, alone: bool = False
+    recipe: Recipe, store: StorePath, *, resume: bool, overwrite: bool, alone: bool = False
 ) -> bool:
     """Whether the store is there already, complete and of this recipe.
 
@@ -37,10 +44,18 @@ def check_target(
     Raises:
       StoreError: something is in the way, or another recipe is to be resumed.
     """
-    if store.is_symlink() and not store.exists():
+    local = isinstance(store, Path)
+    if isinstance(store, Path) and store.is_symlink() and not store.exists():
         raise StoreError(f"{store} is a link to nothing; choose another --out")
     present, complete = _present(store), is_complete(store)
-    if present and not (complete or (store / UNFINISHED).is_dir()):
+    others = begun(store)
+    older = begun_within(store)
+    if not local and overwrite and (present or others):
+        raise StoreError(
+            f"{store} is there already, and an object storage cannot replace a store in one step: "
+            f"choose another --out, or remove everything below {store} and {generating(store)}"
+        )
+    if present and not (complete or older or (others and not local)):
         raise StoreError(f"{store} exists and is not a store; choose another --out")
     if complete and not overwrite:
         if not resume:
@@ -52,20 +67,21 @@ def check_target(
             )
         _check_same(store, _settings(store), recipe)
         return True
-    if present and not complete and not overwrite:
+    if older and not overwrite:
         raise StoreError(
             f"store {store} was begun by an older glider-twin and is incomplete: --overwrite "
             "starts again"
         )
     if overwrite and not resume:
         if alone:
-            for other in begun(store):
-                LocalFiles(other.parent).remove_all()
+            for other in others:
+                files_at(other).remove_all()
         return False
-    for other in begun(store):
-        if not missions_kept(Site(store, other.parent.name)):
+    for other in others:
+        # without locks nobody knows whether a run that kept nothing yet is alive
+        if local and not missions_kept(Site(store, other.name)):
             if alone:  # nothing is lost
-                LocalFiles(other.parent).remove_all()
+                files_at(other).remove_all()
             continue
         if not resume:
             raise StoreError(
@@ -75,63 +91,61 @@ def check_target(
     return False
 
 
-def give_name(job: Job, files: Mapping[str, FileSum]) -> None:
+def give_name(job: Job) -> None:
     """Make a store of the complete tree; what was under its name goes.
-
-    Args:
-      files: checksums of all files of the tree, by key.
 
     Raises:
       OSError: the disk refuses; the tree stays, and --resume goes on from it.
     """
     site = job.site
-    tree = site.folder / "tree"
     site.tree.settle()
-    sync_file(write_checksums(tree, files))
-    take_place(tree, site.store, site.folder / "replaced")
+    if isinstance(site.store, Path) and isinstance(site.folder, Path):
+        take_place(site.folder / "tree", site.store, site.folder / "replaced")
     site.clear()
 
 
-def unfinished_settings(store: Path) -> list[tuple[Site, dict[str, Any]]]:
+def unfinished_settings(store: StorePath) -> list[tuple[Site, dict[str, Any]]]:
     """What runs were begun for a store and not completed, with the settings of each."""
     found = []
     for path in begun(store):
         settings = _document(path)[SETTINGS]
-        found.append((Site(store, path.parent.name), settings))
+        found.append((Site(store, path.name), settings))
     return found
 
 
-def _begun_with(store: Path, recipe: Recipe) -> bool:
+def _begun_with(store: StorePath, recipe: Recipe) -> bool:
     """Whether a run of this recipe was begun."""
-    return any(Site(store, recipe.digest).folder == path.parent for path in begun(store))
+    return Site(store, recipe.digest).folder in begun(store)
 
 
-def recipe_begun(path: Path) -> Recipe:
-    """The recipe of a run that was begun, from its file; raises StoreError."""
+def recipe_begun(path: StorePath) -> Recipe:
+    """The recipe of a run that was begun, from its folder; raises StoreError."""
     return read_recipe(_document(path))
 
 
-def recipe_of(store: Path) -> Recipe:
+def recipe_of(store: StorePath) -> Recipe:
     """The recipe of a complete store; raises StoreError."""
     attributes = read_attributes(store)
     known = {CHANGES: "{}", VEHICLE_MJCF: None, **attributes, SETTINGS: _settings(store)}
     return read_recipe(recipe_document(known))
 
 
-def failures_in(store: Path) -> int:
+def failures_in(store: StorePath) -> int:
     """Attempts that failed and were replaced, in a complete store."""
-    table = json.loads((store / METADATA).read_bytes())["consolidated_metadata"]["metadata"]
+    table = json.loads(files_at(store).read(METADATA))["consolidated_metadata"]["metadata"]
     if FAILED_MISSION in table:
         return int(table[FAILED_MISSION]["shape"][0])
     return len(json.loads(read_attributes(store).get(FAILED_MISSIONS, "[]")))
 
 
-def _present(store: Path) -> bool:
+def _present(store: StorePath) -> bool:
     """Whether something is under the name; an empty folder is nothing."""
+    if not isinstance(store, Path):
+        return is_there(store)
     return store.exists() and not (store.is_dir() and not any(store.iterdir()))
 
 
-def _check_same(store: Path, old: Mapping[str, Any], recipe: Recipe) -> None:
+def _check_same(store: StorePath, old: Mapping[str, Any], recipe: Recipe) -> None:
     changed = differences(old, recipe.describe())
     if changed:
         more = len(changed) - MAX_DIFFERENCES
@@ -142,19 +156,19 @@ def _check_same(store: Path, old: Mapping[str, Any], recipe: Recipe) -> None:
         )
 
 
-def _document(path: Path) -> dict[str, Any]:
+def _document(path: StorePath) -> dict[str, Any]:
     """The recipe that a run was begun with."""
     try:
-        document: dict[str, Any] = json.loads(path.read_bytes())
+        document: dict[str, Any] = json.loads(files_at(path).read(RECIPE))
         _ = document[SETTINGS]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise StoreError(
-            f"{path} is damaged ({type(error).__name__}); start again with --overwrite"
+            f"{path / RECIPE} is damaged ({type(error).__name__}); start again with --overwrite"
         ) from error
     return document
 
 
-def _settings(store: Path) -> dict[str, Any]:
+def _settings(store: StorePath) -> dict[str, Any]:
     attributes = read_attributes(store)
     if is_logged(attributes):
         raise StoreError(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime
 from collections import Counter
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,19 +15,21 @@ from factory.stores.generated import GeneratedStore
 from twin.errors import StoreError
 from twin.records.attributes import DURATION, SPLITS
 from twin.records.logs import LogStore
+from twin.records.object_files import files_at
 from twin.records.store import is_unfinished
+from twin.records.store_path import StorePath
 
 
 @dataclass(frozen=True, kw_only=True)
 class Unfinished:
     """A store that a run has begun and not completed."""
 
-    store: Path
+    store: StorePath
     settings: dict[str, Any]
     missions_kept: int
 
 
-def unfinished(path: Path) -> Unfinished | None:
+def unfinished(path: StorePath) -> Unfinished | None:
     """What an unfinished store holds so far; None when the store is complete or no store."""
     if not is_unfinished(path):
         return None
@@ -110,9 +111,9 @@ def deployment_rows(logs: LogStore) -> list[dict[str, object]]:
     return rows
 
 
-def stored_bytes(path: Path) -> int:
+def stored_bytes(path: StorePath) -> int:
     """Size of all files of a store."""
     try:
-        return sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+        return files_at(path).stored_bytes()
     except OSError as error:
         raise StoreError(f"cannot read {path}: {error.strerror or error}") from error

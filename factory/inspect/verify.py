@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,6 +35,7 @@ from twin.records.checksums import damaged_files, has_checksums, read_checksums
 from twin.records.limits import simulated_limits
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION, TIME, VARIABLES
+from twin.records.store_path import StorePath
 
 Array = NDArray[np.float64]
 Block = Mapping[str, NDArray[np.float32]]
@@ -83,7 +83,7 @@ class Report:
         return not any(check.problems for check in self.checks)
 
 
-def check_files(store: Path) -> Check:
+def check_files(store: StorePath) -> Check:
     """Compare every file of a store with its list of checksums.
 
     Stores of versions before 0.2 have no list: nothing is checked of them.

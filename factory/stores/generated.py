@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import math
-from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
@@ -40,6 +39,7 @@ from twin.records.logs import LogStore
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION
 from twin.records.store import read_array
+from twin.records.store_path import StorePath
 from twin.sensors import SensorSuite
 
 ROWS = 65_536
@@ -53,7 +53,7 @@ class GeneratedStore(MissionStore):
       StoreError: missing, damaged, of a newer schema, or not made by `factory generate`.
     """
 
-    def __init__(self, path: str | Path):
+    def __init__(self, path: str | StorePath):
         super().__init__(path)
         self._read: dict[str, tuple[int, NDArray[Any]]] = {}
         """the piece of each array that was read last, and its number"""
@@ -249,7 +249,7 @@ class GeneratedStore(MissionStore):
         ]
 
 
-def open_missions(path: str | Path) -> GeneratedStore | LogStore:
+def open_missions(path: str | StorePath) -> GeneratedStore | LogStore:
     """The store as what it is: flown by the factory, or logged at sea.
 
     Raises:

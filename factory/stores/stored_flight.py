@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from pathlib import Path
 from typing import Any
 
 from factory.stores.generated import GeneratedStore, open_missions
@@ -14,6 +13,7 @@ from twin.records.logs import LogStore
 from twin.records.place import read_place
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION
+from twin.records.store_path import StorePath
 from twin.sensors import SensorSuite
 
 
@@ -24,7 +24,7 @@ class StoredFlight(MissionStore):
       StoreError: missing, damaged, of a newer schema, or flown without sensors.
     """
 
-    def __init__(self, path: str | Path):
+    def __init__(self, path: str | StorePath):
         super().__init__(path)
         attributes = self.attributes
         if SENSOR_SUITE not in attributes:
@@ -56,7 +56,7 @@ def is_flight(attributes: dict[Any, Any]) -> bool:
     return SCENARIO in attributes and SETTINGS not in attributes
 
 
-def open_exportable(path: str | Path) -> GeneratedStore | LogStore | StoredFlight:
+def open_exportable(path: str | StorePath) -> GeneratedStore | LogStore | StoredFlight:
     """As `open_missions`, and also a single flight of `twin simulate` with sensors.
 
     Raises:

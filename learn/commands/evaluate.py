@@ -15,6 +15,7 @@ import tyro
 from learn.runs.run import DEFAULT_STORE, newest_run, open_run
 from twin.cli.console import Console, JsonOption
 from twin.cli.program import EXIT_OK
+from twin.cli.store_argument import StoreArgument
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ class Evaluate(JsonOption):
 
     run_folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None
     """folder or name of the run [default: the newest in runs/]"""
-    store: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="STORE")] = DEFAULT_STORE
+    store: Annotated[StoreArgument, tyro.conf.Positional] = DEFAULT_STORE
     """store of missions"""
     split: Literal["test", "train", "validation", "all"] = "test"
     """which missions"""

@@ -16,6 +16,7 @@ from learn.runs.run import RUNS, free_name
 from learn.training.optimisers.registry import OPTIMISERS
 from twin.cli.console import Console, JsonOption
 from twin.cli.program import EXIT_OK
+from twin.cli.store_argument import StoreArgument
 from twin.errors import InputError, unknown_name
 from twin.registry import Registry
 
@@ -52,7 +53,7 @@ class Fit(JsonOption):
     """Train surge and sway networks on a store, judge them by dead reckoning, write a report."""
 
     # An option that is not given is None, so that a resumed run keeps its own.
-    store: Annotated[Path | None, tyro.conf.Positional] = None
+    store: Annotated[StoreArgument | None, tyro.conf.Positional] = None
     """store of missions [default: data/missions.zarr]"""
     name: str | None = None
     """name of the run, its folder in runs/ [default: date and number]"""

@@ -6,7 +6,6 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from twin.records.attributes import SPLIT, SPLITS
 from twin.records.logs import LogRow, LogStore
 from twin.records.reader import LEAST_SAMPLES, MissionStore
 from twin.records.schema import TIME
+from twin.records.store_path import StorePath
 
 Floats = NDArray[np.float32]
 
@@ -78,7 +78,7 @@ class Mission:
 
 
 def load_missions(
-    store: str | Path,
+    store: str | StorePath,
     channels: Iterable[str],
     *,
     split: str = "all",
@@ -105,13 +105,13 @@ def load_missions(
         return _load(reader, tuple(dict.fromkeys(channels)), split, limit, period)
 
 
-def any_channel(store: str | Path) -> tuple[str, ...]:
+def any_channel(store: str | StorePath) -> tuple[str, ...]:
     """A channel that a store has whatever its vehicle measured: to ask for its missions alone."""
     with MissionStore(store) as reader:
         return ("measured_depth",) if "measured_depth" in reader else ("measured_gap",)
 
 
-def open_reader(store: str | Path) -> MissionStore:
+def open_reader(store: str | StorePath) -> MissionStore:
     """A store as what it is, simulated or logged.
 
     Raises:
@@ -186,7 +186,7 @@ def _signal(name: str, values: Any, step: int, real: bool) -> NDArray[np.float64
     return nearest(values, step) if name.startswith("true_") else filled(name, values)[::step]
 
 
-def thinning_step(have: float, want: float, store: str | Path) -> int:
+def thinning_step(have: float, want: float, store: str | StorePath) -> int:
     """Every which sample of a store gives one every `want` [s].
 
     Raises:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from twin.errors import StoreError
 from twin.navigation.features import GLIDER_PARTS
 from twin.records.reader import MissionStore
+from twin.records.store_path import StorePath
 
 
-def parts_of(store: str | Path) -> dict[str, float | None]:
+def parts_of(store: str | StorePath) -> dict[str, float | None]:
     """Parts of a store's vehicle, with what the mirror port to starboard makes of each.
 
     A glider's for logs, and for a store that cannot be opened: what is wrong with it is said where

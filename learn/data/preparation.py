@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -34,6 +33,7 @@ from twin.errors import InputError, StoreError, unknown_name
 from twin.navigation.features import channels_of, mirror_signs
 from twin.records.attributes import SPLIT
 from twin.records.reader import MissionStore
+from twin.records.store_path import StorePath
 
 Division = Literal["missions", "samples"]
 
@@ -53,7 +53,7 @@ class Prepared:
 
 
 def prepare(
-    store: str | Path,
+    store: str | StorePath,
     *,
     target: str,
     features: Sequence[str],
@@ -115,14 +115,14 @@ VALIDATING = 4
 """Of the rows that are not held out, every so many-th validates."""
 
 
-def _speed(store: str | Path) -> list[str]:
+def _speed(store: str | StorePath) -> list[str]:
     """The channel of a log's speed through the water, where it has one."""
     with MissionStore(store) as reader:
         return [SPEED] if reader.logged and SPEED in reader else []
 
 
 def _labelled(
-    missions: list[Mission], target: str, store: str | Path, labels: LabelConfig
+    missions: list[Mission], target: str, store: str | StorePath, labels: LabelConfig
 ) -> list[Mission]:
     """Missions that say something about a target; the truth of a simulated store always does."""
     certain = labels.source == "truth"
@@ -138,7 +138,7 @@ def _labelled(
     return kept
 
 
-def _no_doppler_labels(store: str | Path, target: str, counts: LabelCounts) -> StoreError:
+def _no_doppler_labels(store: str | StorePath, target: str, counts: LabelCounts) -> StoreError:
     """The log had no lock, or bottom lock without a known current."""
     nothing = f"store {store} has no sample to learn {target} from: its Doppler log never had"
     with MissionStore(store) as reader:
@@ -152,7 +152,7 @@ def _no_doppler_labels(store: str | Path, target: str, counts: LabelCounts) -> S
     )
 
 
-def _which_current(store: str | Path) -> str:
+def _which_current(store: str | StorePath) -> str:
     """What --known-current can be where there is bottom track alone."""
     with MissionStore(store) as reader:
         simulated = not reader.logged and all(name in reader for name in STORE_CURRENT)
@@ -176,7 +176,7 @@ def _which_current(store: str | Path) -> str:
     )
 
 
-def _no_truth(store: str | Path, target: str) -> StoreError:
+def _no_truth(store: str | StorePath, target: str) -> StoreError:
     return StoreError(
         f"store {store} has no truth to learn {target} from (neither {TARGETS[target]} nor "
         f"{SPEED}); a run that is trained on another store can be judged on it: "
@@ -184,7 +184,7 @@ def _no_truth(store: str | Path, target: str) -> StoreError:
     )
 
 
-def check_truth(store: str | Path) -> None:
+def check_truth(store: str | StorePath) -> None:
     """Refuse logs that have no array of truth, before their signals are read.
 
     Raises:
@@ -198,7 +198,7 @@ def check_truth(store: str | Path) -> None:
 
 
 def labels_in(
-    store: str | Path,
+    store: str | StorePath,
     labels: LabelConfig,
     *,
     division: Division = "missions",
@@ -223,7 +223,7 @@ FEW_LABELS = 0.1
 """With labels in a smaller part of the samples, networks see little of how the vehicle moves."""
 
 
-def few_labels(store: str | Path, labels: LabelConfig, counts: LabelCounts) -> str | None:
+def few_labels(store: str | StorePath, labels: LabelConfig, counts: LabelCounts) -> str | None:
     """A warning where bottom track is left out and little else is there, else None."""
     if labels.known_current != NO_CURRENT or counts.used >= FEW_LABELS * counts.samples:
         return None
@@ -236,7 +236,7 @@ def few_labels(store: str | Path, labels: LabelConfig, counts: LabelCounts) -> s
     )
 
 
-def few_missions(store: str | Path, division: Division = "missions") -> str | None:
+def few_missions(store: str | StorePath, division: Division = "missions") -> str | None:
     """A warning where all that is learned comes from a single mission, else None.
 
     Raises:
@@ -256,7 +256,11 @@ def few_missions(store: str | Path, division: Division = "missions") -> str | No
 
 
 def check_window(
-    store: str | Path, window: int, *, division: Division = "missions", period: float | None = None
+    store: str | StorePath,
+    window: int,
+    *,
+    division: Division = "missions",
+    period: float | None = None,
 ) -> None:
     """Refuse a window of samples that no training mission fills.
 
@@ -275,7 +279,9 @@ def check_window(
         )
 
 
-def _held_out(missions: list[Mission], held_out: Sequence[int], store: str | Path) -> list[Mission]:
+def _held_out(
+    missions: list[Mission], held_out: Sequence[int], store: str | StorePath
+) -> list[Mission]:
     left = [m for m in missions if m.index not in set(held_out)]
     if len(left) < 2:
         raise StoreError(f"store {store}: without rows {list(held_out)} fewer than two are left")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,6 +28,7 @@ from twin.navigation.baselines.registry import BASELINES
 from twin.navigation.dead_reckoning import Array
 from twin.navigation.features import channels_of
 from twin.records.reader import MissionStore
+from twin.records.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ Watch = Callable[[Reference, Mapping[str, Estimate]], None]
 
 def evaluate(
     networks: Mapping[str, Ensemble],
-    store: str | Path,
+    store: str | StorePath,
     *,
     split: str = "test",
     baselines: Sequence[str] | None = None,
@@ -185,7 +185,7 @@ def evaluate(
 
 def _evaluate_logs(
     networks: Mapping[str, Ensemble],
-    store: str | Path,
+    store: str | StorePath,
     split: str,
     channels: Sequence[str],
     runners: Mapping[str, Baseline],

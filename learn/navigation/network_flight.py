@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Self
 
 import numpy as np
@@ -15,6 +14,7 @@ from twin.identify.calibration import Calibration
 from twin.identify.logged import Log
 from twin.identify.translation import Motion
 from twin.records.reader import MissionStore
+from twin.records.store_path import StorePath
 
 
 class NetworkFlight(FlightEstimator):
@@ -25,7 +25,7 @@ class NetworkFlight(FlightEstimator):
 
     def __init__(self, run: Run):
         self.run = run
-        self._predictions: dict[Path, dict[int, Prediction]] = {}
+        self._predictions: dict[StorePath, dict[int, Prediction]] = {}
 
     @classmethod
     def open(cls, argument: str) -> Self:

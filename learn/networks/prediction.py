@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from learn.data.dataset import load_missions
 from learn.networks.predictor import Ensemble
 from twin.navigation.features import channels_of
+from twin.records.store_path import StorePath
 
 Floats = NDArray[np.float32]
 
@@ -35,7 +35,7 @@ class Prediction:
 
 
 def predict_missions(
-    networks: Mapping[str, Ensemble], store: str | Path, *, split: str, period: float | None
+    networks: Mapping[str, Ensemble], store: str | StorePath, *, split: str, period: float | None
 ) -> list[Prediction]:
     """Free runs over the missions of a part of a store; errors as `load_missions`."""
     channels = [c for e in networks.values() for c in channels_of(e.members[0].features)]

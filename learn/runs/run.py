@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 from learn.files import SEAL, check_seal, read_json, write_sealed
 from twin.errors import InputError, StoreError
 from twin.records.attributes import SAMPLE_PERIOD
+from twin.records.store_path import StorePath, store_path
 from twin.records.whole import whole_file
 from twin.version import __version__
 
@@ -73,9 +74,9 @@ class Run:
         return self.folder.name
 
     @property
-    def store(self) -> Path:
+    def store(self) -> StorePath:
         """The store that it was trained on."""
-        return Path(self.description["settings"]["store"])
+        return store_path(self.description["settings"]["store"])
 
     @property
     def members(self) -> int:
@@ -113,7 +114,7 @@ class Run:
         """Its page."""
         return self.folder / REPORT
 
-    def predict(self, store: str | Path, *, split: str = "all") -> list[Prediction]:
+    def predict(self, store: str | StorePath, *, split: str = "all") -> list[Prediction]:
         """Surge and sway of missions, running free from the start of each.
 
         Args:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from learn.data.dataset import SPLITS, any_channel, load_missions
@@ -15,11 +14,12 @@ from learn.runs.run import Run
 from twin.cli.console import to_json
 from twin.navigation.baselines.base import Estimate
 from twin.records.reader import MissionStore
+from twin.records.store_path import StorePath
 
 
 def evaluate_run(
     run: Run,
-    store: str | Path,
+    store: str | StorePath,
     *,
     split: str = "test",
     baselines: Sequence[str] | None = None,
@@ -39,7 +39,7 @@ def evaluate_run(
     return RunEvaluation(evaluation=evaluation, figures=to_json(found), shown=showcase.missions)
 
 
-def is_log_store(store: str | Path) -> bool:
+def is_log_store(store: str | StorePath) -> bool:
     """Whether it holds real logs."""
     with MissionStore(store) as reader:
         return reader.logged
@@ -47,7 +47,7 @@ def is_log_store(store: str | Path) -> bool:
 
 def _evaluate_on_logs(
     run: Run,
-    store: str | Path,
+    store: str | StorePath,
     *,
     split: str,
     baselines: Sequence[str] | None,
@@ -61,7 +61,7 @@ def _evaluate_on_logs(
 
 def _evaluate(
     run: Run,
-    store: str | Path,
+    store: str | StorePath,
     split: str,
     baselines: Sequence[str] | None,
     watches: Sequence[Watch],

@@ -29,6 +29,7 @@ from twin.identify.start import start_vehicle
 from twin.records.attributes import DEPLOYMENT
 from twin.records.logs import start_times
 from twin.records.reader import MissionStore
+from twin.records.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -70,7 +71,7 @@ class Flight:
 
 
 def estimate_flight(
-    store: str | Path,
+    store: str | StorePath,
     vehicle: str | Path | Vehicle | Calibration | None = None,
     *,
     missions: Sequence[int] | None = None,

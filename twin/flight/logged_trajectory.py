@@ -21,6 +21,7 @@ from twin.records.logs import LogStore
 from twin.records.place import METHOD, METHODS, START_LATITUDE, START_LONGITUDE
 from twin.records.schema import VARIABLES
 from twin.records.store import read_trajectory
+from twin.records.store_path import StorePath
 from twin.records.trajectory import actuator_names
 from twin.vehicle.vehicle import Vehicle
 
@@ -64,7 +65,7 @@ class _Part:
 
 
 def logged_trajectory(
-    store: str | Path,
+    store: str | StorePath,
     missions: Sequence[int] = (0,),
     vehicle: str | Path | Vehicle | None = None,
 ) -> LoggedTrajectory:
@@ -103,7 +104,7 @@ def logged_trajectory(
 
 
 def _fly(
-    store: str | Path, missions: list[int], vehicle: str | Path | Vehicle | None
+    store: str | StorePath, missions: list[int], vehicle: str | Path | Vehicle | None
 ) -> tuple[dict[int, FlownMission], list[DiveCurrent], str | None, str]:
     """The flight of the missions; or nothing and why, of a log that no shipped model flies."""
     try:

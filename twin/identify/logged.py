@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from twin.errors import StoreError
 from twin.identify.calibration import REFERENCE_TEMPERATURE
 from twin.records.logs import log_rows
 from twin.records.reader import MissionStore
+from twin.records.store_path import StorePath
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -105,7 +105,7 @@ class Log:
 
 
 def load_logs(
-    store: str | Path, rows: Sequence[int] | None = None, *, task: str = "identification"
+    store: str | StorePath, rows: Sequence[int] | None = None, *, task: str = "identification"
 ) -> list[Log]:
     """Missions of a store of logs, real or simulated.
 

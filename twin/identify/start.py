@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from twin.errors import InputError
 from twin.records.attributes import PLATFORM, SOURCE_FORMAT
 from twin.records.reader import MissionStore
+from twin.records.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 SHALLOW_SLOCUM = {"measured_depth": 230.0, "measured_pump": 245.0}
@@ -18,7 +17,7 @@ KINDS = ("seaglider", "seaexplorer", "spray", "slocum")
 """Kinds of glider, as formats and platforms of logs call them."""
 
 
-def start_vehicle(store: str | Path) -> Vehicle:
+def start_vehicle(store: str | StorePath) -> Vehicle:
     """The vehicle file that suits a store: a simulated one's own, else that of the log's kind.
 
     Raises:

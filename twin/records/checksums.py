@@ -20,7 +20,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from twin.errors import StoreError
-from twin.records.disk import files_below, write_whole
+from twin.records.disk import write_whole
+from twin.records.files import Files, FileSum, LocalFiles, file_sum
+from twin.records.object_files import files_at
+from twin.records.store_path import StorePath
 
 LIST = "checksums.json"
 """The list of a plain folder."""
@@ -46,34 +49,18 @@ class Damage:
         return f"{self.path} is {self.what}{f': {self.detail}' if self.detail else ''}"
 
 
-@dataclass(frozen=True)
-class FileSum:
-    """What the list says of a file."""
-
-    bytes: int
-    sha256: str
-    """hexadecimal"""
-
-
-def file_sum(path: Path) -> FileSum:
-    """Size and hash of a file, read piece by piece; raises OSError."""
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-        return FileSum(file.tell(), digest)
-
-
-def has_checksums(folder: str | Path) -> bool:
+def has_checksums(folder: str | StorePath) -> bool:
     """Whether a folder has a list; nothing of it is read."""
-    return _list_of(Path(folder)) is not None
+    return _list_of(files_at(folder)) is not None
 
 
-def is_listed(folder: str | Path) -> bool:
+def is_listed(folder: str | StorePath) -> bool:
     """Whether a folder has a list that names every file in it: nothing there is a user's own."""
     try:
         sums = read_checksums(folder)
     except StoreError:
         return False
-    return all(name in sums for name in _names(Path(folder)))
+    return all(name in sums for name in _names(files_at(folder)))
 
 
 def write_checksums(folder: str | Path, known: Mapping[str, FileSum] | None = None) -> Path:
@@ -87,43 +74,46 @@ def write_checksums(folder: str | Path, known: Mapping[str, FileSum] | None = No
     """
     root, known = Path(folder), known or {}
     target = root / (ZARR_LIST if (root / ZARR_METADATA).is_file() else LIST)
-    sums = {name: known[name] if name in known else file_sum(root / name) for name in _names(root)}
+    names = _names(LocalFiles(root))
+    sums = {name: known[name] if name in known else file_sum(root / name) for name in names}
     target.parent.mkdir(exist_ok=True)
-    write_whole(target, _text(sums, zarr=target.name == ZARR_METADATA))
+    write_whole(target, list_text(sums, zarr=target.name == ZARR_METADATA))
     return target
 
 
-def read_checksums(folder: str | Path) -> dict[str, FileSum]:
+def read_checksums(folder: str | StorePath) -> dict[str, FileSum]:
     """The list of a folder, by paths relative to it.
 
     Raises:
       StoreError: there is none, or it is damaged itself.
     """
-    path = _list_of(Path(folder))
-    if path is None:
+    files = files_at(folder)
+    key = _list_of(files)
+    if key is None:
         raise StoreError(f"{folder} has no list of checksums ({LIST} or {ZARR_LIST})")
+    place = f"{files.name}/{key}"
     try:
-        data = path.read_bytes()
+        data = files.read(key)
         document: Any = json.loads(data)
-        table = document["attributes"] if path.name == ZARR_METADATA else document
+        table = document["attributes"] if key == ZARR_LIST else document
         sums = {
             str(name): FileSum(int(entry["bytes"]), str(entry["sha256"]))
             for name, entry in table["files"].items()
         }
-        whole = data == _text(sums, zarr=path.name == ZARR_METADATA)
+        whole = data == list_text(sums, zarr=key == ZARR_LIST)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         why = " ".join(str(error).split())
         raise StoreError(
-            f"the list of checksums {path} is damaged ({type(error).__name__}: {why})"
+            f"the list of checksums {place} is damaged ({type(error).__name__}: {why})"
         ) from error
     if not whole:
         raise StoreError(
-            f"the list of checksums {path} is damaged: it does not have its own digest"
+            f"the list of checksums {place} is damaged: it does not have its own digest"
         )
     return sums
 
 
-def damaged_files(folder: str | Path, only: Iterable[str] | None = None) -> Iterator[Damage]:
+def damaged_files(folder: str | StorePath, only: Iterable[str] | None = None) -> Iterator[Damage]:
     """Every file of a folder that is not what its list says; one file is read at a time.
 
     Args:
@@ -133,33 +123,33 @@ def damaged_files(folder: str | Path, only: Iterable[str] | None = None) -> Iter
     Raises:
       StoreError: the folder has no list.
     """
-    root = Path(folder)
-    place = _list_of(root)
-    if place is None:
+    files = files_at(folder)
+    key = _list_of(files)
+    if key is None:
         raise StoreError(f"{folder} has no list of checksums ({LIST} or {ZARR_LIST})")
     try:
-        sums = read_checksums(root)
+        sums = read_checksums(folder)
     except StoreError as error:
-        yield Damage(place.relative_to(root).as_posix(), "changed", str(error))
+        yield Damage(key, "changed", str(error))
         return
     chosen = None if only is None else tuple(only)
     for name, expected in sums.items():
         if chosen is None or any(name == one or name.startswith(f"{one}/") for one in chosen):
-            damage = _compare(root, name, expected)
+            damage = _compare(files, name, expected)
             if damage is not None:
                 yield damage
     if chosen is None:
-        yield from (Damage(name, "unknown") for name in _names(root) if name not in sums)
+        yield from (Damage(name, "unknown") for name in _names(files) if name not in sums)
 
 
-def _compare(root: Path, name: str, expected: FileSum) -> Damage | None:
+def _compare(files: Files, name: str, expected: FileSum) -> Damage | None:
     try:
-        size = (root / name).stat().st_size
+        size = files.size(name)
+        if size is None:
+            return Damage(name, "missing")
         if size != expected.bytes:  # what was cut need not be read
             return Damage(name, "changed", f"{size} bytes instead of {expected.bytes}")
-        found = file_sum(root / name)
-    except (FileNotFoundError, NotADirectoryError):
-        return Damage(name, "missing")
+        found = files.sum(name)
     except OSError as error:
         return Damage(name, "unreadable", error.strerror or str(error))
     if found != expected:
@@ -167,20 +157,17 @@ def _compare(root: Path, name: str, expected: FileSum) -> Damage | None:
     return None
 
 
-def _list_of(root: Path) -> Path | None:
-    """Where the list of a folder is."""
-    return next((root / n for n in (ZARR_LIST, LIST) if (root / n).is_file()), None)
+def _list_of(files: Files) -> str | None:
+    """Which list a folder has."""
+    return next((key for key in (ZARR_LIST, LIST) if files.exists(key)), None)
 
 
-def _names(root: Path) -> Iterator[str]:
-    """Files of a folder in the order of their paths, without the list itself."""
-    for path in files_below(root):
-        name = path.relative_to(root).as_posix()
-        if name not in (LIST, ZARR_LIST):
-            yield name
+def _names(files: Files) -> Iterator[str]:
+    """All files but the list itself."""
+    return (key for key in files.all_keys() if key not in (LIST, ZARR_LIST))
 
 
-def _text(sums: Mapping[str, FileSum], *, zarr: bool) -> bytes:
+def list_text(sums: Mapping[str, FileSum], *, zarr: bool) -> bytes:
     """The only text that a list of these sums can have."""
     files = {name: {"bytes": one.bytes, "sha256": one.sha256} for name, one in sums.items()}
     digest = hashlib.sha256(_json(files)).hexdigest()

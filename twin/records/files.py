@@ -1,6 +1,6 @@
 """Files: where a store's bytes are kept, by keys such as `true_depth/c/0/0`.
 
-A folder of this machine or an object storage: what writes through `Files` need not know. A file
+A folder of this machine or an object storage: what goes through `Files` need not know. A file
 appears under its key whole or not at all.
 """
 
@@ -8,12 +8,30 @@ from __future__ import annotations
 
 import abc
 import hashlib
+import os
 import shutil
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from twin.records.checksums import FileSum, file_sum
-from twin.records.disk import files_below, remove, sync_all, temporary_name
+from twin.records.disk import files_below, remove, sync_all, temporary_name, write_whole
+
+
+@dataclass(frozen=True)
+class FileSum:
+    """Size and hash of a file."""
+
+    bytes: int
+    sha256: str
+    """hexadecimal"""
+
+
+def file_sum(path: Path) -> FileSum:
+    """Size and hash of a file of this machine, read piece by piece; raises OSError."""
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+        return FileSum(file.tell(), digest)
 
 
 class Files(abc.ABC):
@@ -42,8 +60,16 @@ class Files(abc.ABC):
         here, else a copy in `folder`; errors as of `read`."""
 
     @abc.abstractmethod
+    def give_back(self, path: Path) -> None:
+        """Remove what `fetch` gave, where it is a copy."""
+
+    @abc.abstractmethod
     def write(self, key: str, data: bytes) -> None:
         """Make or replace a file; raises OSError."""
+
+    @abc.abstractmethod
+    def write_safe(self, key: str, data: bytes) -> None:
+        """`write` a small file; it is safe from a loss of power when this returns."""
 
     @abc.abstractmethod
     def take(self, key: str, path: Path) -> None:
@@ -59,8 +85,20 @@ class Files(abc.ABC):
         """Size [bytes] of a file; None when there is none."""
 
     @abc.abstractmethod
-    def all_keys(self) -> Iterator[str]:
-        """Keys of all files, in no order."""
+    def sum(self, key: str) -> FileSum:
+        """Size and hash of a file, read piece by piece; errors as of `read`."""
+
+    @abc.abstractmethod
+    def sizes(self) -> Iterator[tuple[str, int]]:
+        """Key and size [bytes] of every file, in no order; raises OSError."""
+
+    @abc.abstractmethod
+    def folders(self) -> list[str]:
+        """First parts of the keys that have more than one, sorted; raises OSError."""
+
+    @abc.abstractmethod
+    def zarr_store(self) -> Any:
+        """What zarr and xarray open to read."""
 
     @abc.abstractmethod
     def remove(self, key: str) -> None:
@@ -69,6 +107,18 @@ class Files(abc.ABC):
     @abc.abstractmethod
     def remove_all(self) -> None:
         """Remove every file as far as that is allowed."""
+
+    def exists(self, key: str) -> bool:
+        """Whether there is such a file."""
+        return self.size(key) is not None
+
+    def all_keys(self) -> Iterator[str]:
+        """Keys of all files, in no order; raises OSError."""
+        return (key for key, _ in self.sizes())
+
+    def stored_bytes(self) -> int:
+        """Size of all files together; raises OSError."""
+        return sum(size for _, size in self.sizes())
 
     def put(self, key: str, data: bytes) -> FileSum:
         """`write`, and the checksum of what was written."""
@@ -107,6 +157,9 @@ class LocalFiles(Files):
         """The file."""
         return self.folder / key
 
+    def give_back(self, path: Path) -> None:
+        """It is the file itself: it stays."""
+
     def write(self, key: str, data: bytes) -> None:
         """Write it under another name, then give it its own."""
         target = self._parent(key)
@@ -118,6 +171,12 @@ class LocalFiles(Files):
             remove(temporary)
             raise
         self._fresh.add(target)
+
+    def write_safe(self, key: str, data: bytes) -> None:
+        """Sync it before it has its name."""
+        target = self.folder / key
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(target, data)
 
     def take(self, key: str, path: Path) -> None:
         """Give a file of the same file system its name."""
@@ -137,11 +196,32 @@ class LocalFiles(Files):
         except (FileNotFoundError, NotADirectoryError):
             return None
 
-    def all_keys(self) -> Iterator[str]:
-        """All files below the folder."""
+    def sum(self, key: str) -> FileSum:
+        """Size and hash of a file."""
+        return file_sum(self.folder / key)
+
+    def sizes(self) -> Iterator[tuple[str, int]]:
+        """All files below the folder, those of a folder in the order of their names."""
         if self.folder.is_dir():
             for path in files_below(self.folder):
-                yield path.relative_to(self.folder).as_posix()
+                yield path.relative_to(self.folder).as_posix(), path.lstat().st_size
+
+    def all_keys(self) -> Iterator[str]:
+        """Keys of all files, of which some may go away meanwhile."""
+        if self.folder.is_dir():
+            yield from (p.relative_to(self.folder).as_posix() for p in files_below(self.folder))
+
+    def folders(self) -> list[str]:
+        """Folders in the folder."""
+        try:
+            with os.scandir(self.folder) as entries:
+                return sorted(entry.name for entry in entries if entry.is_dir())
+        except (FileNotFoundError, NotADirectoryError):
+            return []
+
+    def zarr_store(self) -> str:
+        """The folder's path."""
+        return str(self.folder)
 
     def remove(self, key: str) -> None:
         """Unlink a file."""

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.records.attributes import TITLE
+from twin.records.object_files import files_at
 from twin.records.sharded import METADATA
+from twin.records.store_path import StorePath, store_path
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -18,12 +20,12 @@ SIGNATURES = (b"\x89HDF", b"CDF")
 """First bytes of netCDF files"""
 
 
-def is_flight(path: str | Path) -> bool:
+def is_flight(path: str | StorePath) -> bool:
     """Whether `path` is a file or a zarr folder that `twin flight` wrote."""
-    path = Path(path)
+    path = store_path(path)
     try:
-        if path.is_dir():
-            about = json.loads((path / METADATA).read_bytes()).get("attributes", {})
+        if not isinstance(path, Path) or path.is_dir():
+            about = json.loads(files_at(path).read(METADATA)).get("attributes", {})
             return str(about.get(TITLE, "")).startswith(FLIGHT_TITLE)
         with path.open("rb") as file:
             if not file.read(4).startswith(SIGNATURES):
@@ -46,7 +48,7 @@ def open_flight(path: Path) -> xr.Dataset:
     return xr.open_zarr(path) if path.is_dir() else xr.open_dataset(path)
 
 
-def flight_message(path: str | Path) -> str:
+def flight_message(path: str | StorePath) -> str:
     """What a reader of stores says of such a file."""
     return (
         f"{path} is a flight, which `twin flight` wrote: `twin plot {path}` draws it; this needs "

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from twin.records.attributes import (
 )
 from twin.records.place import LATITUDE, LONGITUDE, METHOD, METHODS
 from twin.records.reader import MissionStore
+from twin.records.store_path import StorePath
 from twin.water.current.origin import HIGHEST_LATITUDE
 
 Array = NDArray[np.float64]
@@ -98,7 +98,7 @@ class LogStore(MissionStore):
       StoreError: missing, damaged, of a newer schema, or no store of logs.
     """
 
-    def __init__(self, path: str | Path):
+    def __init__(self, path: str | StorePath):
         super().__init__(path)
         if not self.logged:
             raise StoreError(

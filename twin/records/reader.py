@@ -36,6 +36,7 @@ from twin.records.attributes import (
 from twin.records.limits import recorded_limits
 from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.store import check_arrays, gone_arrays, open_store, read_array
+from twin.records.store_path import StorePath, store_path
 from twin.records.trajectory import sample_times
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
@@ -64,8 +65,8 @@ class MissionStore:
       StoreError: missing, damaged, of a newer schema version, or of another schema.
     """
 
-    def __init__(self, path: str | Path):
-        self.path = Path(path)
+    def __init__(self, path: str | StorePath):
+        self.path = store_path(path)
         self.dataset: xr.Dataset = open_store(self.path, dask=False)
         if not is_missions(self.attributes):
             self.close()

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import hashlib
 import importlib.util
 import json
 import math
@@ -23,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.records.attributes import SIMULATED_ATTRIBUTES
-from twin.records.checksums import FileSum
-from twin.records.files import Files
+from twin.records.checksums import ZARR_LIST, list_text
+from twin.records.files import Files, FileSum
 from twin.records.schema import MISSION, TIME
 
 if TYPE_CHECKING:
@@ -148,13 +149,16 @@ class ShardedStore:
         signals: Mapping[str, tuple[np.dtype[Any], Mapping[str, Any]]],
         arrays: Mapping[str, ArrayMeta],
         attributes: Mapping[str, Any],
+        written: Mapping[str, FileSum],
     ) -> dict[str, FileSum]:
-        """Write all metadata, that of the store last; keys and checksums.
+        """Write all metadata and the list of checksums, the metadata of the store last: then it is
+        complete. Returns the keys and checksums of what was written now, but for the list.
 
         Args:
           signals: type and attributes of each array over mission and time, by name.
           arrays: the other ones.
           attributes: of the store.
+          written: all that is there, by key.
         """
         metadata: dict[str, Any] = {}
         with _pipeline(PYTHON_PIPELINE):
@@ -176,9 +180,15 @@ class ShardedStore:
                 "metadata": metadata,
             },
         }
-        keys = {f"{name}/{METADATA}": document for name, document in metadata.items()}
-        keys[METADATA] = group
-        return {key: self.files.put(key, _compact(value)) for key, value in keys.items()}
+        sums = {
+            f"{name}/{METADATA}": self.files.put(f"{name}/{METADATA}", _compact(document))
+            for name, document in metadata.items()
+        }
+        root = _compact(group)
+        sums[METADATA] = FileSum(len(root), hashlib.sha256(root).hexdigest())
+        self.files.write(ZARR_LIST, list_text({**written, **sums}, zarr=True))
+        self.files.write(METADATA, root)
+        return sums
 
     def write_group(self, name: str, attributes: Mapping[str, Any]) -> dict[str, FileSum]:
         """Write a group that holds nothing but attributes; its key and checksum."""
@@ -250,7 +260,7 @@ class ShardedStore:
 
 
 def read_rows(store: Path, name: str, row: int | None = None) -> NDArray[Any]:
-    """An array of a store on this machine, or one mission of it; raises whatever zarr does where it
+    """An array of a store of this machine, or one mission of it; raises whatever zarr does where it
     is damaged."""
     import zarr
 

@@ -24,6 +24,7 @@ from twin.errors import InputError, StoreError
 from twin.records.attributes import N_SAMPLES, SIMULATED_ATTRIBUTES, VERSION, is_missions
 from twin.records.checksums import is_listed
 from twin.records.flight_file import flight_message, is_flight
+from twin.records.object_files import files_at
 from twin.records.place import (
     COORDINATES,
     FLOWN,
@@ -38,6 +39,7 @@ from twin.records.place import (
 )
 from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES, declare_stored
 from twin.records.sharded import METADATA
+from twin.records.store_path import StorePath, store_path
 from twin.records.trajectory import Trajectory
 from twin.records.whole import check_folder_target, recover, whole_folder
 
@@ -204,7 +206,7 @@ def check_target(path: str | Path, *, overwrite: bool) -> None:
     check_folder_target(path, overwrite=overwrite, ours=is_store)
 
 
-def is_store(path: str | Path) -> bool:
+def is_store(path: str | StorePath) -> bool:
     """Whether `path` is a folder that holds a zarr v3 group of missions, whatever else it lacks."""
     try:
         return is_missions(read_attributes(path))
@@ -212,32 +214,48 @@ def is_store(path: str | Path) -> bool:
         return False
 
 
-def is_derived(path: str | Path) -> bool:
+def is_derived(path: str | StorePath) -> bool:
     """Whether `path` is a zarr group that this program wrote and that holds no missions, such as
     tracks: what may take its place must not take that of a store."""
     return is_complete(path) and is_listed(path) and not is_store(path)
 
 
-def is_complete(path: str | Path) -> bool:
+def is_complete(path: str | StorePath) -> bool:
     """Whether `path` holds a zarr v3 group; a store has its metadata only once it is complete."""
-    return (Path(path) / METADATA).is_file()
+    return files_at(path).exists(METADATA)
 
 
-def is_unfinished(path: str | Path) -> bool:
+def generating(path: str | StorePath) -> StorePath:
+    """The folder beside a store that `factory generate` works in."""
+    place = store_path(path)
+    return place.with_name(place.name + GENERATING)
+
+
+def begun(path: str | StorePath) -> list[StorePath]:
+    """Folders, one of each recipe, of runs that were begun for a store and not completed."""
+    place = generating(path)
+    files = files_at(place)
+    return [place / name for name in files.folders() if files.exists(f"{name}/{RECIPE}")]
+
+
+def is_unfinished(path: str | StorePath) -> bool:
     """Whether `factory generate` has begun a store at `path` and not completed it."""
-    path = Path(path)
-    begun = path.with_name(path.name + GENERATING).glob(f"*/{RECIPE}")
-    return not is_complete(path) and ((path / UNFINISHED).is_dir() or any(begun))
+    return not is_complete(path) and (begun_within(path) or bool(begun(path)))
 
 
-def read_attributes(path: str | Path) -> dict[str, Any]:
+def begun_within(path: str | StorePath) -> bool:
+    """Whether an older factory has begun a store at `path`, and in it, and not completed it."""
+    return not is_complete(path) and UNFINISHED in files_at(path).folders()
+
+
+def read_attributes(path: str | StorePath) -> dict[str, Any]:
     """The attributes of a store, without opening its arrays.
 
     Raises:
       StoreError: its metadata cannot be read.
     """
     try:
-        metadata = parse_json((Path(path) / METADATA).read_bytes(), METADATA)
+        metadata = parse_json(files_at(path).read(METADATA), METADATA)
         attributes: dict[str, Any] = metadata["attributes"]
     except (OSError, InputError, KeyError, TypeError) as error:
         raise StoreError(
@@ -246,7 +264,7 @@ def read_attributes(path: str | Path) -> dict[str, Any]:
     return attributes
 
 
-def open_store(path: str | Path, *, dask: bool = True) -> xr.Dataset:
+def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
     """Open a store lazily.
 
     Args:
@@ -258,24 +276,25 @@ def open_store(path: str | Path, *, dask: bool = True) -> xr.Dataset:
     """
     import xarray as xr
 
-    path = Path(path)
-    if not path.exists():
+    path = store_path(path)
+    if isinstance(path, Path) and not path.exists():
         with contextlib.suppress(OSError):  # a kill between two renames may have left it beside
             recover(path)
-    if is_unfinished(path):
+    if _unfinished(path):
         raise StoreError(
             f"store {path} is incomplete: the `factory generate` command that began it, with "
             "--resume, completes it"
         )
     if is_flight(path):
         raise StoreError(flight_message(path))
-    if not path.exists():
+    if not is_there(path):
         raise StoreError(
             f"no store at {path}; make one with `factory generate --out {path}`, or of logs with "
             f"`factory import KIND FILES --out {path}`"
         )
     if not is_complete(path):
         raise StoreError(f"{path} is not a zarr v3 store; give the folder that ends in .zarr")
+    files = files_at(path)
     attributes = read_attributes(path)
     try:
         version = int(attributes[VERSION])
@@ -291,12 +310,27 @@ def open_store(path: str | Path, *, dask: bool = True) -> xr.Dataset:
         )
     chunks: dict[str, int] | None = {} if dask and find_spec("dask") is not None else None
     try:
-        dataset = xr.open_zarr(path, consolidated=None, chunks=chunks)
+        dataset = xr.open_zarr(files.zarr_store(), consolidated=None, chunks=chunks)
     except Exception as error:
         raise StoreError(f"store {path} cannot be read: {' '.join(str(error).split())}") from error
-    check_dataset(dataset, path, f"store {path}", StoreError)
+    check_dataset(dataset, files.stored_bytes, f"store {path}", StoreError)
     declare_signals(dataset)
     return dataset
+
+
+def is_there(path: StorePath) -> bool:
+    """Whether anything is under a path or below an address; raises OSError."""
+    return path.exists() if isinstance(path, Path) else any(files_at(path).all_keys())
+
+
+def _unfinished(path: StorePath) -> bool:
+    """`is_unfinished`, with a StoreError where the place cannot be read at all."""
+    try:
+        return is_unfinished(path)
+    except OSError as error:
+        raise StoreError(
+            f"store {path} cannot be read: {error.filename}: {error.strerror}"
+        ) from error
 
 
 def declare_signals(dataset: xr.Dataset) -> None:
@@ -325,7 +359,7 @@ def signal_names(one: xr.Dataset) -> tuple[str, ...]:
     return tuple(names)
 
 
-def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
+def read_trajectory(path: str | StorePath, mission: int = 0) -> Trajectory:
     """One mission of a store.
 
     Raises:
@@ -353,23 +387,23 @@ def read_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
     )
 
 
-def gone_arrays(dataset: xr.Dataset, path: str | Path) -> list[str]:
+def gone_arrays(dataset: xr.Dataset, path: str | StorePath) -> list[str]:
     """Arrays that the store's metadata name and whose files are gone: they would read as NaN.
 
     Args:
       dataset: as `open_store` gave it.
     """
-    names = map(str, dataset.variables)
-    return [name for name in names if not (Path(path) / name / METADATA).is_file()]
+    files = files_at(path)
+    return [name for name in map(str, dataset.variables) if not files.exists(f"{name}/{METADATA}")]
 
 
-def check_arrays(dataset: xr.Dataset, path: str | Path) -> None:
+def check_arrays(dataset: xr.Dataset, path: str | StorePath) -> None:
     """Raise StoreError that names the first of `gone_arrays`, when there is one."""
     for name in gone_arrays(dataset, path)[:1]:
         raise StoreError(f"store {path} is damaged: its array {name} is gone; make it again")
 
 
-def _samples(one: xr.Dataset, path: str | Path, mission: int) -> int:
+def _samples(one: xr.Dataset, path: str | StorePath, mission: int) -> int:
     """The number of samples of a mission, which must fit the store's arrays."""
     if N_SAMPLES not in one:
         raise StoreError(f"store {path} is damaged: it has no array {N_SAMPLES}")
@@ -382,13 +416,13 @@ def _samples(one: xr.Dataset, path: str | Path, mission: int) -> int:
     return samples
 
 
-def read_array(dataset: xr.Dataset, name: str, path: str | Path) -> np.ndarray:
+def read_array(dataset: xr.Dataset, name: str, path: str | StorePath) -> np.ndarray:
     """An array of a store that `open_store` opened, or of some of its missions.
 
     Raises:
       StoreError: its files are gone or cannot be decoded.
     """
-    if not (Path(path) / name / METADATA).is_file():
+    if not files_at(path).exists(f"{name}/{METADATA}"):
         raise StoreError(f"store {path} is damaged: its array {name} is gone; make it again")
     try:
         return np.asarray(dataset[name].values)

@@ -77,10 +77,11 @@ def metadata_for(run: MissionStore, given: Path | None) -> Metadata:
     """
     if given is not None:
         return read_metadata(given)
-    folder = run.path.resolve().parent
-    for name in BESIDE:
-        if (folder / name).is_file():
-            return read_metadata(folder / name)
+    if isinstance(run.path, Path):
+        folder = run.path.resolve().parent
+        for name in BESIDE:
+            if (folder / name).is_file():
+                return read_metadata(folder / name)
     if DEPLOYMENT_METADATA in run.attributes:
         return parse_metadata(str(run.attributes[DEPLOYMENT_METADATA]), f"of {run.path}")
     return Metadata()

@@ -9,6 +9,7 @@ import pytest
 import zarr
 
 from twin.records import sharded
+from twin.records.checksums import ZARR_LIST, damaged_files, read_checksums
 from twin.records.files import LocalFiles
 from twin.records.schema import variable
 from twin.records.sharded import DTYPE, ArrayMeta, ShardedStore
@@ -60,12 +61,15 @@ def write(path: Path) -> dict[str, bytes]:
             sums[key] = found
         metadata[name] = ArrayMeta(array.shape, array.dtype, (dimension,), attributes)
     declared = {name: (DTYPE, variable(name).stored_attributes()) for name in signals}
-    sums |= store.finish(declared, metadata, {"seed": 1})
+    sums |= store.finish(declared, metadata, {"seed": 1}, sums)
     store.close()
     files = {
         str(file.relative_to(path)): file.read_bytes() for file in path.rglob("*") if file.is_file()
     }
-    assert {key: one.bytes for key, one in sums.items()} == {k: len(v) for k, v in files.items()}
+    assert set(files) == {*sums, ZARR_LIST}
+    assert {key: one.bytes for key, one in sums.items()} == {k: len(files[k]) for k in sums}
+    assert read_checksums(path) == sums
+    assert not list(damaged_files(path))
     return files
 
 

@@ -1,0 +1,47 @@
+"""Missions go into any zarr store that a program has opened."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from zarr.storage import MemoryStore
+
+from factory.generation.into_store import generate_into
+from factory.recipe.recipe import Recipe
+from twin.errors import StoreError
+
+Recipes = Callable[..., Recipe]
+
+
+def test_a_store_in_memory_has_every_byte(recipe: Recipes, paper_store: Path) -> None:
+    kept: dict = {}
+    generate_into(recipe(), MemoryStore(kept), workers=1)
+    assert {key: value.to_bytes() for key, value in kept.items()} == {
+        path.relative_to(paper_store).as_posix(): path.read_bytes()
+        for path in paper_store.rglob("*")
+        if path.is_file()
+    }
+    with pytest.raises(StoreError, match="holds something already"):
+        generate_into(recipe(), MemoryStore(kept), workers=1)
+    with pytest.raises(StoreError, match="is read-only"):
+        generate_into(recipe(), MemoryStore(read_only=True), workers=1)
+
+
+def test_icechunk_keeps_it_in_one_commit(recipe: Recipes, paper_store: Path) -> None:
+    icechunk = pytest.importorskip("icechunk", reason='needs pip install "glider-twin[icechunk]"')
+    repository = icechunk.Repository.create(icechunk.in_memory_storage())
+    session = repository.writable_session("main")
+    generate_into(recipe(), session.store, workers=1)
+    before = repository.readonly_session("main").store
+    assert asyncio.run(before.is_empty(""))
+    session.commit("missions of preset paper")
+    assert len(list(repository.ancestry(branch="main"))) == 2  # the empty one and this
+    there = xr.open_zarr(repository.readonly_session("main").store, consolidated=False)
+    here = xr.open_zarr(paper_store)
+    np.testing.assert_array_equal(there["true_depth"], here["true_depth"])
+    assert there.attrs == here.attrs

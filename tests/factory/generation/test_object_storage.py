@@ -1,0 +1,177 @@
+"""A store in an object storage has the bytes of one in a folder, and is read as one."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from s3 import s3_server
+
+from factory.__main__ import main
+from factory.generation.generate import generate
+from factory.generation.parts import Part, finish, generate_part
+from factory.generation.repair import repair
+from factory.inspect.info import unfinished
+from factory.inspect.verify import check_files
+from factory.recipe.recipe import Recipe
+from factory.stores.generated import GeneratedStore
+from learn.data.dataset import load_missions
+from twin.errors import InputError, StoreError
+from twin.records.content import content_hash, store_hash
+from twin.records.object_files import ObjectFiles, files_at
+from twin.records.store import open_store
+from twin.records.store_path import Url, store_path
+
+Recipes = Callable[..., Recipe]
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch, s3_server() as environment:
+        for name, text in environment.items():
+            patch.setenv(name, text)
+        yield
+
+
+@pytest.fixture(scope="module")
+def stored(server: None, recipe: Recipes) -> str:
+    generate(recipe(), "s3://bucket/made/missions.zarr", workers=2)
+    return "s3://bucket/made/missions.zarr"
+
+
+def contents(place: str | Path) -> dict[str, bytes]:
+    files = files_at(place)
+    return {key: files.read(key) for key in files.all_keys()}
+
+
+def test_every_object_is_the_file_of_a_folder(stored: str, paper_store: Path) -> None:
+    assert contents(stored) == contents(paper_store)
+    assert not contents(stored + ".generating")
+    (line,) = contents(stored + ".log").values()
+    assert b'"recipe"' in line
+
+
+def test_parts_and_finish_make_the_same_objects(
+    server: None, recipe: Recipes, paper_store: Path
+) -> None:
+    made, store = recipe(), "s3://bucket/parts/missions.zarr"
+    generate_part(made, store, Part(1, 2))
+    begun = unfinished(store_path(store))
+    assert begun is not None
+    assert 0 < begun.missions_kept < len(made.plan)
+    with pytest.raises(StoreError, match=r"run these parts of 2 again: --array=0"):
+        finish(store)
+    with pytest.raises(StoreError, match=r"is incomplete: the `factory generate` command"):
+        open_store(store)
+    generate_part(made, store, Part(0, 2))
+    summary, _ = finish(store)
+    assert summary.missions == len(made.plan)
+    assert contents(store) == contents(paper_store)
+
+
+def test_the_metadata_of_the_store_come_last_and_a_kill_before_loses_nothing(
+    server: None, recipe: Recipes, paper_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, write = "s3://bucket/killed/missions.zarr", ObjectFiles.write
+
+    def killed(files: ObjectFiles, key: str, data: bytes) -> None:
+        if key == "zarr.json":
+            raise KeyboardInterrupt
+        write(files, key, data)
+
+    monkeypatch.setattr(ObjectFiles, "write", killed)
+    with pytest.raises(KeyboardInterrupt):
+        generate(recipe(), store, workers=1)
+    assert set(contents(paper_store)) - set(contents(store)) == {"zarr.json"}
+    monkeypatch.undo()
+    with pytest.raises(StoreError, match="is incomplete: --resume completes it"):
+        generate(recipe(), store, workers=1)
+    with pytest.raises(StoreError, match=r"started with other settings \(.*seed"):
+        generate(recipe(seed=5), store, workers=1, resume=True)
+    assert generate(recipe(), store, workers=1, resume=True).flown == 0
+    assert contents(store) == contents(paper_store)
+
+
+def test_nothing_is_replaced(stored: str, recipe: Recipes) -> None:
+    with pytest.raises(StoreError, match="already exists"):
+        generate(recipe(), stored)
+    with pytest.raises(StoreError, match=r"cannot replace .*choose another --out, or remove"):
+        generate(recipe(), stored, overwrite=True)
+    with pytest.raises(StoreError, match="exists and is not a store"):
+        generate(recipe(), "s3://bucket/made")
+    assert generate(recipe(), stored, resume=True).flown == 0
+
+
+def test_it_is_read_as_a_folder_is(stored: str, paper_store: Path) -> None:
+    here, there = GeneratedStore(paper_store), GeneratedStore(stored)
+    assert there.path == Url(stored)
+    assert repr(there.parameters(1)) == repr(here.parameters(1))  # with NaN
+    np.testing.assert_array_equal(there.row("true_depth", 1), here.row("true_depth", 1))
+    assert not there.gone_arrays()
+    assert store_hash(stored) == store_hash(paper_store)
+    names = ("measured_depth", "true_surge")
+    assert content_hash(stored, names) == content_hash(paper_store, names)
+    for one, other in zip(
+        load_missions(stored, names), load_missions(paper_store, names), strict=True
+    ):
+        np.testing.assert_array_equal(one.signals["true_surge"], other.signals["true_surge"])
+
+
+def test_damage_is_found(server: None, paper_store: Path) -> None:
+    files = files_at("s3://bucket/damaged/missions.zarr")
+    for key, data in contents(paper_store).items():
+        files.write(key, data)
+    assert not check_files(store_path(files.name)).problems
+    data = bytearray(files.read("true_depth/c/0/0"))
+    data[100] ^= 1
+    files.write("true_depth/c/0/0", bytes(data))
+    files.remove("time/c/0")
+    files.write("left", b"")
+    assert check_files(store_path(files.name)).problems == [
+        "time/c/0 is missing",
+        "true_depth/c/0/0 is changed: its SHA-256 is another one",
+        "left is unknown",
+    ]
+    with pytest.raises(StoreError, match="copy it to this machine, repair the copy"):
+        repair(files.name)
+
+
+def test_commands_keep_the_address(
+    stored: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    for words in (["info", stored], ["verify", stored]):
+        assert main_with(words) == 0
+        assert "s3://bucket/made/missions.zarr" in capsys.readouterr().out
+    assert main_with(["export", stored, "--to", "og1", "--out", str(tmp_path / "og1")]) == 0
+    assert len(list((tmp_path / "og1").glob("*.nc"))) == len(GeneratedStore(stored))
+
+
+def main_with(words: list[str]) -> int:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sys.argv", ["factory", *words])
+        return main()
+
+
+def test_what_cannot_be_reached_is_told(server: None) -> None:
+    with pytest.raises(StoreError, match=r"no store at s3://bucket/none\.zarr"):
+        open_store("s3://bucket/none.zarr")
+    with pytest.raises(FileNotFoundError):
+        files_at("s3://absent/none.zarr").read("zarr.json")
+    with pytest.raises(InputError, match=r"unknown kind of address 's4': did you mean 's3'"):
+        open_store("s4://bucket/none.zarr")
+    with pytest.raises(InputError, match=r"s3://bucket names no store"):
+        open_store("s3://bucket")
+
+
+def test_addresses_have_the_names_of_paths() -> None:
+    url = store_path("s3://bucket/folder/missions.zarr")
+    assert str(url) == "s3://bucket/folder/missions.zarr"
+    assert str(url.with_name("b.zarr") / "c") == "s3://bucket/folder/b.zarr/c"
+    assert url == store_path(Path("s3://bucket/folder/missions.zarr"))
+    assert pickle.loads(pickle.dumps(url)) == url
+    with pytest.raises(TypeError, match="not a path of this machine"):
+        open(url)  # noqa: PTH123, SIM115
+    assert store_path("a/b.zarr") == Path("a/b.zarr")
