@@ -122,7 +122,7 @@ class Altimeter(Sensor):
         """measured_altitude [m]; NaN between pings, out of range and without an echo."""
         stride = max(1, round(self.ping_period / dt))
         pings = len(range(0, samples, stride)) if self.fitted else 0
-        noise = self.noise * normals(rng, pings)
+        noise = self.noise * normals(rng, pings).astype(float)
         return AltimeterRun(
             altimeter=self,
             stride=stride,

@@ -193,7 +193,7 @@ class CompassRun(SensorRun):
             for part in self.parts
         )
         roll, pitch = (signal(signals, f"true_{name}")[span] for name in ("roll", "pitch"))
-        level = (roll, pitch)
+        level: tuple[NDArray[np.float64], ...] = (roll, pitch)
         if its.time_constant > 0.0:
             level = tuple(signal(signals, f"measured_{n}")[span] for n in ("roll", "pitch"))
         deviation = np.empty_like(heading)
