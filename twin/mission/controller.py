@@ -151,6 +151,10 @@ class MissionController:
             o.yaw_rate,
             self._command,
             o.altitude,
+            o.north,
+            o.east,
+            o.current_north,
+            o.current_east,
         )
         return Command(**dict(zip(self._names, self._command.tolist(), strict=True)))
 
