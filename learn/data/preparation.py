@@ -50,6 +50,8 @@ class Prepared:
     train: Sequences
     validation: Sequences
     normalisation: Normalisation
+    period: float
+    """[s] between samples"""
 
 
 def prepare(
@@ -341,6 +343,7 @@ def _assemble(
             sequences(matrices, targets, weights[0]),
             sequences(matrices, targets, weights[1]),
             normalisation,
+            train[0].period,
         )
     return Prepared(
         sequences(matrices, targets, None),
@@ -350,4 +353,5 @@ def _assemble(
             None,
         ),
         normalisation,
+        train[0].period,
     )

@@ -41,7 +41,7 @@ def train(job: Job, folder: Path, report: Callable[[Report], None]) -> Report | 
     threads = torch.get_num_threads()
     try:
         trained = Trainer(
-            config.network,
+            dataclasses.replace(config.network, period=data.period),
             dataclasses.replace(config.training, seed=job.seed),
             data.train,
             data.validation,

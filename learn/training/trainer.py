@@ -1,10 +1,8 @@
 """Trainer: one network of one velocity, by any optimiser.
 
 What is minimised is the mean squared error of the free-running network over all samples of the
-training missions, the launch from rest included. Missions are cut into windows that start some
-samples early (wash-in, not counted) so that the network has found its state when counting begins;
-the first window of a mission starts at the launch and counts at once. What is judged is the free
-run over whole validation missions.
+training missions, the launch from rest included; `learn.training.feed` says what a step sees of
+them. What is judged is the free run over whole validation missions.
 """
 
 from __future__ import annotations
@@ -20,10 +18,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from learn.data.dataset import Sequences, batches, cut_windows, pack_windows
+from learn.data.dataset import Sequences
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.predictor import free_run
+from learn.training.feed import feed_for
 from learn.training.optimisers.base import FullBatchOptimiser, MinibatchOptimiser
 from learn.training.optimisers.registry import OPTIMISERS
 from learn.training.schedule import Clock, TrainingConfig, step_size
@@ -111,6 +110,7 @@ class Trainer:
         self.network = build_network(self.network_config).to(self.device)
         if start is not None:
             self._take(start)
+        self.feed = feed_for(self.network, train, config)
         self.history: list[Report] = []
         self.best = math.inf
         if start is not None and validation is not None and validation.inputs:
@@ -126,7 +126,7 @@ class Trainer:
         except RuntimeError as error:
             raise InputError(
                 "the weights to start from belong to a network of another kind, size or inputs; "
-                "give the same --kind, --hidden, --layers, --delays and inputs"
+                "give the same --network, --hidden, --layers, --delays, --memories and inputs"
             ) from error
 
     def run(self) -> Trained:
@@ -148,7 +148,7 @@ class Trainer:
             self.checkpoint.unlink(missing_ok=True)
         return Trained(self.network, tuple(self.history), self.stopped)
 
-    # --- batches of windows ---------------------------------------------------------------------
+    # --- minibatches ----------------------------------------------------------------------------
 
     def _minibatches(self, kind: MinibatchOptimiser, saved: dict[str, Any] | None) -> None:
         config, network = self.config, self.network
@@ -167,14 +167,7 @@ class Trainer:
         next_check = self._next_check(share)
         while share < 1.0 and not self.stopped:
             rng = np.random.default_rng([config.seed, epoch])
-            windows = cut_windows(
-                self.train_data.lengths,
-                length=config.window,
-                washin=config.washin,
-                rng=rng,
-                mirror=self.train_data.mirror is not None,
-            )
-            groups = batches(windows, config.batch, rng)
+            groups = self.feed.epoch(rng)
             while position < len(groups):
                 rate = step_size(config, share)
                 for group in optimiser.param_groups:
@@ -198,9 +191,9 @@ class Trainer:
                     return
             epoch, position = epoch + 1, 0
 
-    def _update(self, optimiser: torch.optim.Optimizer, windows: Any) -> None:
+    def _update(self, optimiser: torch.optim.Optimizer, group: Any) -> None:
         optimiser.zero_grad()
-        error, weight = self._squared_error(windows)
+        error, weight = self.feed.squared_error(group)
         loss = error / max(weight, 1.0)
         loss.backward()
         length = torch.nn.utils.clip_grad_norm_(self.network.parameters(), self.config.clip)
@@ -212,24 +205,11 @@ class Trainer:
         optimiser.step()
         self._seen.append((float(error.detach()), weight))
 
-    def _squared_error(self, windows: Any) -> tuple[Tensor, float]:
-        x, y, w = pack_windows(self.train_data, windows)
-        weight = float(w.sum())
-        inputs, wanted, counted = (torch.from_numpy(a).to(self.device) for a in (x, y, w))
-        output = self.network(inputs)[0][..., 0]
-        return (counted * (output - wanted).square()).sum(), weight
-
-    # --- all windows at once --------------------------------------------------------------------
+    # --- all samples at once --------------------------------------------------------------------
 
     def _full_batch(self, kind: FullBatchOptimiser, saved: dict[str, Any] | None) -> None:
         config, network = self.config, self.network
-        windows = cut_windows(
-            self.train_data.lengths,
-            length=config.full_window,
-            washin=config.washin,
-            mirror=self.train_data.mirror is not None,
-        )
-        groups = batches(windows, 64)
+        groups = self.feed.everything()
         parameters = list(network.parameters())
 
         def objective(flat: Tensor) -> tuple[float, Tensor]:
@@ -237,7 +217,7 @@ class Trainer:
             network.zero_grad()
             errors, weights = [], 0.0
             for group in groups:
-                error, weight = self._squared_error(group)
+                error, weight = self.feed.squared_error(group)
                 error.backward()
                 errors.append(float(error.detach()))
                 weights += weight

@@ -262,7 +262,7 @@ def test_the_help_of_fit_names_the_defaults_that_apply(here, capsys):
         (("fit", "--name", "a/b"), "must be a plain name"),
         (("fit", "--name", ""), "must be a plain name"),
         (("fit", "--resume"), "needs the --name"),
-        (("fit", "--network", "rnn"), "(allowed: elman, gru, lstm, mlp, tcn)"),
+        (("fit", "--network", "rnn"), "(allowed: elman, ema, gru, lstm, mlp, tcn)"),
         (("fit", "--device", "cud"), "did you mean 'cuda'"),
         (("evaluate", "first", "--tracks", "data"), "the ending must be one of"),
         (("evaluate", "first", "--out", "data/missions.zarr/zarr.json"), "is a file, not a folder"),

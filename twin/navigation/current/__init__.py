@@ -10,7 +10,7 @@ from twin.navigation.current.forecast import CurrentForecast
 from twin.navigation.current.leg import Leg, begin_leg, pass_leg, replay
 from twin.navigation.current.parameters import CurrentParameters
 from twin.navigation.current.smoother import SmoothedTrack
-from twin.navigation.current.tune import Tuned, tune
+from twin.navigation.current.tuning import Tuned, tune
 
 __all__ = [
     "CONSTITUENTS",

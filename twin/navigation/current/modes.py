@@ -123,10 +123,8 @@ def passage(modes: Modes, duration: float) -> Passage:
 
 def turns(values: Complex) -> Array:
     """Multiplication by complex numbers as matrices on (north, east), (..., 2, 2)."""
-    return np.stack(
-        [
-            np.stack([values.real, -values.imag], axis=-1),
-            np.stack([values.imag, values.real], axis=-1),
-        ],
-        axis=-2,
-    )
+    found = np.empty((*np.shape(values), 2, 2))
+    found[..., 0, 0] = found[..., 1, 1] = values.real
+    found[..., 1, 0] = values.imag
+    found[..., 0, 1] = -values.imag
+    return found

@@ -75,6 +75,9 @@ class Feature:
     combine: Callable[..., Any] | None = dataclasses.field(default=None, repr=False)
     """Makes the feature of the terms' values, in their order, of arrays as of numbers. None: there
     is one term, and the feature is its value."""
+    c: str = dataclasses.field(default="", repr=False)
+    """`combine` in C99, for vehicles that run no Python: the body of a function that returns a
+    double, made of the terms' values `const double *t`."""
     odd: bool | None = False
     """Whether it changes its sign when the vehicle is mirrored, port for starboard; None: the
     store's vehicle says."""

@@ -22,6 +22,15 @@ def glide_speed(depth_rate: Any, pitch: Any) -> Any:
     return damped_quotient(depth_rate, np.sin(np.deg2rad(pitch)))
 
 
+C_DAMPED = f"return -rate * sine / (sine * sine + {FLAT_SINE**2!r});"
+"""`damped_quotient` in C99."""
+C_GLIDE = f"""
+const double rate = t[0], sine = sin(t[1] * 3.14159265358979323846 / 180.0);
+{C_DAMPED}
+"""
+"""`glide_speed` in C99."""
+
+
 def _rate(name: str, seconds: float) -> Feature:
     term = Term(channel="measured_depth", look="slope", seconds=seconds)
     return Feature(name=name, group=name, unit="m s-1", terms=(term,))
@@ -30,7 +39,9 @@ def _rate(name: str, seconds: float) -> Feature:
 def _glide(name: str, look: Look, seconds: float) -> Feature:
     rate = Term(channel="measured_depth", look="slope", seconds=seconds)
     pitch = Term(channel="measured_pitch", look=look, seconds=seconds)
-    return Feature(name=name, group=name, unit="m s-1", terms=(rate, pitch), combine=glide_speed)
+    return Feature(
+        name=name, group=name, unit="m s-1", terms=(rate, pitch), combine=glide_speed, c=C_GLIDE
+    )
 
 
 DEPTH = Feature(name="depth", group="depth", unit="m", terms=(Term(channel="measured_depth"),))

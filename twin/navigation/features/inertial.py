@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from twin.navigation.features.base import SLOW_S, Feature, Term
-from twin.navigation.features.glide import damped_quotient
+from twin.navigation.features.glide import C_DAMPED, damped_quotient
 
 FORCES = (
     "measured_specific_force_x",
@@ -31,6 +31,19 @@ def gravity_glide_speed(depth_rate: Any, x: Any, y: Any, z: Any) -> Any:
     return damped_quotient(depth_rate, gravity_sine(x, y, z))
 
 
+C_GRAVITY_SINE = """
+const double size = sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]);
+return size > 0.0 ? t[0] / size : 0.0;
+"""
+"""`gravity_sine` in C99."""
+C_GRAVITY_GLIDE = f"""
+const double size = sqrt(t[1] * t[1] + t[2] * t[2] + t[3] * t[3]);
+const double rate = t[0], sine = size > 0.0 ? t[1] / size : 0.0;
+{C_DAMPED}
+"""
+"""`gravity_glide_speed` in C99."""
+
+
 def _plain(name: str, group: str, channel: str, unit: str, *, odd: bool = False) -> Feature:
     return Feature(name=name, group=group, unit=unit, terms=(Term(channel=channel),), odd=odd)
 
@@ -47,6 +60,7 @@ def _gravity_glide(name: str, seconds: float) -> Feature:
         unit="m s-1",
         terms=(rate, *_mean_force(seconds)),
         combine=gravity_glide_speed,
+        c=C_GRAVITY_GLIDE,
     )
 
 
@@ -62,6 +76,7 @@ GRAVITY_PITCH_SINE = Feature(
     unit="1",
     terms=_mean_force(SLOW_S),
     combine=gravity_sine,
+    c=C_GRAVITY_SINE,
 )
 GRAVITY_GLIDE_SPEED = _gravity_glide("gravity_glide_speed", 0.0)
 GRAVITY_GLIDE_SPEED_SLOW = _gravity_glide("gravity_glide_speed_slow", SLOW_S)
