@@ -41,6 +41,7 @@ class LiveSuite:
         rng_seed: np.random.SeedSequence,
         drawn: Mapping[str, float] | None = None,
         surroundings: Surroundings = NOWHERE,
+        wanted: Iterable[str] | None = None,
     ):
         """Begin before the first sample.
 
@@ -50,6 +51,8 @@ class LiveSuite:
           samples: of the mission at most; random numbers are drawn for so many.
           dt, rng_seed, drawn: as in `SensorSuite.measure`.
           surroundings: water, place and sea floor.
+          wanted: measured signals; sensors that neither measure one nor are read for one stay out.
+            None: all.
 
         Raises:
           InputError: a signal is missing, or a sensor measures whole missions only.
@@ -68,7 +71,10 @@ class LiveSuite:
         self._runs: list[tuple[SensorRun | None, int, dict[str, str]]] = []
         delays: dict[str, int] = {}
         channels: list[str] = []
+        needed = _needed(suite, self.signals, wanted)
         for name, sensor in suite.items():
+            if name not in needed:
+                continue
             own = [entry.name for entry in sensor.channels(self.signals)]
             if not own:
                 continue
@@ -179,3 +185,17 @@ class LiveSuite:
             if run is not None:
                 own = f"run:{index}:"
                 run.restore({k[len(own) :]: v for k, v in state.items() if k.startswith(own)})
+
+
+def _needed(
+    suite: SensorSuite, signals: tuple[str, ...], wanted: Iterable[str] | None
+) -> set[str]:
+    """Names of the sensors that measure something wanted, or that those read."""
+    if wanted is None:
+        return set(suite)
+    signals_wanted, needed = set(wanted), set()
+    for name, sensor in reversed(list(suite.items())):  # each comes after those that it reads
+        if signals_wanted & {entry.name for entry in sensor.channels(signals)}:
+            needed.add(name)
+            signals_wanted |= set(sensor.inputs(signals))
+    return needed
