@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from learn.data.features import INPUT_SETS, select_features
 from learn.data.labels import LabelConfig
 from learn.data.parts import parts_of
-from learn.data.preparation import check_window
+from learn.data.store_checks import check_window
 from learn.networks.config import NetworkConfig
 from learn.networks.registry import NETWORKS
 from learn.report.contents import RunEvaluation

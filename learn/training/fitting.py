@@ -14,7 +14,7 @@ from learn.data.dataset import load_missions
 from learn.data.features import channels_of
 from learn.data.labels import LabelCounts
 from learn.data.logs import SPEED
-from learn.data.preparation import check_truth, few_labels, few_missions, labels_in
+from learn.data.store_checks import check_truth, few_labels, few_missions, labels_in
 from learn.networks.registry import NETWORKS
 from learn.runs.rollback import Rollback, recover
 from learn.runs.run import (

@@ -19,7 +19,7 @@ from learn.data.features import (
     trailing_mean,
     trailing_slope,
 )
-from learn.data.normalisation import fit_normalisation
+from learn.data.normalisation import NormalisationFit
 from twin.errors import InputError, StoreError
 from twin.mission.schedule import Schedule
 from twin.physics.scenario import Scenario
@@ -180,12 +180,20 @@ def test_normalisation_gives_unit_inputs_and_leaves_constants_alone():
     matrices = [rng.normal(3.0, 2.0, (500, 2)).astype(np.float32) for _ in range(3)]
     matrices = [np.concatenate([m, np.full((500, 1), 7.0, np.float32)], 1) for m in matrices]
     targets = [rng.normal(0.3, 0.1, 500).astype(np.float32) for _ in range(3)]
-    found = fit_normalisation(matrices, targets, features=("a", "b", "c"), target="surge")
+    fitted = NormalisationFit(("a", "b", "c"), "surge")
+    for matrix, wanted in zip(matrices, targets, strict=True):
+        fitted.add(matrix, wanted)
+    found = fitted.result()
     values = found.inputs(np.concatenate(matrices))
     assert np.allclose(values.mean(0), 0.0, atol=1e-4)
     assert np.allclose(values.std(0), [1.0, 1.0, 0.0], atol=1e-4)
     assert found.scale[2] == 1.0
-    assert found.target_scale == pytest.approx(0.1, rel=0.1)
+    everything = np.concatenate(targets).astype(float)
+    assert found.target_mean == pytest.approx(everything.mean(), rel=1e-13)
+    assert found.target_scale == pytest.approx(everything.std(), rel=1e-13)
+    assert found.scale[:2] == pytest.approx(
+        np.concatenate(matrices).astype(float).std(0)[:2], rel=1e-13
+    )
 
 
 def test_a_mirrored_flight_has_the_signs_of_the_features():

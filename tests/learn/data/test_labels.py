@@ -16,7 +16,8 @@ from learn.data.labels import (
     label_config,
     measured,
 )
-from learn.data.preparation import few_labels, few_missions, labels_in, prepare
+from learn.data.preparation import prepare
+from learn.data.store_checks import few_labels, few_missions, labels_in
 from learn.networks.config import NetworkConfig
 from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
