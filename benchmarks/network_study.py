@@ -43,12 +43,12 @@ def run(case: Case, train: str, tests: list[str], settings: dict[str, float]) ->
 
     from learn.data.dataset import TARGETS as CHANNELS
     from learn.data.dataset import load_missions
-    from learn.data.features import INPUT_SETS, channels_of, select_features
     from learn.data.preparation import prepare
     from learn.networks.config import NetworkConfig
     from learn.networks.predictor import Predictor
     from learn.training.schedule import TrainingConfig
     from learn.training.trainer import Trainer
+    from twin.navigation.features import INPUT_SETS, channels_of, select_features
 
     features = select_features(INPUT_SETS[case.inputs])
     data = prepare(train, target=case.target, features=features)

@@ -68,13 +68,13 @@ def train(options: argparse.Namespace) -> dict[str, object]:
     """Train one network of surge; figures of it."""
     import zarr  # noqa: F401  imported before the memory of the libraries is read
 
-    from learn.data.features import select_features
     from learn.data.parts import parts_of
     from learn.data.preparation import training_lengths
     from learn.networks.config import NetworkConfig
     from learn.training.job import train as train_job
     from learn.training.schedule import TrainingConfig
     from learn.training.settings import FitConfig
+    from twin.navigation.features import select_features
 
     training = TrainingConfig(
         optimiser=options.optimiser,

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from learn.data.features import INPUT_SETS, select_features
 from learn.data.labels import LabelConfig
 from learn.data.parts import parts_of
 from learn.data.store_checks import check_window
@@ -35,11 +34,12 @@ from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, unknown_name
 from twin.extras import require
+from twin.navigation.features import INPUT_SETS, select_features
 from twin.records.store_path import StorePath, store_path
 
 if TYPE_CHECKING:
     from learn.evaluation.evaluation import Watch as EvaluationWatch
-    from learn.networks.onnx_export import Parity
+    from learn.networks.parity import Parity
 
 DEFAULT_MEMBERS = 2
 DEFAULT_INPUTS = "full"
@@ -134,6 +134,7 @@ def fit_settings(
     hidden: int | None = None,
     layers: int | None = None,
     delays: int | None = None,
+    memories: Sequence[float] | None = None,
     inputs: str | None = None,
     features: Sequence[str] = (),
     without: Sequence[str] = (),
@@ -158,10 +159,11 @@ def fit_settings(
     Args:
       store: of missions or of logs [default: data/missions.zarr].
       resumed: folder of the run that is continued, if it exists.
-      network: a name of `learn.NETWORKS` [elman, the paper's].
+      network: a name of `learn.NETWORKS` [ema; the paper's is elman].
       hidden: units per hidden layer [50].
       layers: hidden layers [3].
       delays: elman: past outputs that a hidden layer is fed back [5].
+      memories: ema: [s] of its averages, rising [2, 8, 30].
       inputs: `full` needs gyroscopes and accelerometers, `glider` is what every glider's log has
         [full].
       features: features or groups instead of a set of inputs.
@@ -170,7 +172,8 @@ def fit_settings(
       seconds: [s] of computing of each network [120].
       epochs: passes over the training missions instead; the result does not depend on the
         machine's speed.
-      window: samples that a piece of a mission counts [128].
+      window: samples that a piece of a mission counts [128]; networks with trained memory only,
+        as `washin`.
       washin: samples before it in which the network finds its state [48].
       seed: of initial weights and order [0].
       members: networks per velocity; with more than one their spread is an uncertainty [2].
@@ -195,7 +198,7 @@ def fit_settings(
         features=select_features(INPUT_SETS[DEFAULT_INPUTS], (), parts),
         members=DEFAULT_MEMBERS,
     )
-    sizes = _given(hidden=hidden, layers=layers, delays=delays)
+    sizes = _given(hidden=hidden, layers=layers, delays=delays, memories=memories)
     kinds = _given(kind=network) | sizes
     chosen, shape = base.features, base.network
     other_inputs = bool(features or without or inputs is not None)
@@ -204,7 +207,7 @@ def fit_settings(
         if other_inputs or kinds:
             raise InputError(
                 "--start takes inputs and network from the run: leave out --inputs, --features, "
-                "--without, --network, --hidden, --layers and --delays"
+                "--without, --network, --hidden, --layers, --delays and --memories"
             )
         if period not in (None, first.period):
             raise InputError(
@@ -274,6 +277,8 @@ def _check_uses(
     learned: Mapping[str, object],
 ) -> None:
     """Refuse what would be taken and then ignored."""
+    from learn.networks.memory import FixedMemory
+
     for name in learned if config.labels.source == "truth" else ():
         if name != "source":
             raise InputError(
@@ -288,6 +293,13 @@ def _check_uses(
                 f"network {kind!r} has no --{name} (its sizes: {', '.join(NETWORKS[kind].sizes)}); "
                 f"leave it out, or take a network that has: {', '.join(users)}"
             )
+    given = [name for name in ("window", "washin") if name in training]
+    if given and issubclass(NETWORKS[kind], FixedMemory):
+        users = [k for k in NETWORKS if not issubclass(NETWORKS[k], FixedMemory)]
+        raise InputError(
+            f"network {kind!r} has no --{given[0]}: its memory has no weights, so that it learns "
+            f"from single samples; leave it out, or take a network that has: {', '.join(users)}"
+        )
     used = OPTIMISERS[config.training.optimiser].settings
     if "window" in training and "window" not in used:
         raise InputError(
@@ -325,36 +337,57 @@ def evaluate(
     return evaluate_run(found, place, split=split, baselines=baselines, watches=watches)
 
 
+EXPORTS = ("onnx", "c")
+"""What `export` writes."""
+
+
 def export(
-    run: Run | str | Path, folder: str | Path | None = None, *, store: str | StorePath | None = None
+    run: Run | str | Path,
+    folder: str | Path | None = None,
+    *,
+    to: str = "onnx",
+    store: str | StorePath | None = None,
 ) -> dict[str, Parity]:
-    """Write one ONNX model per network, one time step with explicit state, and check each.
+    """Write a run for on-board use, and check it over a mission.
 
     Args:
       run: as `fit` or `open_run` give it, or its folder or name.
-      folder: for the models; None is onnx/ in the run's folder.
-      store: of the mission that is run through network and model; None is the run's own. Its
+      folder: for the files; None is onnx/ or c/ in the run's folder.
+      to: `onnx`, one model per network, one time step with explicit state; or `c`, one C99 header
+        from sensor samples to surge and sway, features included.
+      store: of the mission that is run through network and file; None is the run's own. Its
         longest mission is taken.
 
     Returns:
-      By the name of the network, such as surge-0, the file and how far it is from the network.
+      By the name of the network, such as surge-0, or `velocity` for C, the file and how far it is
+      from the network.
 
     Raises:
-      InputError: the extra onnx is not installed, or torch cannot export the network.
-      StoreError: a model differs by more than 1e-5 m/s, or a file cannot be read or written.
+      InputError: the extra onnx is not installed; torch cannot export the network; or there is no
+        C compiler, or no C code of the network or of a feature.
+      StoreError: a file differs by more than 1e-5 m/s, or cannot be read or written.
     """
-    for package in ("onnx", "onnxscript", "onnxruntime"):
+    if to not in EXPORTS:
+        raise InputError(unknown_name("export", to, EXPORTS))
+    for package in ("onnx", "onnxscript", "onnxruntime") if to == "onnx" else ():
         require(package, extra="onnx", purpose="learn export")
     from learn.data.dataset import load_missions
-    from learn.data.features import channels_of
-    from learn.networks.onnx_export import export_step
+    from twin.navigation.features import channels_of
 
     found = run if isinstance(run, Run) else open_run(run)
-    target = found.folder / "onnx" if folder is None else Path(folder)
+    target = found.folder / to if folder is None else Path(folder)
     networks = found.networks()
     channels = [c for e in networks.values() for c in channels_of(e.members[0].features)]
-    missions = load_missions(found.store if store is None else store, channels, split="all")
+    missions = load_missions(
+        found.store if store is None else store, channels, split="all", period=found.period
+    )
     longest = max(missions, key=lambda mission: mission.samples)
+    if to == "c":
+        from learn.networks.c_export import NAME, export_c
+
+        return {"velocity": export_c(networks, target / NAME, longest)}
+    from learn.networks.onnx_export import export_step
+
     return {
         f"{name}-{k}": export_step(member, target / f"{name}-{k}.onnx", longest)
         for name, ensemble in networks.items()

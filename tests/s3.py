@@ -19,8 +19,12 @@ WAIT_S = 60.0
 
 
 @contextmanager
-def s3_server() -> Iterator[dict[str, str]]:
-    """Start it with an empty bucket; what the environment must say to reach it."""
+def s3_server(*, signed: bool = False) -> Iterator[dict[str, str]]:
+    """Start it with an empty bucket; what the environment must say to reach it.
+
+    Args:
+      signed: whether it refuses keys that it does not know, which are all.
+    """
     pytest.importorskip("obstore", reason='needs pip install "glider-twin[cloud]"')
     if not PYTHON.exists():
         pytest.skip("needs a local S3 server: scripts/s3_server.sh")
@@ -31,7 +35,8 @@ def s3_server() -> Iterator[dict[str, str]]:
         [PYTHON, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        env={name: text for name, text in os.environ.items() if name != "PYTHONPATH"},
+        env={name: text for name, text in os.environ.items() if name != "PYTHONPATH"}
+        | ({"INITIAL_NO_AUTH_ACTION_COUNT": "1"} if signed else {}),  # the bucket
     )
     address = f"http://127.0.0.1:{port}"
     try:

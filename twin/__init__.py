@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from twin.mission.segments import Spiral as Spiral
     from twin.mission.segments import Surface as Surface
     from twin.mission.segments import Transect as Transect
+    from twin.mission.segments import Waypoint as Waypoint
     from twin.mission.shipped import load_mission as load_mission
     from twin.mission.shipped import mission_names as mission_names
     from twin.physics.scenario import Scenario as Scenario
@@ -102,6 +103,7 @@ _PLACES = {
     "Tide": "twin.water.current.tide:Tide",
     "Trajectory": "twin.records.trajectory:Trajectory",
     "Transect": "twin.mission.segments:Transect",
+    "Waypoint": "twin.mission.segments:Waypoint",
     "Uniform": "twin.water.current.uniform:Uniform",
     "Vehicle": "twin.vehicle.vehicle:Vehicle",
     "check_manoeuvres": "twin.checks.agreement:check_manoeuvres",

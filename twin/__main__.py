@@ -39,6 +39,11 @@ PROGRAM = Program(
             loader="twin.commands.flight:Flight",
         ),
         Command(
+            name="hindcast",
+            summary="forecasts of a deployment's surfacings beside where it surfaced",
+            loader="twin.commands.hindcast:Hindcast",
+        ),
+        Command(
             name="bench",
             summary="cost of the physics, side by side in one run",
             loader="twin.commands.bench:Bench",

@@ -106,10 +106,12 @@ def simulate(
         flown, ballast = weighed(
             flown, ballast_at=ballast_at, mass=mass, compressibility=compressibility
         )
+        if isinstance(mission, str | Path):
+            mission = load_mission_for(flown, mission, above_floor=floor is not None)
         scenario = Scenario(
             vehicle=flown,
             ballast=ballast,
-            plan=load_mission_for(flown, mission) if isinstance(mission, str | Path) else mission,
+            plan=mission,
             duration=duration,
             start=start,
             current=parse_current(current) if isinstance(current, str) else current,

@@ -29,7 +29,6 @@ from factory.recipe.recipe import make_recipe
 from learn.data.normalisation import Normalisation, NormalisationFit
 from learn.data.sequences import Sequences
 from learn.data.thinning import thin_store
-from learn.navigation.dead_reckoning import Array
 from learn.networks.base import build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.predictor import Predictor, free_run
@@ -37,6 +36,7 @@ from learn.training.schedule import TrainingConfig
 from learn.training.trainer import Trainer
 from twin.errors import InputError
 from twin.identify import Calibration, Log, identify, load_calibration, load_logs
+from twin.navigation.dead_reckoning import Array
 from twin.records.schema import MISSION
 from twin.records.store import open_store
 

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from factory.generation import runlog
@@ -122,14 +123,17 @@ def check_workers(workers: int | None, executor: Executor | None) -> int:
 
 @contextlib.contextmanager
 def told(store: StorePath) -> Iterator[None]:
-    """Say of the disk's errors what is kept and how to go on."""
+    """Say of the errors of a disk or a storage what is kept and how to go on."""
     try:
         yield
     except OSError as error:
-        raise StoreError(
-            f"cannot write {error.filename or store}: {error.strerror or error}; finished missions "
-            "are kept: make room or a writable place, then continue with --resume"
-        ) from error
+        what = f"cannot write {error.filename or store}: {error.strerror or error}"
+        if isinstance(store, Path):
+            what += "; finished missions are kept: make room or a writable place, then continue "
+            what += "with --resume"
+        elif not isinstance(error, PermissionError | NotADirectoryError):  # else none was begun
+            what += "; finished missions are kept: continue with --resume"
+        raise StoreError(what) from error
 
 
 def waiting_blocks(job: Job, blocks: list[int] | None = None) -> tuple[list[int], list[int]]:

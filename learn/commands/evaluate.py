@@ -20,9 +20,9 @@ from twin.errors import InputError
 
 if TYPE_CHECKING:
     from learn.evaluation.score import Reference
-    from learn.navigation.baselines.base import Estimate
     from learn.report.contents import RunEvaluation
     from learn.runs.run import Run
+    from twin.navigation.baselines.base import Estimate
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -58,13 +58,15 @@ class Fit(JsonOption):
     name: str | None = None
     """name of the run, its folder in runs/ [default: date and number]"""
     network: Annotated[str | None, NETWORK] = None
-    """kind of network [default: elman, the paper's]"""
+    """kind of network [default: ema; the paper's is elman]"""
     hidden: int | None = None
     """units per hidden layer [default: 50]"""
     layers: int | None = None
     """hidden layers [default: 3]"""
     delays: int | None = None
     """elman: past outputs that a hidden layer is fed back [default: 5]"""
+    memories: tuple[float, ...] | None = None
+    """ema: seconds of its averages, rising [default: 2 8 30]"""
     inputs: Annotated[str | None, INPUTS] = None
     """full needs gyroscopes and accelerometers, glider is what every glider's log has
     [default: full]"""
@@ -79,7 +81,8 @@ class Fit(JsonOption):
     epochs: int | None = None
     """passes over the training missions instead of a time (scg: iterations); repeatable"""
     window: int | None = None
-    """samples that a piece of a mission counts; longer ones teach a longer memory [default: 128]"""
+    """networks with trained memory: samples that a piece of a mission counts; longer ones teach a
+    longer memory [default: 128]"""
     washin: int | None = None
     """samples before it in which the network finds its state [default: 48]"""
     seed: int | None = None
@@ -254,7 +257,17 @@ class Fit(JsonOption):
 UNITS: tuple[Unit, ...] = ("dive", "deployment")
 """What `--leave-out-each-...` leaves out."""
 SETTINGS = (
-    *("store", "network", "hidden", "layers", "delays", "inputs", "features", "without"),
+    *(
+        "store",
+        "network",
+        "hidden",
+        "layers",
+        "delays",
+        "memories",
+        "inputs",
+        "features",
+        "without",
+    ),
     *("optimiser", "seconds", "epochs", "window", "washin", "seed", "members", "division"),
     *("period", "start", "device", "labels", "known_current", "smoothing"),
 )

@@ -10,9 +10,9 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.data.features import feature_matrix, leave_out
 from learn.data.logs import SPEED, filled, nearest
 from twin.errors import StoreError, unknown_name
+from twin.navigation.features import feature_matrix, leave_out
 from twin.records.attributes import SPLIT, SPLITS
 from twin.records.logs import LogRow, LogStore
 from twin.records.reader import LEAST_SAMPLES, MissionStore

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.data.dataset import TARGETS, Division, Mission, Selection, any_channel
-from learn.data.features import channels_of, mirror_signs
 from learn.data.labels import LabelConfig, count_labels
 from learn.data.logs import SPEED
 from learn.data.normalisation import Normalisation, NormalisationFit
@@ -18,6 +17,7 @@ from learn.data.parts import parts_of
 from learn.data.sequences import Mirror, Sequences, SequenceSource, StreamedSequences
 from learn.data.store_checks import no_doppler_labels, no_truth
 from twin.errors import InputError, StoreError, unknown_name
+from twin.navigation.features import channels_of, mirror_signs
 from twin.records.reader import MissionStore
 from twin.records.store_path import StorePath
 
@@ -50,6 +50,11 @@ class Prepared:
 
     def __exit__(self, *_: object) -> None:
         self.selection.close()
+
+    @property
+    def period(self) -> float:
+        """[s] between samples"""
+        return self.selection.period
 
 
 def prepare(

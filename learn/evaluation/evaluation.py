@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from learn.data.dataset import Mission, any_channel, load_missions
-from learn.data.features import channels_of
 from learn.data.labels import LabelConfig
 from learn.data.logs import SPEED
 from learn.evaluation.against_dvl import DvlComparison, compare, summarise
@@ -23,10 +22,11 @@ from learn.evaluation.score import (
     score_mission,
     summarise_scores,
 )
-from learn.navigation.baselines.base import Baseline, Estimate, check_estimate
-from learn.navigation.baselines.registry import BASELINES
-from learn.navigation.dead_reckoning import Array
 from twin.errors import StoreError
+from twin.navigation.baselines.base import Baseline, Estimate, check_estimate
+from twin.navigation.baselines.registry import BASELINES
+from twin.navigation.dead_reckoning import Array
+from twin.navigation.features import channels_of
 from twin.records.reader import MissionStore
 from twin.records.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle

@@ -24,9 +24,10 @@ import numpy as np
 from learn.data.dataset import Mission
 from learn.data.labels import LabelConfig
 from learn.evaluation.score import LAUNCH_S, TARGETS, MissionScore, TrackError
-from learn.navigation.baselines.base import Baseline, Estimate, check_estimate
-from learn.navigation.baselines.pitch_plus_alpha import PitchPlusAlpha
-from learn.navigation.dead_reckoning import (
+from twin.errors import StoreError
+from twin.navigation.baselines.base import Baseline, Estimate, check_estimate
+from twin.navigation.baselines.pitch_plus_alpha import PitchPlusAlpha
+from twin.navigation.dead_reckoning import (
     Array,
     Attitude,
     depth_rate,
@@ -34,7 +35,6 @@ from learn.navigation.dead_reckoning import (
     horizontal_velocity,
     integrate,
 )
-from twin.errors import StoreError
 from twin.records.logs import LogRow
 from twin.vehicle.vehicle import Vehicle
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.data.dataset import load_missions
-from learn.data.features import channels_of
 from learn.networks.predictor import Ensemble
+from twin.navigation.features import channels_of
 from twin.records.store_path import StorePath
 
 Floats = NDArray[np.float32]

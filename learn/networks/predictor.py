@@ -14,13 +14,13 @@ import torch
 from numpy.typing import NDArray
 
 from learn.data.dataset import Mission
-from learn.data.features import feature
 from learn.data.normalisation import Normalisation
 from learn.files import SEAL, check_seal, read_json, write_sealed
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.registry import NETWORKS
 from twin.errors import InputError, StoreError
+from twin.navigation.features import feature
 from twin.records.whole import whole_file
 
 Floats = NDArray[np.float32]
@@ -58,12 +58,26 @@ class Predictor:
         return self.normalisation.features
 
     def predict(self, missions: Sequence[Mission]) -> list[Floats]:
-        """Free-running velocity [m/s] of each mission, (time,), from launch to end."""
+        """Free-running velocity [m/s] of each mission, (time,), from launch to end.
+
+        Raises:
+          StoreError: a mission has another period than those of the training.
+        """
+        for mission in missions:
+            self._check_period(mission)
         matrices = [
             self.normalisation.inputs(mission.features(self.features)) for mission in missions
         ]
         scale, mean = self.normalisation.target_scale, self.normalisation.target_mean
         return [scale * values + mean for values in free_run(self.network, matrices)]
+
+    def _check_period(self, mission: Mission) -> None:
+        trained = self.network.config.period  # 0 in files of releases up to 0.1.0
+        if trained and not math.isclose(mission.period, trained, rel_tol=1e-3):
+            raise StoreError(
+                f"mission {mission.index} has a sample every {mission.period:g} s, and the network "
+                f"was trained with one every {trained:g} s: load the missions with period={trained:g}"
+            )
 
     def save(self, stem: Path) -> None:
         """Write `stem`.safetensors (weights) and `stem`.json (everything else, with the weights'

@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from learn.data.features import SENSORS, features_of
 from learn.evaluation.evaluation import evaluate
 from learn.files import write_json
 from learn.runs.run import ABLATION, Run
@@ -14,6 +13,7 @@ from learn.studies.run_evaluation import evaluation_split
 from learn.training.fitting import Watch, fit
 from learn.training.settings import FitConfig
 from twin.cli.console import to_json
+from twin.navigation.features import SENSORS, features_of
 
 
 def masked(config: FitConfig) -> dict[str, FitConfig]:

@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 
 from learn.data.dataset import TARGETS, Mission, load_missions
-from learn.data.features import GLIDER_PARTS
 from learn.data.parts import parts_of
 from learn.evaluation.evaluation import NETWORK, Evaluation, evaluate
 from learn.evaluation.score import Reference
 from learn.evaluation.uncertainty import ErrorModel, fit_error_model
 from learn.files import read_json, write_json
-from learn.navigation.baselines.base import Estimate
 from learn.report.build import build_page
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation, Study
@@ -25,6 +23,8 @@ from learn.report.log_page import build_log_page
 from learn.runs.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
 from learn.studies.folds import Folds, read_folds
 from learn.studies.run_evaluation import evaluate_run, evaluation_split, is_log_store
+from twin.navigation.baselines.base import Estimate
+from twin.navigation.features import GLIDER_PARTS
 from twin.records.disk import sweep
 from twin.records.reader import MissionStore
 from twin.records.whole import whole_file

@@ -14,7 +14,6 @@ from typing import Any, Literal
 import numpy as np
 
 from learn.data.dataset import TARGETS, Mission, load_missions
-from learn.data.features import channels_of
 from learn.data.labels import LabelConfig
 from learn.data.logs import SPEED
 from learn.files import read_json, write_json
@@ -23,6 +22,7 @@ from learn.training.fitting import Watch, fit
 from learn.training.settings import FitConfig
 from twin.cli.console import to_json
 from twin.errors import InputError
+from twin.navigation.features import channels_of
 from twin.records.reader import MissionStore
 
 Unit = Literal["dive", "deployment"]

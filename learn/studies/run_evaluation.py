@@ -8,11 +8,11 @@ from typing import Any
 from learn.data.dataset import SPLITS, any_channel, load_missions
 from learn.evaluation.evaluation import Evaluation, Watch, evaluate
 from learn.evaluation.uncertainty import Coverage
-from learn.navigation.baselines.base import Estimate
 from learn.report.contents import RunEvaluation
 from learn.report.shown import Showcase
 from learn.runs.run import Run
 from twin.cli.console import to_json
+from twin.navigation.baselines.base import Estimate
 from twin.records.reader import MissionStore
 from twin.records.store_path import StorePath
 

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from learn.data.dataset import load_missions
-from learn.data.features import channels_of
 from learn.data.labels import LabelCounts
 from learn.data.logs import SPEED
 from learn.data.store_checks import check_truth, few_labels, few_missions, labels_in
@@ -40,6 +39,7 @@ from learn.training.trainer import Report, pick_device
 from learn.training.workers import train_in_workers
 from twin.cli.console import to_json
 from twin.errors import InputError
+from twin.navigation.features import channels_of
 from twin.records.attributes import (
     HISTORY,
     HOURS,

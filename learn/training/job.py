@@ -48,7 +48,7 @@ def train(
         threads = torch.get_num_threads()
         try:
             trained = Trainer(
-                config.network,
+                dataclasses.replace(config.network, period=data.period),
                 dataclasses.replace(config.training, seed=job.seed),
                 data.train,
                 data.validation,

@@ -32,6 +32,9 @@ class TrainingConfig:
     """minibatches: windows per step; a multiple of 16 wastes no lanes of the vector kernels."""
     window: int = 128
     """minibatches: counted samples of a window."""
+    samples: int = 1024
+    """minibatches of networks whose memory has no weights: samples per step, in place of windows
+    and wash-in."""
     washin: int = 48
     """Samples before a window that let the network find its state."""
     clip: float = 1.0
@@ -67,7 +70,8 @@ class TrainingConfig:
                 raise InputError(
                     f"training {name} must be a finite number, not {getattr(self, name)}"
                 )
-        for name in ("batch", "window", "full_window", "validations", "threads", "buffer"):
+        counts = ("batch", "window", "samples", "full_window", "validations", "threads", "buffer")
+        for name in counts:
             if getattr(self, name) < 1:
                 raise InputError(f"training {name} must be at least 1, not {getattr(self, name)}")
         for name in ("seconds", "epochs", "washin", "patience", "seed", "weight_decay"):

@@ -1,10 +1,8 @@
 """Trainer: one network of one velocity, by any optimiser.
 
 What is minimised is the mean squared error of the free-running network over all samples of the
-training missions, the launch from rest included. Missions are cut into windows that start some
-samples early (wash-in, not counted) so that the network has found its state when counting begins;
-the first window of a mission starts at the launch and counts at once. What is judged is the free
-run over whole validation missions.
+training missions, the launch from rest included; `learn.training.feed` says what a step sees of
+them. What is judged is the free run over whole validation missions.
 """
 
 from __future__ import annotations
@@ -12,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +18,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from learn.data.sequences import Sequences, SequenceSource, ahead
-from learn.data.windows import Places, batches, buffers, cut_windows, pack_windows
+from learn.data.sequences import SequenceSource, ahead
+from learn.data.windows import Places, buffers
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.predictor import free_run, groups_by_length
+from learn.training.feed import Feed, feed_for
 from learn.training.optimisers.base import FullBatchOptimiser, MinibatchOptimiser
 from learn.training.optimisers.registry import OPTIMISERS
 from learn.training.schedule import Clock, TrainingConfig, step_size
@@ -36,9 +35,6 @@ from twin.records.whole import whole_file
 
 TRAINING_PER_VALIDATION = 4.0
 """Least ratio of the time in training to that in validation: a large store validates less often."""
-
-FULL_BATCH = 64
-"""Windows of a full-batch method whose gradient is taken at once."""
 BUFFER_ORDER = 1
 """Sets the numbers that order the buffers of an epoch apart from those that shuffle windows."""
 
@@ -117,6 +113,7 @@ class Trainer:
         self.network = build_network(self.network_config).to(self.device)
         if start is not None:
             self._take(start)
+        self._only_feed: Feed | None = None
         self.history: list[Report] = []
         self.best = math.inf
         if start is not None and validation is not None and len(validation.lengths):
@@ -132,7 +129,7 @@ class Trainer:
         except RuntimeError as error:
             raise InputError(
                 "the weights to start from belong to a network of another kind, size or inputs; "
-                "give the same --kind, --hidden, --layers, --delays and inputs"
+                "give the same --network, --hidden, --layers, --delays, --memories and inputs"
             ) from error
 
     def run(self) -> Trained:
@@ -154,7 +151,7 @@ class Trainer:
             self.checkpoint.unlink(missing_ok=True)
         return Trained(self.network, tuple(self.history), self.stopped)
 
-    # --- batches of windows ---------------------------------------------------------------------
+    # --- minibatches ----------------------------------------------------------------------------
 
     def _minibatches(self, kind: MinibatchOptimiser, saved: dict[str, Any] | None) -> None:
         config, network = self.config, self.network
@@ -173,22 +170,14 @@ class Trainer:
         next_check = self._next_check(share)
         while share < 1.0 and not self.stopped:
             plan = self._plan(epoch)
-            for number, data in enumerate(ahead(self.train_data, plan[first:]), first):
-                rng = np.random.default_rng([config.seed, epoch, number])
-                windows = cut_windows(
-                    data.lengths,
-                    length=config.window,
-                    washin=config.washin,
-                    rng=rng,
-                    mirror=data.mirror is not None,
-                )
-                groups = batches(windows, config.batch, rng)
+            for number, feed in self._feeds(plan, first):
+                groups = feed.epoch(np.random.default_rng([config.seed, epoch, number]))
                 before, own = self._part(plan[:number]), self._part(plan[number : number + 1])
                 while position < len(groups):
                     rate = step_size(config, share)
                     for group in optimiser.param_groups:
                         group["lr"] = rate
-                    self._update(optimiser, data, groups[position])
+                    self._update(optimiser, feed, groups[position])
                     position, step = position + 1, step + 1
                     passed = epoch + before + position / len(groups) * own
                     share = clock.share(passed)
@@ -207,6 +196,7 @@ class Trainer:
                     if share >= 1.0 or self.stopped:
                         return
                 position = 0
+                del feed  # before the next one is made
             epoch, first = epoch + 1, 0
 
     def _plan(self, epoch: int) -> list[Places]:
@@ -219,9 +209,20 @@ class Trainer:
         lengths = self.train_data.lengths
         return sum(int(lengths[places].sum()) for places in plan) / int(lengths.sum())
 
-    def _update(self, optimiser: torch.optim.Optimizer, data: Sequences, windows: Any) -> None:
+    def _feeds(self, plan: list[Places], first: int = 0) -> Iterator[tuple[int, Feed]]:
+        """Number and feed of each buffer from the `first` on; a single one is made once."""
+        if len(plan) == 1:
+            if self._only_feed is None:
+                data = self.train_data.take(plan[0])
+                self._only_feed = feed_for(self.network, data, self.config)
+            yield 0, self._only_feed
+            return
+        for number, data in enumerate(ahead(self.train_data, plan[first:]), first):
+            yield number, feed_for(self.network, data, self.config)
+
+    def _update(self, optimiser: torch.optim.Optimizer, feed: Feed, group: Any) -> None:
         optimiser.zero_grad()
-        error, weight = self._squared_error(data, windows)
+        error, weight = feed.squared_error(group)
         loss = error / max(weight, 1.0)
         loss.backward()
         length = torch.nn.utils.clip_grad_norm_(self.network.parameters(), self.config.clip)
@@ -233,14 +234,7 @@ class Trainer:
         optimiser.step()
         self._seen.append((float(error.detach()), weight))
 
-    def _squared_error(self, data: Sequences, windows: Any) -> tuple[Tensor, float]:
-        x, y, w = pack_windows(data, windows)
-        weight = float(w.sum())
-        inputs, wanted, counted = (torch.from_numpy(a).to(self.device) for a in (x, y, w))
-        output = self.network(inputs)[0][..., 0]
-        return (counted * (output - wanted).square()).sum(), weight
-
-    # --- all windows at once --------------------------------------------------------------------
+    # --- all samples at once --------------------------------------------------------------------
 
     def _full_batch(self, kind: FullBatchOptimiser, saved: dict[str, Any] | None) -> None:
         config, network = self.config, self.network
@@ -251,18 +245,13 @@ class Trainer:
             torch.nn.utils.vector_to_parameters(flat, parameters)
             network.zero_grad()
             errors, weights = [], 0.0
-            for data in ahead(self.train_data, plan):
-                windows = cut_windows(
-                    data.lengths,
-                    length=config.full_window,
-                    washin=config.washin,
-                    mirror=data.mirror is not None,
-                )
-                for group in batches(windows, FULL_BATCH):
-                    error, weight = self._squared_error(data, group)
+            for _, feed in self._feeds(plan):
+                for group in feed.everything():
+                    error, weight = feed.squared_error(group)
                     error.backward()
                     errors.append(float(error.detach()))
                     weights += weight
+                del feed  # before the next one is made
             gradient = torch.cat([p.grad.view(-1) for p in parameters if p.grad is not None])
             return math.fsum(errors) / weights, gradient.detach() / weights
 

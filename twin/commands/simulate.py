@@ -23,8 +23,8 @@ class Simulate(JsonOption):
     """Fly one mission: summary table, and on request a store and a plot."""
 
     mission: Annotated[str | None, tyro.conf.Positional] = None
-    """shipped mission name, or the path of a mission TOML file; default: the shipped one that suits
-    the vehicle"""
+    """shipped mission name, or the path of a mission file, TOML or Slocum's .mi (docs/missions.md);
+    default: the shipped one that suits the vehicle"""
     vehicle: str = "glider"
     """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
     current: str = "none"
@@ -196,7 +196,7 @@ class Simulate(JsonOption):
             mass=self.mass,
             compressibility=self.compressibility,
         )
-        mission = load_mission_for(vehicle, self.mission)
+        mission = load_mission_for(vehicle, self.mission, above_floor=self.floor != "none")
         scenario = Scenario(
             vehicle=vehicle,
             ballast=ballast,

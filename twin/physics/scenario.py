@@ -38,6 +38,8 @@ class Scenario:
     """How the vehicle was weighed; None: neutral in water of the reference density."""
     encoder_zeros: Mapping[str, float] = dataclasses.field(default_factory=dict)
     """Position of a part when its encoder says 0, by name and in the part's unit; 0 if left out."""
+    compass_offset: float = 0.0
+    """What the compass of guidance reads beyond the true heading [rad]."""
     plan: Mission | Schedule | None = None
     """Closed-loop mission, open-loop schedule, or None (commands come from a controller)."""
     duration: float | None = None
@@ -98,6 +100,14 @@ class Scenario:
             raise InputError(
                 f"scenario: believed vehicle {self.believed.name!r} has other parts than "
                 f"{self.vehicle.name!r}: {', '.join(self.believed.part_names)}"
+            )
+        if not math.isfinite(number(self.compass_offset, "scenario: compass_offset")):
+            raise InputError(f"scenario: compass_offset {self.compass_offset} must be finite")
+        if isinstance(self.plan, Mission) and self.plan.needs_place and not self.has_place:
+            raise MissionError(
+                f"mission {self.plan.name!r} goes to places on the Earth, and nothing says where "
+                "it starts: give --start LAT,LON, or "
+                'start={"latitude": 49.0, "longitude": -16.0}'
             )
         if self.start is not None:
             self.begin.positions(self.vehicle.part_names, self.vehicle.rest)
@@ -177,6 +187,16 @@ class Scenario:
         """
         return self.begin.origin(self.origin)
 
+    def mission_in_metres(self) -> Mission:
+        """The mission that is flown, its targets in metres from `place`.
+
+        Raises:
+          InputError: the plan is not a mission.
+        """
+        if not isinstance(self.plan, Mission):
+            raise InputError("the scenario's plan is not a mission")
+        return self.plan.placed(self.place.latitude_deg, self.place.longitude_deg)
+
     @property
     def has_place(self) -> bool:
         """True when the scenario says where on Earth it is flown; else `place` is the default."""
@@ -191,7 +211,7 @@ class Scenario:
         """Longest duration [s]; raises InputError when neither scenario nor mission gives one."""
         duration = self.duration
         if duration is None and isinstance(self.plan, Mission):
-            duration = self.plan.time_limit_s(self.believed_vehicle)
+            duration = self.mission_in_metres().time_limit_s(self.believed_vehicle)
         if duration is None:
             raise InputError("give a duration: neither the scenario nor its plan has one")
         if not (math.isfinite(duration) and duration > 0):
@@ -224,6 +244,7 @@ class Scenario:
             "believed": None if self.believed is None else self.believed.changes(),
             "ballast": None if self.ballast is None else dataclasses.asdict(self.ballast),
             "encoder_zeros": dict(self.encoder_zeros),
+            "compass_offset": self.compass_offset,
             "plan": plan,
             "duration": self.duration,
             "start": None if self.start is None else dataclasses.asdict(self.begin),
@@ -262,6 +283,7 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
         believed=None if believed is None else vehicle.with_changes(believed),
         ballast=None if ballast is None else Ballast(**ballast),
         encoder_zeros=data.get("encoder_zeros", {}),
+        compass_offset=data.get("compass_offset", 0.0),
         plan=plan,
         duration=data["duration"],
         start=start,

@@ -369,6 +369,8 @@ def observe(data: mujoco.MjData, vehicle: Vehicle, floor: Array) -> Observation:
         roll_rate=float(p),
         pitch_rate=float(q),
         yaw_rate=float(r),
+        north=float(data.qpos[0]),
+        east=float(-data.qpos[1]),
         parts=dict(zip(vehicle.part_names, data.act.tolist(), strict=True)),
     )
 

@@ -12,13 +12,13 @@ from navigation import add_fixes, trimmed_mission, write_store
 from factory.commands.generate import DEFAULT_OUT
 from learn.__main__ import PROGRAM
 from learn.files import SEAL, write_json, write_sealed
-from learn.navigation.baselines.registry import BASELINES
 from learn.networks.config import NetworkConfig
 from learn.runs.run import DEFAULT_STORE, newest_run, open_run
 from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError, WriteError
+from twin.navigation.baselines.registry import BASELINES
 
 PAGE = Path(__file__).parents[3] / "docs" / "learn.md"
 SMALL = {"epochs": 1, "hidden": 6, "layers": 1, "members": 1, "workers": 1}
@@ -262,7 +262,7 @@ def test_the_help_of_fit_names_the_defaults_that_apply(here, capsys):
         (("fit", "--name", "a/b"), "must be a plain name"),
         (("fit", "--name", ""), "must be a plain name"),
         (("fit", "--resume"), "needs the --name"),
-        (("fit", "--network", "rnn"), "(allowed: elman, gru, lstm, mlp, tcn)"),
+        (("fit", "--network", "rnn"), "(allowed: elman, ema, gru, lstm, mlp, tcn)"),
         (("fit", "--device", "cud"), "did you mean 'cuda'"),
         (("evaluate", "first", "--tracks", "data"), "the ending must be one of"),
         (("evaluate", "first", "--out", "data/missions.zarr/zarr.json"), "is a file, not a folder"),

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from learn_missions import synthetic_mission, write_dataset, write_synthetic_store
 
 from learn.data.dataset import load_missions
-from learn.data.features import channels_of, select_features
 from learn.data.preparation import SampleDivision, prepare
 from learn.data.sequences import Sequences
 from learn.data.windows import batches, cut_windows, pack_windows
 from twin.errors import InputError, StoreError
+from twin.navigation.features import channels_of, select_features
 
 CHANNELS = (*channels_of(select_features()), "true_surge")
 

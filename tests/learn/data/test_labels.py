@@ -8,7 +8,6 @@ from navigation import PERIOD, steady_mission, write_store
 
 from learn.api import fit_settings
 from learn.data.dataset import Mission
-from learn.data.features import select_features
 from learn.data.labels import (
     STORE_CURRENT,
     LabelConfig,
@@ -24,6 +23,7 @@ from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError
 from twin.frames import euler_to_matrix
+from twin.navigation.features import select_features
 
 CURRENT = (0.12, -0.2)
 LOCK = np.repeat([1.0, 2.0, 0.0, 1.0], [300, 200, 50, 450])

@@ -15,12 +15,10 @@ import learn
 from factory.importing import import_logs
 from factory.importing.dives.dive_rows import blocks
 from learn.data.dataset import Mission, load_missions
-from learn.data.features import INPUT_SETS, select_features
 from learn.data.labels import LabelConfig
 from learn.data.logs import filled, nearest
 from learn.data.preparation import prepare
 from learn.evaluation.log_score import LogReference, score_row
-from learn.navigation.baselines.base import Estimate
 from learn.networks.config import NetworkConfig
 from learn.report.origin import Origin
 from learn.studies.folds import folds_with_labels, leave_out_each
@@ -28,6 +26,8 @@ from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError
+from twin.navigation.baselines.base import Estimate
+from twin.navigation.features import INPUT_SETS, select_features
 from twin.records.logs import LogRow
 from twin.records.store import open_store, write_store
 from twin.vehicle.vehicle import load_vehicle

@@ -13,7 +13,6 @@ from logs import SENTINEL, sailfish_columns, write_csv
 
 import learn
 from factory.importing import import_logs
-from learn.data.features import select_features
 from learn.data.labels import LabelConfig
 from learn.networks.config import NetworkConfig
 from learn.studies.finishing import finish
@@ -22,6 +21,7 @@ from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError
+from twin.navigation.features import select_features
 from twin.records.store import write_store
 
 RUNS = ("20220701_0_0", "20220702_0_0")
