@@ -60,12 +60,12 @@ class Campaign:
     journal: str | None = None
     """file with a line for each fault that was injected, which is not injected again"""
     seconds: float | None = None
-    """[s] after which the campaign stops before its end"""
+    """[s] after which the campaign stops before its end; preparation does not count"""
 
 
 def run(campaign: Campaign, work: Path) -> Outcome:
     """Inject faults into every n-th operation of a writer."""
-    begun, name = time.monotonic(), campaign.writer
+    name = campaign.writer
     writer = WRITERS[name]
     inputs, place = work / "inputs", work / "place"
     inputs.mkdir(parents=True)
@@ -92,7 +92,7 @@ def run(campaign: Campaign, work: Path) -> Outcome:
     ]
     random.Random(operations).shuffle(planned)
     outcome = Outcome(name, operations, len(planned))
-    known = _known(campaign, operations)
+    known, begun = _known(campaign, operations), time.monotonic()
     for fault, at in planned:
         if campaign.seconds is not None and time.monotonic() - begun > campaign.seconds:
             break

@@ -10,7 +10,7 @@ import torch
 
 from learn.data.preparation import prepare
 from learn.networks.predictor import Predictor
-from learn.runs.rollback import CHECKPOINT
+from learn.runs.place import CHECKPOINT
 from learn.runs.run import open_run, stem
 from learn.training.settings import Job
 from learn.training.trainer import Report, Trainer
@@ -38,6 +38,7 @@ def train(job: Job, folder: Path, report: Callable[[Report], None]) -> Report | 
         held_out=config.held_out,
         labels=config.labels,
     )
+    checkpoint = folder / f"{job.name}{CHECKPOINT}"
     threads = torch.get_num_threads()
     try:
         trained = Trainer(
@@ -46,11 +47,12 @@ def train(job: Job, folder: Path, report: Callable[[Report], None]) -> Report | 
             data.train,
             data.validation,
             target_scale=data.normalisation.target_scale,
-            checkpoint=folder / f"{job.name}{CHECKPOINT}",
+            checkpoint=checkpoint,
             report=report,
             start=None if start is None else start.network.state_dict(),
         ).run()
     finally:
         torch.set_num_threads(threads)  # the caller's, who may go on in this process
     Predictor(trained.network.cpu(), data.normalisation).save(stem(folder, job.target, job.member))
+    checkpoint.unlink(missing_ok=True)  # now that what came of it is safe
     return trained.history[-1] if trained.history else None
