@@ -16,6 +16,7 @@ from learn.data.store_checks import check_window
 from learn.networks.config import NetworkConfig
 from learn.networks.registry import NETWORKS
 from learn.report.contents import RunEvaluation
+from learn.runs.place import training_folder
 from learn.runs.run import (
     DEFAULT_STORE,
     DESCRIPTION,
@@ -63,7 +64,8 @@ def fit(
       store: of missions or of logs; None is data/missions.zarr, or the run's own with `resume`.
       folder: of the run; None is a new one in runs/, named by date and number.
       resume: continue the run in `folder` with its own settings; start it if there is none.
-      overwrite: replace the run in `folder`, which is kept until the new one has trained something.
+      overwrite: replace the run in `folder`, which is kept until the new one is trained; with
+        `resume` such a replacement is continued.
       workers: processes. 1 trains in this one; more need the script's main part behind
         `if __name__ == "__main__"`.
       watch: called as watch(job, report) at every validation of every network.
@@ -79,7 +81,8 @@ def fit(
       StoreError: the store cannot be used.
     """
     path = RUNS / free_name() if folder is None else Path(folder)
-    config = fit_settings(store, resumed=path if resume else None, **settings)
+    place = training_folder(path, replace=overwrite)
+    config = fit_settings(store, resumed=place if resume else None, **settings)
     return train_and_finish(
         config,
         path,

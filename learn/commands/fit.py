@@ -123,23 +123,24 @@ class Fit(JsonOption):
     resume: bool = False
     """continue the run of this --name and its settings; start it if there is none"""
     overwrite: bool = False
-    """replace the run of this --name once the new one trains"""
+    """replace the run of this --name once the new one is trained; --overwrite --resume continues
+    such a replacement"""
 
     def run(self, console: Console) -> int:
         """Train, judge, report."""
         # must be said before numpy is imported: each network trains in one thread
         os.environ.setdefault("OMP_NUM_THREADS", "1")
         from learn.api import fit_settings, train_and_finish
+        from learn.runs.place import training_folder
 
         if self.resume and self.name is None:
             raise InputError("--resume needs the --name of the run to continue")
-        if self.resume and self.overwrite:
-            raise InputError("--resume continues a run, --overwrite replaces it: give one")
         self._check_choices()
         folder = self._folder()
         options = {name: getattr(self, name) for name in SETTINGS}
+        place = training_folder(folder, replace=self.overwrite)
         config = fit_settings(
-            resumed=folder if self.resume else None, mirror=not self.no_mirror, **options
+            resumed=place if self.resume else None, mirror=not self.no_mirror, **options
         )
         if self.tensorboard:
             _event_writer_type()
@@ -150,7 +151,7 @@ class Fit(JsonOption):
             for unit in units:
                 folds_with_labels(config, unit)
         workers = len(os.sched_getaffinity(0)) if self.workers is None else self.workers
-        with _Watcher(console, config, folder, events=self.tensorboard) as watcher:
+        with _Watcher(console, config, place, events=self.tensorboard) as watcher:
 
             def studies(run: Run) -> None:
                 watcher.close()
@@ -321,6 +322,7 @@ class _Watcher:
             self._writer = self._writer or _event_writer_type()(str(self._folder / "events"))
             for name in ("train_mse", "validation_mse", "rate"):
                 self._writer.add_scalar(f"{job.name}/{name}", getattr(report, name), report.step)
+            self._writer.flush()  # the folder may be copied when the last network is trained
 
 
 def _event_writer_type() -> Any:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from learn.evaluation.evaluation import evaluate
-from learn.files import write_json
+from learn.files import write_sealed
 from learn.runs.run import ABLATION, Run
 from learn.studies.run_evaluation import evaluation_split
 from learn.training.fitting import Watch, fit
@@ -50,5 +50,5 @@ def ablate(
             part.networks(), run.store, split=split, baselines=(), period=run.period
         )
         figures[f"without {sensor}"] = to_json(evaluation.to_json())
-    write_json(run.folder / ABLATION, figures)
+    write_sealed(run.folder / ABLATION, figures)
     return figures

@@ -16,7 +16,7 @@ import numpy as np
 from learn.data.dataset import TARGETS, Mission, load_missions
 from learn.data.labels import LabelConfig
 from learn.data.logs import SPEED
-from learn.files import read_json, write_json
+from learn.files import read_sealed, write_sealed
 from learn.runs.run import Run
 from learn.training.fitting import Watch, fit
 from learn.training.settings import FitConfig
@@ -136,7 +136,7 @@ def read_folds(run: Run) -> tuple[Folds, ...]:
         if not path.is_file():
             continue
         remedy = f"`learn fit --name {run.name} --resume --leave-out-each-{unit}` writes it again"
-        parts = read_json(path, remedy)["folds"]
+        parts = read_sealed(path, remedy)["folds"]
         found.append(Folds(unit=unit, folds=tuple(map(Fold.of, parts))))
     return tuple(found)
 
@@ -211,7 +211,7 @@ def leave_out_each(
             )
         found.append(Fold(name=name, rows=tuple(rows), errors=errors))
     study = Folds(unit=unit, folds=tuple(found))
-    write_json(run.folder / file_name(unit), study.to_json())
+    write_sealed(run.folder / file_name(unit), study.to_json())
     return study
 
 

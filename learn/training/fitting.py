@@ -15,7 +15,7 @@ from learn.data.labels import LabelCounts
 from learn.data.logs import SPEED
 from learn.data.store_checks import check_truth, few_labels, few_missions, labels_in
 from learn.networks.registry import NETWORKS
-from learn.runs.rollback import Rollback, recover
+from learn.runs.place import Place, training_folder
 from learn.runs.run import (
     DESCRIPTION,
     FORMAT,
@@ -38,7 +38,7 @@ from learn.training.settings import FitConfig, Job
 from learn.training.trainer import Report, pick_device
 from learn.training.workers import train_in_workers
 from twin.cli.console import to_json
-from twin.errors import InputError
+from twin.errors import InputError, WriteError
 from twin.navigation.features import channels_of
 from twin.records.attributes import (
     HISTORY,
@@ -83,8 +83,9 @@ def fit(
     A start that fails, or is interrupted before anything is trained, leaves what was there.
 
     Args:
-      resume: continue an unfinished run of the same settings; start it if there is none.
-      replace: put the new run in the place of an old one.
+      resume: continue an unfinished run of the same settings; start it if there is none. With
+        `replace` this is one that was begun with `replace`.
+      replace: put the new run in the place of an old one once all of it is trained.
       workers: processes; 1 trains in this one.
       watch: sees every validation.
       warn: told what is no error and makes poor networks.
@@ -93,58 +94,57 @@ def fit(
     Raises:
       InputError: the folder is in use, or holds a run of other settings or of another store.
       StoreError: the store cannot be used (see `learn.data.dataset`).
+      WriteError: the disk refuses.
     """
     if workers < 1:
         raise InputError(f"workers must be at least 1, not {workers}")
-    if resume and replace:
-        raise InputError("a run is either continued or replaced: leave out --resume or --overwrite")
-    recover(folder)
-    there = _run_there(folder)
-    if there is not None and not (resume or replace):
+    if _run_there(folder) is not None and not (resume or replace):
         raise InputError(f"run {folder} exists; use --resume, --overwrite or another --name")
+    there = _run_there(training_folder(folder, replace=replace)) if resume else None
     content = _check_sources(config, workers)
     if text := few_missions(config.store, config.division):
         warn(text)
-    going_on = there is not None and resume
-    if there is not None and resume:
+    if there is not None:
         _check_same(config, there, content, folder)
-        description = there
-    else:
-        description = _describe(config, content, history)
+    description = _describe(config, content, history) if there is None else there
     if LABELS in description and (
         text := few_labels(config.store, config.labels, LabelCounts(**description[LABELS]))
     ):
         warn(text)
-    rollback = Rollback(folder, new=not going_on)
+    place = Place(folder, replace=replace, fresh=there is None)
     try:
-        with rollback:
-            if going_on:
-                repair_metrics(folder)
-            write_description(folder, description)
-            return _train_all(config, rollback, description, workers=workers, watch=watch)
+        with place:
+            repair_metrics(place.folder)
+            write_description(place.folder, description)
+            run = _train_all(config, place.folder, description, workers=workers, watch=watch)
+            place.complete()
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(rollback.outcome()) from None
+        raise KeyboardInterrupt(place.outcome()) from None
+    except OSError as error:
+        if error.filename is not None and not Path(error.filename).is_relative_to(place.folder):
+            raise
+        raise WriteError(
+            f"cannot write {place.folder}: {error.strerror or error}; {place.outcome()}"
+        ) from error
+    return Run(folder, run.description)
 
 
 def _train_all(
     config: FitConfig,
-    rollback: Rollback,
+    folder: Path,
     description: dict[str, Any],
     *,
     workers: int,
     watch: Watch | None,
 ) -> Run:
-    folder = rollback.folder
     jobs = [job for job in config.jobs() if not (folder / f"{job.name}.json").is_file()]
     results = dict(description.get("networks", {}))
 
     def finished(job: Job, report: Report | None) -> None:
-        rollback.settle()
         results[job.name] = _figures(job, report)
         write_description(folder, {**description, "networks": results})
 
     def seen(job: Job, report: Report) -> None:
-        rollback.settle()
         record = {"network": job.name, **dataclasses.asdict(report)}
         with (folder / METRICS).open("a") as file:
             file.write(json.dumps(to_json(record)) + "\n")

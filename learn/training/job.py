@@ -10,7 +10,7 @@ import torch
 
 from learn.data.preparation import prepare
 from learn.networks.predictor import Predictor
-from learn.runs.rollback import CHECKPOINT
+from learn.runs.place import CHECKPOINT
 from learn.runs.run import open_run, stem
 from learn.training.settings import Job
 from learn.training.trainer import Report, Trainer
@@ -32,6 +32,7 @@ def train(
         start = members[job.member % len(members)]
         if start.features != config.features:
             raise InputError(f"run {config.start} has other inputs; leave the inputs to --start")
+    checkpoint = folder / f"{job.name}{CHECKPOINT}"
     with prepare(
         config.store,
         target=job.target,
@@ -53,11 +54,12 @@ def train(
                 data.train,
                 data.validation,
                 target_scale=data.normalisation.target_scale,
-                checkpoint=folder / f"{job.name}{CHECKPOINT}",
+                checkpoint=checkpoint,
                 report=report,
                 start=None if start is None else start.network.state_dict(),
             ).run()
         finally:
             torch.set_num_threads(threads)  # the caller's, who may go on in this process
     Predictor(trained.network.cpu(), data.normalisation).save(stem(folder, job.target, job.member))
+    checkpoint.unlink(missing_ok=True)  # now that what came of it is safe
     return trained.history[-1] if trained.history else None

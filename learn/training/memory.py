@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from learn.data.dataset import AT_A_TIME
 from learn.data.preparation import sample_bytes, training_lengths
 from learn.data.windows import buffers
 from learn.networks.predictor import groups_by_length
+from learn.training.feed import recalled_columns
 from learn.training.settings import FitConfig
 from twin.errors import InputError
 
@@ -24,7 +25,7 @@ READING = 400
 CGROUPS = Path("/sys/fs/cgroup")
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Residence:
     """Where the training data are."""
 
@@ -79,17 +80,22 @@ def _sizes(config: FitConfig) -> tuple[int, int]:
     """Bytes of one network's data: all of them, and the most that streaming holds at once.
 
     While one buffer is trained on and the next one is read, two groups of validation missions may
-    be in memory as well.
+    be in memory as well. What a fixed memory recalls of a buffer is there twice while it is made.
     """
     train, validation = training_lengths(
         config.store, config.division, config.period, config.held_out
     )
     lengths = train if config.division == "samples" else np.concatenate([train, validation])
     sample = sample_bytes(len(config.features))
-    held = max(int(train[part].sum()) for part in buffers(train, config.training.buffer))
+    # the period changes what is recalled, and not how much of it
+    shape = dataclasses.replace(config.network, inputs=len(config.features), period=1.0)
+    recalled = 2 * recalled_columns(shape) * 4
+    plan = buffers(train, config.training.buffer)
+    held = max(int(train[part].sum()) for part in plan)
     judged = [int(validation[group].sum()) for group in groups_by_length(validation)]
-    piece = max(AT_A_TIME, int(lengths.max())) * READING
-    return int(lengths.sum()) * sample, 2 * (held + max(judged, default=0)) * sample + piece
+    reading = max(AT_A_TIME, int(lengths.max())) * READING + held * recalled
+    ahead = min(2, len(plan)) * held + 2 * max(judged, default=0)
+    return int(lengths.sum()) * sample + reading, ahead * sample + reading
 
 
 def free_memory() -> float:

@@ -8,6 +8,7 @@ them. What is judged is the free run over whole validation missions.
 from __future__ import annotations
 
 import dataclasses
+import io
 import math
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
@@ -133,7 +134,8 @@ class Trainer:
             ) from error
 
     def run(self) -> Trained:
-        """Train until the budget is spent or validation stops improving; resumes a checkpoint.
+        """Train until the budget is spent or validation stops improving; resumes a checkpoint, which
+        stays.
 
         Raises:
           StoreError: the checkpoint belongs to other settings.
@@ -147,8 +149,6 @@ class Trainer:
             assert isinstance(optimiser, MinibatchOptimiser)
             self._minibatches(optimiser, saved)
         self.network.load_state_dict(self.best_state)
-        if self.checkpoint is not None:
-            self.checkpoint.unlink(missing_ok=True)
         return Trained(self.network, tuple(self.history), self.stopped)
 
     # --- minibatches ----------------------------------------------------------------------------
@@ -329,9 +329,11 @@ class Trainer:
             "bad": self.bad,
             **state,
         }
+        saved = io.BytesIO()  # torch's own errors of files are not those of the system
+        torch.save(everything, saved)
         # a kill while writing must not cost the previous checkpoint
         with whole_file(self.checkpoint) as place:
-            torch.save(everything, place)
+            place.write_bytes(saved.getbuffer())
 
     def _load(self) -> dict[str, Any] | None:
         if self.checkpoint is None or not self.checkpoint.exists():

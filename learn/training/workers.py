@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from learn.networks.registry import NETWORKS
+from learn.runs.place import resume_command
 from learn.training.job import train
 from learn.training.optimisers.registry import OPTIMISERS
 from learn.training.settings import Job
@@ -123,5 +124,5 @@ def _death(worker: _Worker, folder: Path) -> TwinError:
     worker.process.join()
     return TwinError(
         f"the process that trains {worker.job.name} ended with code {worker.process.exitcode} "
-        f"(out of memory?); continue with `learn fit --name {folder.name} --resume`"
+        f"(out of memory?); continue with {resume_command(folder)}"
     )

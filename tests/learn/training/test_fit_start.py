@@ -18,7 +18,7 @@ from learn.__main__ import PROGRAM
 from learn.commands.fit import Fit
 from learn.files import write_sealed
 from learn.networks.config import NetworkConfig
-from learn.runs.rollback import Rollback, aside, recover
+from learn.runs.place import training_folder
 from learn.runs.run import METRICS, Run, newest_run, open_run, read_description
 from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
@@ -79,7 +79,6 @@ def contents(folder):
         (("s.zarr", "--epochs", "-1"), "must not be negative"),
         (("s.zarr", "--workers", "-2"), "workers must be at least 1"),
         (("s.zarr", "--period", "0.7"), "no multiple"),
-        (("s.zarr", "--resume"), "give one"),
         (("s.zarr", "--device", "cuda"), "no CUDA device is available"),
         (("s.zarr", "--start", "none"), "is not a run"),
         (("s.zarr", "--start", "none", "--inputs", "glider"), "is not a run"),
@@ -132,9 +131,8 @@ def test_a_run_is_replaced_once_the_new_one_is_trained(here, capsys):
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, StoreError("no"), MemoryError])
-def test_a_start_that_ends_before_training_brings_the_old_run_back(here, monkeypatch, error):
+def test_a_start_that_ends_before_training_leaves_the_old_run(here, monkeypatch, error):
     def fail(*_, **__):
-        assert not (here / "runs" / "done" / "surge-0.json").exists()
         raise error
 
     monkeypatch.setattr("learn.training.fitting.train", fail)
@@ -142,6 +140,7 @@ def test_a_start_that_ends_before_training_brings_the_old_run_back(here, monkeyp
     with pytest.raises(type(error) if isinstance(error, Exception) else error) as caught:
         fit(small_config("s.zarr"), here / "runs" / "done", replace=True, workers=1)
     assert contents(here) == before
+    assert [p.name for p in (here / "runs").iterdir()] == ["done"]
     if error is KeyboardInterrupt:
         assert "nothing was trained yet" in str(caught.value)
         assert "is as it was" in str(caught.value)
@@ -161,7 +160,8 @@ def test_a_name_stays_free_when_nothing_was_trained(here, capsys):
         assert not (here / "runs" / "free").exists()
 
 
-def test_an_interrupt_after_training_began_keeps_what_is_trained(here, monkeypatch):
+def interrupted_in_sway(monkeypatch):
+    """Ends a fit after surge is trained."""
     real = learn.training.fitting.train
 
     def train(job, folder, report):
@@ -170,27 +170,74 @@ def test_an_interrupt_after_training_began_keeps_what_is_trained(here, monkeypat
         return real(job, folder, report)
 
     monkeypatch.setattr("learn.training.fitting.train", train)
-    with pytest.raises(KeyboardInterrupt, match="`learn fit --name done --resume`"):
-        fit(small_config("s.zarr"), here / "runs" / "done", replace=True, workers=1)
-    assert not aside(here / "runs" / "done").exists()
-    assert (here / "runs" / "done" / "surge-0.json").is_file()
-    with pytest.raises(StoreError, match="`learn fit --name done --resume`"):
-        open_run("done")
 
 
-def test_a_killed_replacement_is_tidied_up_by_the_next_fit(here):
+def test_an_interrupt_after_training_began_keeps_what_is_trained(here, monkeypatch):
+    with monkeypatch.context() as patch:
+        interrupted_in_sway(patch)
+        with pytest.raises(KeyboardInterrupt, match="`learn fit --name new --resume`"):
+            fit(small_config("s.zarr"), here / "runs" / "new", workers=1)
+    assert (here / "runs" / "new" / "surge-0.json").is_file()
+    with pytest.raises(StoreError, match="`learn fit --name new --resume`"):
+        open_run("new")
+
+
+def test_the_old_run_stays_until_its_replacement_is_trained(here, capsys, monkeypatch):
+    """An interrupted replacement is nobody's run, and is continued by its settings."""
     folder = here / "runs" / "done"
     before = contents(folder)
-    with Rollback(folder, new=True):  # killed here: the context is left without its end
-        copy = here / "killed"
-        shutil.copytree(here / "runs", copy)
-        (folder / "surge-0.checkpoint").touch()
-    assert contents(copy / aside(folder).name) == before
-    with pytest.raises(InputError, match="no finished run"):
-        newest_run(copy)  # what is kept aside is nobody's newest run
-    recover(copy / "done")
-    assert contents(copy / "done") == before
-    assert not aside(copy / "done").exists()
+    with monkeypatch.context() as patch:
+        interrupted_in_sway(patch)
+        with pytest.raises(KeyboardInterrupt, match="`learn fit --name done --overwrite --resume`"):
+            fit(small_config("s.zarr", members=2), folder, replace=True, workers=1)
+    assert contents(folder) == before
+    assert newest_run().folder.name == "done"
+    surge = (training_folder(folder, replace=True) / "surge-0.safetensors").read_bytes()
+    words = ("fit", "--name", "done", "--overwrite", "--resume", "--workers", "1")
+    code, _, err = call(capsys, *words)
+    assert code == 0, err
+    assert open_run("done").members == 2
+    assert (folder / "surge-0.safetensors").read_bytes() == surge
+    assert [p.name for p in (here / "runs").iterdir()] == ["done"]
+
+
+def test_a_replacement_that_is_started_again_forgets_the_first(here, monkeypatch):
+    folder = here / "runs" / "done"
+    with monkeypatch.context() as patch:
+        interrupted_in_sway(patch)
+        with pytest.raises(KeyboardInterrupt):
+            fit(small_config("s.zarr", members=2), folder, replace=True, workers=1)
+    fit(small_config("s.zarr"), folder, replace=True, workers=1)
+    assert sorted(p.stem for p in folder.glob("*.safetensors")) == ["surge-0", "sway-0"]
+
+
+def test_a_kill_between_training_and_saving_costs_nothing(here, monkeypatch):
+    """The checkpoint stays until the network is saved."""
+    folder = here / "runs" / "new"
+
+    def fail(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("learn.networks.predictor.Predictor.save", fail)
+        with pytest.raises(KeyboardInterrupt):
+            fit(small_config("s.zarr"), folder, workers=1)
+    lines = (folder / METRICS).read_bytes()
+    fit(small_config("s.zarr"), folder, resume=True, workers=1)
+    assert b'"surge-0"' not in (folder / METRICS).read_bytes()[len(lines) :]
+    assert (folder / "surge-0.safetensors").is_file()
+    assert not list(folder.glob("*.checkpoint"))
+
+
+def test_two_fits_of_one_run_at_once_are_refused(here, monkeypatch):
+    def second(*_, **__):
+        with pytest.raises(InputError, match="another `learn fit` trains run"):
+            fit(small_config("s.zarr"), here / "runs" / "new", resume=True, workers=1)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("learn.training.fitting.train", second)
+    with pytest.raises(KeyboardInterrupt):
+        fit(small_config("s.zarr"), here / "runs" / "new", workers=1)
 
 
 # --- going on ------------------------------------------------------------------------------------
