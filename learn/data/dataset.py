@@ -230,6 +230,15 @@ class Selection:
         for group in pieces(range(len(self)) if places is None else places, self.lengths):
             yield from self.read(group)
 
+    def groups(self, most: int) -> Iterator[list[Mission]]:
+        """All missions in groups of at most so many; only one group is in memory.
+
+        Raises:
+          StoreError: see `read`.
+        """
+        for first in range(0, len(self), most):
+            yield self.read(range(first, min(first + most, len(self))))
+
 
 AT_A_TIME = 2**17
 """Samples that are read in one go: their channels take 30 MB before they become features."""

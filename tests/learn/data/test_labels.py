@@ -178,7 +178,7 @@ def test_a_training_tells_its_warnings(tmp_path):
         labels=LabelConfig(source="dvl"),
     )
     told = []
-    fit(config, tmp_path / "run", workers=1, warn=told.append)
+    fit(config, tmp_path / "run", warn=told.append)
     assert len(told) == 2
     assert "one mission for training" in told[0]
     assert "labels in 100 of 2000" in told[1]
