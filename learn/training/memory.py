@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -71,7 +72,7 @@ def choose_residence(
         )
     raise InputError(
         f"streaming the training data takes {streamed / GB:.2g} GB of memory for {networks}, more "
-        f"than {limit}: give --memory {streamed / GB:.2g} where there is as much, fewer --workers, "
+        f"than {limit}: give --memory {math.ceil(streamed / GB * 1e3) / 1e3:g} where there is as much, fewer --workers, "
         f"or a --buffer of fewer samples than {configs[0].training.buffer}"
     )
 

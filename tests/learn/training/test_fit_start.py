@@ -84,11 +84,21 @@ def contents(folder):
         (("s.zarr", "--period", "-1"), "period must be a finite number"),
         (("s.zarr", "--seconds", "nan"), "seconds must be a finite number, not nan"),
         (("s.zarr", "--seconds", "inf"), "seconds must be a finite number, not inf"),
-        (("s.zarr", "--window", "1000000"), "the longest, mission 0, has 300 samples"),
+        (
+            ("s.zarr", "--network", "elman", "--window", "1000000"),
+            "the longest, mission 0, has 300 samples",
+        ),
         (("s.zarr", "--hidden", "99999999"), "hidden must be at most 4096"),
         (("s.zarr", "--layers", "99999999"), "layers must be at most 64"),
         (("s.zarr", "--delays", "99999999"), "delays must be at most 256"),
-        (("s.zarr", "--hidden", "4096", "--delays", "256"), "take fewer units"),
+        (
+            ("s.zarr", "--network", "elman", "--hidden", "4096", "--delays", "256"),
+            "take fewer units",
+        ),
+        (("s.zarr", "--memory", "0"), "--memory 0 must be a number of GB above 0"),
+        (("s.zarr", "--memory", "0.0001"), "streaming the training data takes 0.11 GB"),
+        (("s.zarr", "--buffer", "0"), "training buffer must be at least 1"),
+        (("s.zarr", "--seeds", "0"), "--seeds 0 must be at least 1"),
         (("s.zarr", "--leave-out-each-dive"), "leaving one out needs at least"),
     ],
 )
@@ -162,10 +172,10 @@ def interrupted_in_sway(monkeypatch):
     """Ends a fit after surge is trained."""
     real = learn.training.workers.train
 
-    def train(job, folder, report):
+    def train(job, folder, report, **options):
         if job.target == "sway":
             raise KeyboardInterrupt
-        return real(job, folder, report)
+        return real(job, folder, report, **options)
 
     monkeypatch.setattr("learn.training.workers.train", train)
 
