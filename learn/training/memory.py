@@ -70,9 +70,10 @@ def choose_residence(
             f"training data are streamed from the store: {whole / GB:.2g} GB for {networks} exceed "
             f"{limit}; {streamed / GB:.2g} GB are in memory at once",
         )
+    needed = math.ceil(streamed / GB * 1e3) / 1e3
     raise InputError(
         f"streaming the training data takes {streamed / GB:.2g} GB of memory for {networks}, more "
-        f"than {limit}: give --memory {math.ceil(streamed / GB * 1e3) / 1e3:g} where there is as much, fewer --workers, "
+        f"than {limit}: give --memory {needed:g} where there is as much, fewer --workers, "
         f"or a --buffer of fewer samples than {configs[0].training.buffer}"
     )
 
