@@ -60,7 +60,7 @@ class Fit(JsonOption):
     name: str | None = None
     """name of the run, its folder in runs/ [default: date and number]"""
     network: Annotated[str | None, NETWORK] = None
-    """kind of network [default: ema; the paper's is elman]"""
+    """kind of network [default: ema, the paper's is elman]"""
     hidden: int | None = None
     """units per hidden layer [default: 50]"""
     layers: int | None = None
