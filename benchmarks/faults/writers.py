@@ -52,6 +52,8 @@ class Writer:
     """Imports and computes what is written, in a folder of its own for inputs."""
     content: Callable[[Path], str] = digest
     """What readers see of it, in a word; `digest` is every byte and name."""
+    whole: Callable[[Path], str] = digest
+    """What must be the same whenever the new content was written."""
 
 
 def _folder(inputs: Path) -> Write:
