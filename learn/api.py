@@ -159,7 +159,7 @@ def fit_settings(
     Args:
       store: of missions or of logs [default: data/missions.zarr].
       resumed: folder of the run that is continued, if it exists.
-      network: a name of `learn.NETWORKS` [ema; the paper's is elman].
+      network: a name of `learn.NETWORKS` [ema, the paper's is elman].
       hidden: units per hidden layer [50].
       layers: hidden layers [3].
       delays: elman: past outputs that a hidden layer is fed back [5].

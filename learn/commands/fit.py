@@ -58,7 +58,7 @@ class Fit(JsonOption):
     name: str | None = None
     """name of the run, its folder in runs/ [default: date and number]"""
     network: Annotated[str | None, NETWORK] = None
-    """kind of network [default: ema; the paper's is elman]"""
+    """kind of network [default: ema, the paper's is elman]"""
     hidden: int | None = None
     """units per hidden layer [default: 50]"""
     layers: int | None = None
@@ -257,7 +257,17 @@ class Fit(JsonOption):
 UNITS: tuple[Unit, ...] = ("dive", "deployment")
 """What `--leave-out-each-...` leaves out."""
 SETTINGS = (
-    *("store", "network", "hidden", "layers", "delays", "memories", "inputs", "features", "without"),
+    *(
+        "store",
+        "network",
+        "hidden",
+        "layers",
+        "delays",
+        "memories",
+        "inputs",
+        "features",
+        "without",
+    ),
     *("optimiser", "seconds", "epochs", "window", "washin", "seed", "members", "division"),
     *("period", "start", "device", "labels", "known_current", "smoothing"),
 )

@@ -13,7 +13,7 @@ outputs are normalised values; see `twin.navigation.features` and `learn.network
 from __future__ import annotations
 
 import abc
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -86,7 +86,16 @@ def build_network(config: NetworkConfig) -> Network:
     return NETWORKS[config.kind](config)
 
 
-TRIED = {"inputs": 3, "period": 0.5, "hidden": 4, "layers": 2, "delays": 2, "kernel": 2, "dilation": 2}
+TRIED_INPUTS = 3
+TRIED: dict[str, Any] = {
+    "inputs": TRIED_INPUTS,
+    "period": 0.5,
+    "hidden": 4,
+    "layers": 2,
+    "delays": 2,
+    "kernel": 2,
+    "dilation": 2,
+}
 TIME, BATCH = 7, 2
 """Samples and sequences of the trial."""
 ROUNDING = 1e-4
@@ -117,7 +126,7 @@ def _wrong(network: Network) -> str:
         return "__init__ does not set state_size, the number of columns of its state"
     if not any(p.requires_grad for p in network.parameters()):
         return "it has no weights to train"
-    x = torch.randn(TIME, BATCH, TRIED["inputs"])
+    x = torch.randn(TIME, BATCH, TRIED_INPUTS)
     network.eval()
     y, end = network(x)
     if tuple(y.shape) != (TIME, BATCH, 1):

@@ -10,7 +10,6 @@ double, since depth is differentiated, and networks are float32.
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import shlex
 import shutil
@@ -163,7 +162,7 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int) -> str:
         ]
     )
     return f"""\
-/* One sample: 1, or 0 where a channel is not finite, which leaves state and velocity as they are. */
+/* One sample: 1, or 0 where a channel is not finite; state and velocity are then as they were. */
 static inline int glider_step(glider_state *state, const glider_sample *sample,
                               glider_velocity *velocity)
 {{

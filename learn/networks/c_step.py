@@ -55,7 +55,7 @@ static inline void gt_tanh(float *v, int count)
 }
 
 /* A row goes in behind the oldest first; the oldest goes out. */
-static inline void gt_shift(float *rows, int count, int width, const float *row)
+static inline void gt_append(float *rows, int count, int width, const float *row)
 {
     memmove(rows, rows + width, (size_t)((count - 1) * width) * sizeof *rows);
     memcpy(rows + (count - 1) * width, row, (size_t)width * sizeof *rows);
@@ -110,7 +110,9 @@ def perceptron(sizes: list[int], activation: str, source: str = "x") -> str:
     for k in range(last + 1):
         made = "out" if k == last else f"h{k}"
         lines.append(f"float {made}[{sizes[k + 1]}];")
-        lines.append(f"gt_dense({made}, weight_{k}, bias_{k}, {source}, {sizes[k]}, {sizes[k + 1]});")
+        lines.append(
+            f"gt_dense({made}, weight_{k}, bias_{k}, {source}, {sizes[k]}, {sizes[k + 1]});"
+        )
         if k < last:
             lines.append(f"{activation}({made}, {sizes[k + 1]});")
         source = made

@@ -10,8 +10,9 @@ from learn.networks.registry import NETWORKS
 from twin.errors import InputError
 
 COUNTS = {"hidden": 4096, "layers": 64, "delays": 256, "kernel": 256, "dilation": 256}
-"""The sizes that are whole numbers, and what is far beyond use for each (the paper's network has 3 layers of 50 units and
-5 delays): above it a slip of the finger would end in the words of a memory allocator."""
+"""The sizes that are whole numbers, and what is far beyond use for each (the paper's network has 3
+layers of 50 units and 5 delays): above it a slip of the finger would end in the words of a memory
+allocator."""
 SIZES = (*COUNTS, "memories")
 """All that a kind can name as a size of its own."""
 MOST_MEMORIES = 64

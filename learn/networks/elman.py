@@ -88,7 +88,7 @@ class Elman(Network):
                 f"gt_dense(h{k}, weight_{k}, bias_{k}, {source}, {layer.inputs}, {hidden});",
                 f"gt_add(h{k}, recurrent_{k}, {past}, {delays * hidden}, {hidden});",
                 f"gt_tanh(h{k}, {hidden});",
-                f"gt_shift({past}, {delays}, {hidden}, h{k});",
+                f"gt_append({past}, {delays}, {hidden}, h{k});",
             ]
             source = f"h{k}"
         arrays |= {"weight_out": self.out.weight, "bias_out": self.out.bias}

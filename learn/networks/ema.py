@@ -11,6 +11,7 @@ glider settles within half a minute, and averages over 2, 8 and 30 s say how far
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -20,7 +21,6 @@ from learn.networks.config import NetworkConfig
 from learn.networks.memory import FixedMemory
 from learn.networks.mlp import body_arrays
 from twin.errors import InputError
-
 
 BLOCK = 32
 """Samples whose averages are worked out as one matrix product."""
@@ -36,6 +36,7 @@ class ExponentialAverages(FixedMemory):
 
     summary = "exponential moving averages of every input, read by a perceptron without memory"
     sizes = ("hidden", "layers", "memories")
+    unit: ClassVar[type[nn.Module]] = nn.SiLU
     keep: Tensor
 
     def __init__(self, config: NetworkConfig) -> None:
@@ -50,7 +51,7 @@ class ExponentialAverages(FixedMemory):
         size = width = config.inputs * (1 + len(config.memories))
         layers: list[nn.Module] = []
         for _ in range(config.layers):
-            layers += [nn.Linear(size, config.hidden), nn.SiLU()]
+            layers += [nn.Linear(size, config.hidden), self.unit()]
             size = config.hidden
         self.body = nn.Sequential(*layers, nn.Linear(size, 1))
         self.straight = nn.Linear(width, 1, bias=False)
@@ -79,7 +80,7 @@ class ExponentialAverages(FixedMemory):
         return torch.cat([x, averages], -1), state
 
     def _of_a_block(self, keep: Tensor) -> Tensor:
-        """(memories, BLOCK, BLOCK): from the samples of a block to what they add to its averages."""
+        """(memories, BLOCK, BLOCK): from a block's samples to what they add to its averages."""
         places = torch.arange(BLOCK).to(keep)
         age = places[:, None] - places
         return torch.where(age < 0, 0.0, (1.0 - keep[..., None]) * keep[..., None] ** age.clamp(0))

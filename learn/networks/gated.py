@@ -51,7 +51,9 @@ class Gated(Network):
         source, size = "x", self.config.inputs
         for k in range(layers):
             for name, ours in (("own", "ih"), ("fed", "hh")):
-                arrays[f"{name}_weight_{k}"] = transposed(getattr(self.cells, f"weight_{ours}_l{k}"))
+                arrays[f"{name}_weight_{k}"] = transposed(
+                    getattr(self.cells, f"weight_{ours}_l{k}")
+                )
                 arrays[f"{name}_bias_{k}"] = getattr(self.cells, f"bias_{ours}_l{k}")
             lines += [
                 "{",

@@ -74,7 +74,8 @@ class Predictor:
         if trained and not math.isclose(mission.period, trained, rel_tol=1e-3):
             raise StoreError(
                 f"mission {mission.index} has a sample every {mission.period:g} s, and the network "
-                f"was trained with one every {trained:g} s: load the missions with period={trained:g}"
+                f"was trained with one every {trained:g} s: load the missions with "
+                f"period={trained:g}"
             )
 
     def save(self, stem: Path) -> None:

@@ -54,7 +54,8 @@ class CausalConvolutions(Network):
         config, arrays, lines = self.config, {}, []
         source, size, place = "x", config.inputs, 0
         for k, taps in enumerate(self.taps):
-            assert isinstance(taps, nn.Conv1d) and taps.bias is not None
+            assert isinstance(taps, nn.Conv1d)
+            assert taps.bias is not None
             arrays[f"bias_{k}"] = taps.bias
             lines += [f"float h{k}[{config.hidden}];", f"memcpy(h{k}, bias_{k}, sizeof h{k});"]
             for tap in range(config.kernel):
@@ -66,7 +67,7 @@ class CausalConvolutions(Network):
             if size == config.hidden:
                 lines.append(f"for (int i = 0; i < {size}; i++) h{k}[i] += {source}[i];")
             if self.reach[k]:
-                lines.append(f"gt_shift(state + {place}, {self.reach[k]}, {size}, {source});")
+                lines.append(f"gt_append(state + {place}, {self.reach[k]}, {size}, {source});")
             source, size, place = f"h{k}", config.hidden, place + self.widths[k]
         arrays |= {"weight_out": self.out.weight, "bias_out": self.out.bias}
         lines += [

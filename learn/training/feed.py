@@ -109,23 +109,24 @@ class SampleFeed(Feed):
         counted = np.concatenate(sequences.weights) > 0.0
         self._recalled = _recall(network, sequences)[torch.from_numpy(counted)].to(device)
         self._wanted = torch.from_numpy(np.concatenate(sequences.targets)[counted]).to(device)
-        self._signs: Tensor | None = None
+        self._image: tuple[Tensor, float] | None = None
+        """Signs of what is recalled, and of the target."""
         if sequences.mirror is not None:
             signs = network.mirrored(torch.from_numpy(sequences.mirror.inputs).to(device))
-            self._signs, self._sign = signs, float(sequences.mirror.target)
+            self._image = signs, float(sequences.mirror.target)
 
     def epoch(self, rng: np.random.Generator) -> list[Any]:
         """See `Feed`."""
         count = len(self._wanted)
         order = rng.permutation(count)
-        turned = None if self._signs is None else rng.integers(0, 2, count).astype(bool)
+        turned = None if self._image is None else rng.integers(0, 2, count).astype(bool)
         return _pieces(order, turned, self.config.samples)
 
     def everything(self) -> list[Any]:
         """See `Feed`."""
         places = np.arange(len(self._wanted))
         groups = _pieces(places, None, SAMPLES)
-        if self._signs is not None:
+        if self._image is not None:
             groups += _pieces(places, np.ones(len(places), bool), SAMPLES)
         return groups
 
@@ -133,17 +134,16 @@ class SampleFeed(Feed):
         """See `Feed`."""
         places = torch.from_numpy(group.places).to(self._wanted.device)
         recalled, wanted = self._recalled[places], self._wanted[places]
-        if group.mirrored is not None:
+        if group.mirrored is not None and self._image is not None:
+            signs, sign = self._image
             turned = torch.from_numpy(group.mirrored).to(wanted.device)
-            recalled = torch.where(turned[:, None], recalled * self._signs, recalled)
-            wanted = torch.where(turned, wanted * self._sign, wanted)
+            recalled = torch.where(turned[:, None], recalled * signs, recalled)
+            wanted = torch.where(turned, wanted * sign, wanted)
         output = self.network.read(recalled)[..., 0]
         return (output - wanted).square().sum(), float(len(places))
 
 
-def _pieces(
-    places: NDArray[np.int64], mirrored: NDArray[np.bool_] | None, size: int
-) -> list[Any]:
+def _pieces(places: NDArray[np.int64], mirrored: NDArray[np.bool_] | None, size: int) -> list[Any]:
     return [
         _Samples(places[k : k + size], None if mirrored is None else mirrored[k : k + size])
         for k in range(0, len(places), size)

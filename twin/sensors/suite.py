@@ -218,7 +218,7 @@ class SensorSuite(Mapping[str, Sensor]):
             channels = [entry.name for entry in sensor.channels(truth)]
             if not channels:  # nothing that this vehicle and this sea let it measure
                 continue
-            known = _truths(channels, truth) if _exact(sensor, drawn) else {}
+            known = _truths(channels, truth) if is_exact(sensor, drawn) else {}
             made = known
             if len(known) < len(channels):  # what has no truth, such as conductivity, is measured
                 made = sensor.measure(
@@ -272,7 +272,7 @@ def _truths(channels: list[str], truth: Signals) -> dict[str, NDArray[Any]]:
     return {c: np.asarray(truth[name]) for c, name in behind.items() if name in truth}
 
 
-def _exact(sensor: Sensor, drawn: Mapping[str, float]) -> bool:
+def is_exact(sensor: Sensor, drawn: Mapping[str, float]) -> bool:
     """Whether the sensor passes the truth on: no errors, and no constant given by hand."""
     if not sensor.ideal_is_truth or sensor != type(sensor).ideal():
         return False

@@ -101,7 +101,7 @@ def test_every_feature_is_in_c_what_it_is_in_python(mission, tmp_path):
         scales = networks["surge"].members[0].normalisation
         wanted = np.tanh(scales.inputs(matrix)[:, k])
         assert np.abs((found[:, 0] - 0.4) / 0.12 - wanted).max() < 3e-6, name
-        assert wanted.std() > 0.1, name
+        assert wanted.std() > 0.02, name
 
 
 @needs_compiler
@@ -157,7 +157,7 @@ def test_code_that_differs_is_not_kept(mission, tmp_path, monkeypatch):
         return dataclasses.replace(step, body=step.body.replace("return out[0]", "return -out[0]"))
 
     monkeypatch.setattr(kind, "c_step", wrong)
-    with pytest.raises(StoreError, match="the C code differs by .* was not kept"):
+    with pytest.raises(StoreError, match=r"the C code differs by .* was not kept"):
         export_c(networks, place, mission)
     monkeypatch.setattr(
         kind, "c_step", lambda self: dataclasses.replace(right(self), body="return 0")
@@ -191,6 +191,6 @@ def test_every_feature_has_c_code(name):
 def test_without_a_compiler_the_error_says_what_to_do(mission, monkeypatch, tmp_path):
     monkeypatch.setenv("CC", "no-such-cc -O2")
     networks = networks_of("mlp", SEEN, mission, hidden=4, layers=1)
-    with pytest.raises(InputError, match="no C compiler 'no-such-cc'.*environment variable CC"):
+    with pytest.raises(InputError, match=r"no C compiler 'no-such-cc'.*environment variable CC"):
         export_c(networks, tmp_path / "velocity.h", mission)
     assert not list(Path(tmp_path).iterdir())

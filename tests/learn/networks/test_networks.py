@@ -13,7 +13,9 @@ KINDS = sorted(NETWORKS)
 
 def network_of(kind, **changes):
     torch.manual_seed(1)
-    return build_network(NetworkConfig(kind=kind, inputs=6, period=0.5, hidden=10, layers=3, **changes))
+    return build_network(
+        NetworkConfig(kind=kind, inputs=6, period=0.5, hidden=10, layers=3, **changes)
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS)
