@@ -62,7 +62,7 @@ class Forecast(JsonOption):
     """drawn and flown"""
     hours: float = 12.0
     """how far ahead"""
-    battery_kwh: float | None = None
+    energy_left_kwh: float | None = None
     """energy left in the batteries [kW h], for the days left"""
     seed: int = 0
     """of the draws"""
@@ -171,7 +171,7 @@ class Forecast(JsonOption):
             field=self._field(),
             field_error=self.current_error,
             density=self.density,
-            battery_kwh=self.battery_kwh,
+            energy_left_kwh=self.energy_left_kwh,
             seed=self.seed,
         )
         return request, known.at(unix_seconds(time))
