@@ -261,7 +261,7 @@ def read_description(folder: Path) -> dict[str, Any]:
     description = read_json(path, remedy)
     try:
         version = int(description["format"])
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise StoreError(f"{path} is damaged: {type(error).__name__} {error}") from error
     if version not in (UNSEALED, FORMAT):
         raise StoreError(
