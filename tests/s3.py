@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import socket
 import subprocess
+import sys
 import time
 import urllib.request
 from collections.abc import Iterator
@@ -14,6 +15,8 @@ from pathlib import Path
 import pytest
 
 PYTHON = Path(__file__).resolve().parent.parent / ".venv-s3/bin/python"
+PACKAGES = PYTHON.parent.parent / "lib/python{}.{}/site-packages".format(*sys.version_info)
+"""Its own, boto3 among them"""
 BUCKET = "bucket"
 WAIT_S = 60.0
 

@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from twin.water.current.log_layer import LogLayer as LogLayer
     from twin.water.current.origin import Origin as Origin
     from twin.water.current.profile import Profile as Profile
+    from twin.water.current.series import Series as Series
     from twin.water.current.spec import parse_current as parse_current
     from twin.water.current.tide import Tide as Tide
     from twin.water.current.uniform import Uniform as Uniform
@@ -92,6 +93,7 @@ _PLACES = {
     "Observation": "twin.mission.controller:Observation",
     "Origin": "twin.water.current.origin:Origin",
     "Profile": "twin.water.current.profile:Profile",
+    "Series": "twin.water.current.series:Series",
     "SawTooth": "twin.mission.segments:SawTooth",
     "Scenario": "twin.physics.scenario:Scenario",
     "Schedule": "twin.mission.schedule:Schedule",

@@ -15,7 +15,7 @@ from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from factory.generation import runlog
 from factory.generation.assembly import assemble, open_tree, shard_manifest
@@ -31,6 +31,9 @@ from twin.errors import StoreError, TwinError
 from twin.records.object_files import files_at
 from twin.records.store_path import StorePath, store_path
 
+if TYPE_CHECKING:
+    from twin.records.zarr_copy import AnyStore
+
 WAITING = 4
 """Blocks for each worker that wait at the executor: it never runs dry, and holds few at a time"""
 UNKNOWN_WORKERS = 64
@@ -43,7 +46,8 @@ Watcher = Callable[[float, int], None]
 class Summary:
     """What a run did."""
 
-    store: StorePath
+    store: StorePath | AnyStore
+    """where the missions are: a path, an address or an open zarr store"""
     missions: int
     hours: float
     """[h] of all missions in the store"""
@@ -93,6 +97,8 @@ def generate(
     """
     begun = time.perf_counter()
     store = store_path(out)
+    if executor is not None and isinstance(store, Path):
+        store = store.absolute()  # its processes may work in other folders
     workers = check_workers(workers, executor)
     job = Job(recipe, Site(store, recipe.digest))
     with told(store):

@@ -20,6 +20,7 @@ from twin.records.store import (
     RECIPE,
     begun,
     begun_within,
+    check_version,
     generating,
     is_complete,
     is_there,
@@ -59,7 +60,8 @@ def check_target(
         raise StoreError(f"{store} exists and is not a store; choose another --out")
     if complete and not overwrite:
         if not resume:
-            raise StoreError(f"store {store} already exists; use --overwrite or another --out")
+            way = "use --overwrite or another --out" if local else "use another --out"
+            raise StoreError(f"store {store} already exists; {way}")
         if differences(_settings(store), recipe.describe()) and _begun_with(store, recipe):
             raise StoreError(
                 f"store {store} is of other settings, and one of these was begun in its place: "
@@ -84,9 +86,8 @@ def check_target(
                 files_at(other).remove_all()
             continue
         if not resume:
-            raise StoreError(
-                f"store {store} is incomplete: --resume completes it, --overwrite starts again"
-            )
+            again = ", --overwrite starts again" if local else ""
+            raise StoreError(f"store {store} is incomplete: --resume completes it{again}")
         _check_same(store, _document(other)[SETTINGS], recipe)
     return False
 
@@ -132,7 +133,7 @@ def recipe_of(store: StorePath) -> Recipe:
 
 def failures_in(store: StorePath) -> int:
     """Attempts that failed and were replaced, in a complete store."""
-    table = json.loads(files_at(store).read(METADATA))["consolidated_metadata"]["metadata"]
+    table = json.loads(files_at(store).read_small(METADATA))["consolidated_metadata"]["metadata"]
     if FAILED_MISSION in table:
         return int(table[FAILED_MISSION]["shape"][0])
     return len(json.loads(read_attributes(store).get(FAILED_MISSIONS, "[]")))
@@ -150,18 +151,19 @@ def _check_same(store: StorePath, old: Mapping[str, Any], recipe: Recipe) -> Non
     if changed:
         more = len(changed) - MAX_DIFFERENCES
         listing = "; ".join(changed[:MAX_DIFFERENCES]) + (f"; {more} more" if more > 0 else "")
+        way = "use --overwrite or another --out" if isinstance(store, Path) else "use another --out"
         raise StoreError(
             f"store {store} was started with other settings ({listing}): resume with the old "
-            "ones, or use --overwrite or another --out"
+            f"ones, or {way}"
         )
 
 
 def _document(path: StorePath) -> dict[str, Any]:
     """The recipe that a run was begun with."""
     try:
-        document: dict[str, Any] = json.loads(files_at(path).read(RECIPE))
+        document: dict[str, Any] = json.loads(files_at(path).read_small(RECIPE))
         _ = document[SETTINGS]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise StoreError(
             f"{path / RECIPE} is damaged ({type(error).__name__}); start again with --overwrite"
         ) from error
@@ -170,6 +172,7 @@ def _document(path: StorePath) -> dict[str, Any]:
 
 def _settings(store: StorePath) -> dict[str, Any]:
     attributes = read_attributes(store)
+    check_version(attributes, store)
     if is_logged(attributes):
         raise StoreError(
             f"store {store} holds logs of real vehicles, there is nothing to resume: choose "

@@ -74,10 +74,10 @@ def _draw_map(
         [begins, fixes, *(np.array(p) for p in named.values() if p), *(o.T for o in outlines)]
     )
     unrolled = joined(every[:, 1])
-    shift = dict(zip(every[:, 1].tolist(), (unrolled - every[:, 1]).tolist(), strict=True))
+    unroll = dict(zip(every[:, 1].tolist(), (unrolled - every[:, 1]).tolist(), strict=True))
 
     def along(longitude: Array) -> Array:
-        return np.array([x + shift[x] for x in longitude.tolist()])
+        return np.array([x + unroll[x] for x in longitude.tolist()])
 
     draw_base(axes, box_around(every[:, 0], unrolled, 0.95))
     axes.set_title(title)

@@ -8,11 +8,12 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 from types import NoneType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from twin.errors import FloorError, InputError, MissionError
 from twin.mission import Mission
 from twin.mission.schedule import Schedule
+from twin.navigation.settings import Navigation, navigation_from_dict
 from twin.numbers import number
 from twin.physics.ballast import Ballast
 from twin.physics.start import Start
@@ -21,6 +22,9 @@ from twin.water.current.base import Current, current_from_dict
 from twin.water.current.origin import FORMER_DEFAULT, Origin
 from twin.water.density import DensityProfile
 from twin.water.floor import Floor, floor_from_dict
+
+if TYPE_CHECKING:
+    from twin.navigation.estimator import VelocityEstimator
 
 SAMPLE_PERIOD = 0.5
 """[s], the paper's 2 Hz"""
@@ -42,6 +46,10 @@ class Scenario:
     """What the compass of guidance reads beyond the true heading [rad]."""
     plan: Mission | Schedule | None = None
     """Closed-loop mission, open-loop schedule, or None (commands come from a controller)."""
+    navigate: Navigation | VelocityEstimator | str | None = None
+    """What guidance sees: the truth (None or "truth"), or an on-board estimate: "estimate", the
+    name of a velocity estimator such as "network:runs/mine", an estimator, or a Navigation, which
+    says the sensors and their seed too."""
     duration: float | None = None
     """[s]; None takes the mission's own."""
     start: Start | Mapping[str, Any] | None = None
@@ -69,6 +77,7 @@ class Scenario:
             object.__setattr__(self, "vehicle", load_vehicle(self.vehicle))
         if self.origin == Origin():
             object.__setattr__(self, "origin", None)  # it says what nothing says
+        object.__setattr__(self, "navigate", Navigation.of(self.navigate))
         if isinstance(self.start, Mapping):
             object.__setattr__(self, "start", Start.of(self.start, self.usual_start()))
         for name, kinds in (
@@ -246,6 +255,7 @@ class Scenario:
             "encoder_zeros": dict(self.encoder_zeros),
             "compass_offset": self.compass_offset,
             "plan": plan,
+            "navigate": self.navigate.describe() if isinstance(self.navigate, Navigation) else None,
             "duration": self.duration,
             "start": None if self.start is None else dataclasses.asdict(self.begin),
             "current": current,
@@ -273,6 +283,7 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
         plan = Mission.from_dict(fields) if mission else Schedule(**fields)
     current = data["current"]
     believed, ballast = data.get("believed"), data.get("ballast")
+    navigate = data.get("navigate")
     start = None if data["start"] is None else Start(**data["start"])
     # where the start has a place, the description's origin repeats it
     origin = None if start is not None and start.latitude is not None else data["origin"]
@@ -285,6 +296,7 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
         encoder_zeros=data.get("encoder_zeros", {}),
         compass_offset=data.get("compass_offset", 0.0),
         plan=plan,
+        navigate=None if navigate is None else navigation_from_dict(navigate),
         duration=data["duration"],
         start=start,
         current=None if current is None else current_from_dict(current),

@@ -60,7 +60,9 @@ def tables_of(scenario: Scenario, duration: float) -> Tables:
       MissionError, CurrentError, FloorError: the plan, the current or the sea floor does not do.
     """
     plan, control, gains = np.zeros((0, 0)), b.CONTROL_NONE, None
-    if isinstance(scenario.plan, Mission):
+    if scenario.navigate is not None:
+        pass  # its guidance sees what Python knows on board
+    elif isinstance(scenario.plan, Mission):
         plan, gains = scenario.mission_in_metres().compile(scenario.believed_vehicle)
         gains[COMPASS_OFFSET] = scenario.compass_offset
         control = b.CONTROL_MISSION

@@ -15,6 +15,7 @@ from learn.files import SEAL, write_json, write_sealed
 from learn.networks.config import NetworkConfig
 from learn.runs.run import DEFAULT_STORE, newest_run, open_run
 from learn.training.fitting import fit
+from learn.training.resources import training_resources
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError, WriteError
@@ -151,7 +152,8 @@ def test_two_processes_train_the_same_networks_as_one(here):
         network=NetworkConfig(**settings["network"]),
         training=TrainingConfig(**settings["training"]),
     )
-    run = fit(config, here / "runs" / "aside", workers=2)
+    with training_resources(2) as resources:
+        run = fit(config, here / "runs" / "aside", resources)
     assert_same_networks(run.folder, here / "runs" / "first")
     assert {row["network"] for row in run.metrics()} == {"surge-0", "sway-0"}
 
@@ -160,8 +162,11 @@ def test_an_error_in_a_process_reaches_the_caller(here, tmp_path):
     store = small_store(tmp_path / "s.zarr", splits=(2, 2))
     quick = TrainingConfig(epochs=1, seconds=0)
     config = FitConfig(store=str(store), features=("sin_pitch",), training=quick)
-    with pytest.raises(StoreError, match="no missions for training"):
-        fit(config, tmp_path / "run", workers=2)
+    with (
+        training_resources(2) as resources,
+        pytest.raises(StoreError, match="no missions for training"),
+    ):
+        fit(config, tmp_path / "run", resources)
 
 
 def test_members_have_a_spread_and_the_papers_division_is_labelled_as_leaking(here, capsys):

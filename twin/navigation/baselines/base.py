@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
+from twin.navigation.baselines.steps import BaselineSteps
 from twin.navigation.dead_reckoning import Array, Signals, depth_rate
+from twin.navigation.estimator import VelocityEstimator
 from twin.records.schema import VARIABLES
 from twin.registry import check_class, place_of
 from twin.vehicle.laws import FlowFrame
@@ -90,6 +92,13 @@ class Baseline(abc.ABC):
         Raises:
           StoreError: a channel is missing or not finite.
         """
+
+    def begin(self, period: float) -> VelocityEstimator:
+        """The same sample by sample, with one every `period` [s].
+
+        What it says of a sample is what `estimate` says of the last one of what was seen so far.
+        """
+        return BaselineSteps(self, period)
 
 
 def no_glider(vehicle: Vehicle) -> str:
@@ -177,12 +186,14 @@ def hold(values: Array, valid: Mask, initial: float = 0.0) -> Array:
     return np.where(last >= 0, values[np.maximum(last, 0)], initial)
 
 
-def bridge(values: Array, valid: Mask, outside: float = 0.0) -> Array:
+def bridge(values: Array, valid: Mask, outside: float = 0.0, *, held: bool = False) -> Array:
     """Values with the samples that are not valid interpolated in between; (time,).
 
-    Before the first and after the last valid sample, and without any, `outside`.
+    Before the first and after the last valid sample, and without any, `outside`; with `held` the
+    last valid value after it.
     """
     index = np.arange(len(values))
     if not valid.any():
         return np.full(len(values), outside)
-    return np.interp(index, index[valid], values[valid], left=outside, right=outside)
+    after = values[valid][-1] if held else outside
+    return np.interp(index, index[valid], values[valid], left=outside, right=after)

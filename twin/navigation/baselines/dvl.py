@@ -12,6 +12,7 @@ last velocity that was measured.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -19,6 +20,7 @@ from scipy.ndimage import median_filter
 
 from twin.navigation.baselines.base import Baseline, Estimate, Mask, bridge, hold, no_glider
 from twin.navigation.baselines.steady_flight import SteadyFlight
+from twin.navigation.baselines.steps import BaselineSteps
 from twin.navigation.dead_reckoning import (
     Array,
     Attitude,
@@ -37,6 +39,7 @@ from twin.navigation.dvl_cleaning import (
     MAD_TO_SIGMA,
     WATER,
 )
+from twin.navigation.estimator import BodyVelocity, VelocityEstimator
 from twin.vehicle.vehicle import Vehicle
 
 SHORT_LOSS_S = 10.0
@@ -77,6 +80,14 @@ class Dvl(Baseline):
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
         """See `twin.navigation.baselines.base.Baseline`; without any lock nothing is estimated."""
+        return self._estimate(signals, period, LEAST_WATER_SHARE)
+
+    def begin(self, period: float) -> VelocityEstimator:
+        """See `twin.navigation.baselines.base.Baseline`: on board every water lock counts, and the
+        flight model or the last velocity says the rest."""
+        return DvlSteps(self, period)
+
+    def _estimate(self, signals: Signals, period: float, least_water: float) -> Estimate:
         mode = np.rint(np.nan_to_num(signals["measured_dvl_mode"])).astype(int)
         log = np.stack(
             [np.asarray(signals[f"measured_dvl_{n}"], float) for n in ("surge", "sway", "heave")],
@@ -102,7 +113,7 @@ class Dvl(Baseline):
             after_bottom = hold(bottom.astype(float), locked) > 0.0
             guess = np.where(after_bottom[:, None], rotate_to_ned(held, attitude)[:, :2], guess)
         track = integrate(np.where(usable[:, None], over, guess), period)
-        measured = water.mean() >= LEAST_WATER_SHARE
+        measured = water.mean() >= least_water
         return Estimate(
             surge=surge if measured else None,
             sway=sway if measured else None,
@@ -126,6 +137,28 @@ class Dvl(Baseline):
         held = np.stack([hold(log[:, i], water) for i in (0, 1)], axis=1)
         age = np.arange(len(log)) - hold(np.arange(len(log), dtype=float), water, -np.inf)
         return held, np.asarray(age * period <= SHORT_LOSS_S)
+
+
+class DvlSteps(BaselineSteps):
+    """The Doppler log under way."""
+
+    baseline: Dvl
+
+    def step(self, sample: Mapping[str, float]) -> BodyVelocity:
+        """See `VelocityEstimator`; without any lock the flight model's, or at rest."""
+        self.recent.add(sample)
+        if self.recent.count < 2:
+            return BodyVelocity(surge=0.0, sway=0.0)
+        signals = self.recent.signals()
+        found = self.baseline._estimate(signals, self.period, 0.0)
+        if found.surge is not None and found.sway is not None:
+            return BodyVelocity(surge=float(found.surge[-1]), sway=float(found.sway[-1]))
+        if no_glider(self.baseline.vehicle):
+            return BodyVelocity(surge=0.0, sway=0.0)
+        flight = SteadyFlight(vehicle=self.baseline.vehicle).estimate(signals, self.period)
+        assert flight.surge is not None
+        assert flight.sway is not None
+        return BodyVelocity(surge=float(flight.surge[-1]), sway=float(flight.sway[-1]))
 
 
 def _filled(values: Array, valid: Mask, fallback: Array | None, period: float) -> Array:

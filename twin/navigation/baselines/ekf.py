@@ -15,17 +15,32 @@ water's velocity is not in the state: no relative sensor sees it.
 from __future__ import annotations
 
 import dataclasses
-from typing import ClassVar, NamedTuple
+import functools
+import math
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twin.compiled import jit
 from twin.errors import InputError
 from twin.fossen.forces import Parameters, damping_wrench, parameters_of
 from twin.fossen.matrices import skew
 from twin.identify.balance import net_mass
-from twin.navigation.baselines.base import Baseline, Estimate, afloat, no_glider
+from twin.navigation.baselines.base import (
+    RESTING_WINDOW_S,
+    SHALLOW_DEPTH,
+    SURFACE_DEPTH,
+    Baseline,
+    Estimate,
+    Mask,
+    afloat,
+    no_glider,
+)
+from twin.navigation.baselines.steps import Recent
 from twin.navigation.dead_reckoning import Array, Attitude, Signals, finite_channel
+from twin.navigation.estimator import BodyVelocity, State, VelocityEstimator
 from twin.vehicle.vehicle import Vehicle
 
 STATES = 5
@@ -108,16 +123,26 @@ class Ekf(Baseline):
             sway_sd=np.sqrt(run.covariances[:, SWAY, SWAY]),
         )
 
+    def begin(self, period: float) -> VelocityEstimator:
+        """See `twin.navigation.baselines.base.Baseline`."""
+        return EkfSteps(self, period)
+
     def run(self, signals: Signals, period: float) -> EkfRun:
         """The whole filter on one mission."""
+        depth = finite_channel(signals, "measured_depth")
+        inputs = self.inputs(signals, afloat(depth, period))
+        return self.model.run(inputs, depth, period, first_carried(self.noise, depth[0]))
+
+    def inputs(self, signals: Signals, still: Mask) -> Array:
+        """Down axis (3), rates (3) and net mass (1) at each sample, (time, 7)."""
         attitude = Attitude.of(signals)
         depth = finite_channel(signals, "measured_depth")
         # Afloat, the surface carries what the pump takes off: the hull comes out of the water. How
         # far it does, a pressure gauge that is off by a metre cannot say.
         pump = finite_channel(signals, "measured_pump")
         net = net_mass(self.vehicle, pump, np.maximum(depth, 0.0))
-        net = np.where(afloat(depth, period), 0.0, net)
-        inputs = np.stack(
+        net = np.where(still, 0.0, net)
+        return np.stack(
             [
                 -np.sin(attitude.pitch),
                 np.cos(attitude.pitch) * np.sin(attitude.roll),
@@ -127,25 +152,124 @@ class Ekf(Baseline):
             ],
             axis=1,
         )
+
+    @functools.cached_property
+    def model(self) -> Model:
+        """The vehicle's equations, as compiled code takes them."""
         table = np.array([self.vehicle.reference_density])
-        parameters = parameters_of(self.vehicle, np.zeros(1), table)
         q = self.noise
-        process = np.array([q.acceleration**2] * 3 + [q.kinematic**2, q.net_mass**2])
-        first = np.array([q.initial_velocity**2] * 3 + [q.depth**2, q.initial_net_mass**2])
+        inertia = _inertia(self.vehicle)
+        return Model(
+            parameters_of(self.vehicle, np.zeros(1), table),
+            np.asarray(np.linalg.inv(inertia), np.float64),
+            inertia,
+            _coupling(self.vehicle),
+            np.array([q.acceleration**2] * 3 + [q.kinematic**2, q.net_mass**2]),
+            q.depth**2,
+        )
+
+
+class Model(NamedTuple):
+    """What the filter predicts with."""
+
+    parameters: Parameters
+    inverse: Array
+    """of the inertia, (3, 3)"""
+    inertia: Array
+    coupling: Array
+    process: Array
+    """variances per second, (5,)"""
+    depth_variance: float
+
+    def run(self, inputs: Array, depth: Array, period: float, carried: Array) -> EkfRun:
+        """Go on over samples; `carried` is changed to go on from there."""
+        p = self
         return EkfRun(
             *_filter(
-                parameters,
-                np.linalg.inv(_inertia(self.vehicle)),
-                _inertia(self.vehicle),
-                _coupling(self.vehicle),
-                inputs,
-                depth,
-                process,
-                first,
-                q.depth**2,
-                period,
+                p.parameters, p.inverse, p.inertia, p.coupling, inputs, depth, p.process,
+                p.depth_variance, period, carried,
             )
-        )
+        )  # fmt: skip
+
+
+def first_carried(noise: EkfNoise, depth: float) -> Array:
+    """What the filter carries from sample to sample, before the first one, (37,).
+
+    The inputs of the sample before (7), NaN at the first one, the state (5), the covariance (25).
+    """
+    q = noise
+    first = np.array([q.initial_velocity**2] * 3 + [q.depth**2, q.initial_net_mass**2])
+    state = np.zeros(STATES)
+    state[DEPTH] = depth
+    return np.concatenate([np.full(7, np.nan), state, np.diag(first).ravel()])
+
+
+_INPUTS = (
+    "measured_roll", "measured_pitch", "measured_roll_rate", "measured_pitch_rate",
+    "measured_yaw_rate", "measured_pump",
+)  # fmt: skip
+
+
+class EkfSteps(VelocityEstimator):
+    """The filter under way."""
+
+    def __init__(self, ekf: Ekf, period: float):
+        """Begin before the first sample; `period` [s] between samples."""
+        self.ekf, self.period = ekf, period
+        self.channels = ekf.channels
+        self._depths = Recent(("measured_depth",), max(2, round(RESTING_WINDOW_S / period) + 2))
+        self.reset()
+
+    def reset(self) -> None:
+        """See `VelocityEstimator`."""
+        self._depths.reset()
+        self._carried = np.zeros(0)
+
+    def step(self, sample: Mapping[str, float]) -> BodyVelocity:
+        """See `VelocityEstimator`."""
+        self._depths.add(sample)
+        depth = sample["measured_depth"]
+        still = depth < SURFACE_DEPTH
+        if depth < SHALLOW_DEPTH and self._depths.count > 1:
+            still = bool(afloat(self._depths.signals()["measured_depth"], self.period)[-1])
+        if not self._carried.size:
+            self._carried = first_carried(self.ekf.noise, depth)
+        inputs = self._inputs(sample, depth, still=still)
+        run = self.ekf.model.run(inputs, np.array([depth]), self.period, self._carried)
+        surge, sway, heave = run.states[0, :3]
+        return BodyVelocity(
+            surge=float(surge), sway=float(sway), heave=float(heave),
+            covariance=run.covariances[0, :3, :3],
+        )  # fmt: skip
+
+    def _inputs(self, sample: Mapping[str, float], depth: float, *, still: bool) -> Array:
+        """As `Ekf.inputs`, of one sample, (1, 7).
+
+        Raises:
+          InputError: a value is missing or not finite.
+        """
+        try:
+            roll, pitch, p, q, r, pump = (float(sample[name]) for name in _INPUTS)
+        except KeyError as lost:
+            raise InputError(f"the sample has no channel {lost}, which the EKF reads") from None
+        if not math.isfinite(roll + pitch + p + q + r + pump + depth):
+            bad = [name for name in (*_INPUTS, "measured_depth") if not math.isfinite(sample[name])]
+            raise InputError(f"channel {bad[0]} of the sample is not finite: the EKF needs it")
+        roll, pitch = math.radians(roll), math.radians(pitch)
+        net = 0.0 if still else float(net_mass(self.ekf.vehicle, pump, max(depth, 0.0)))  # type: ignore[arg-type]
+        down = (
+            -math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll),
+        )  # fmt: skip
+        return np.array([[*down, p, q, r, net]])
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """See `VelocityEstimator`."""
+        return {**self._depths.state(), "carried": self._carried.copy()}
+
+    def restore(self, state: State) -> None:
+        """See `VelocityEstimator`."""
+        self._depths.restore(state)
+        self._carried = np.array(state["carried"], np.float64)
 
 
 def _inertia(vehicle: Vehicle) -> Array:
@@ -258,9 +382,9 @@ def _filter(  # type: ignore[no-untyped-def]
     inputs: Array,
     depth: Array,
     process: Array,
-    first: Array,
     depth_variance: float,
     period: float,
+    carried: Array,
 ):
     """Predict and update over all samples; the Jacobian is by one-sided differences."""
     n = depth.size
@@ -271,14 +395,12 @@ def _filter(  # type: ignore[no-untyped-def]
     nudge = 1e-5
     jacobian = np.empty((5, 5))
     keep = np.zeros((5, 5))
-    x = np.zeros(5)
-    cov = np.zeros((5, 5))
-    x[3] = depth[0]
-    for i in range(5):
-        cov[i, i] = first[i]
+    before = carried[:7].copy()
+    x = carried[7:12].copy()
+    cov = carried[12:37].copy().reshape((5, 5))
     for k in range(n):
-        if k > 0:
-            before, after = inputs[k - 1], inputs[k]
+        after = inputs[k]
+        if not math.isnan(before[0]):
             ahead = _predict(p, inverse, inertia, coupling, x, before, after, period)
             for j in range(5):
                 nudged = x.copy()
@@ -290,6 +412,7 @@ def _filter(  # type: ignore[no-untyped-def]
             cov = _congruent(jacobian, cov)
             for i in range(5):
                 cov[i, i] += process[i] * period
+        before = after
         innovation = depth[k] - x[3]
         variance = cov[3, 3] + depth_variance
         # Joseph form keeps the covariance symmetric and positive.
@@ -310,4 +433,7 @@ def _filter(  # type: ignore[no-untyped-def]
             states[k, i] = x[i]
         innovations[k] = innovation
         expected[k] = np.sqrt(variance)
+    carried[:7] = before
+    carried[7:12] = x
+    carried[12:37] = cov.ravel()
     return states, covariances, innovations, expected

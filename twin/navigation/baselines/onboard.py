@@ -14,8 +14,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from twin.errors import InputError
 from twin.navigation.baselines.base import Baseline, Estimate
 from twin.navigation.dead_reckoning import Signals, finite_channel
+from twin.navigation.estimator import VelocityEstimator
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -39,3 +41,14 @@ class Onboard(Baseline):
         track = np.stack([finite_channel(signals, name) for name in self.channels], axis=1)
         propelled = self.vehicle.steered("speed") is not None
         return Estimate(ground_track=track, uses_fixes=True, saw_bottom=propelled)
+
+    def begin(self, period: float) -> VelocityEstimator:
+        """It has no velocity through the water.
+
+        Raises:
+          InputError: always; `pitch_plus_alpha` reckons in the same way.
+        """
+        raise InputError(
+            "the on-board track is one over ground and gives no velocity through the water: choose "
+            "pitch_plus_alpha, which reckons in the same way"
+        )

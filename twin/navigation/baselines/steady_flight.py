@@ -79,5 +79,5 @@ class SteadyFlight(Baseline):
         gliding = gliding & ~still
         speed = (speed * FLAT_SINE**2 + rate * down) / (FLAT_SINE**2 + down**2)
         speed = np.maximum(speed, 0.0)
-        surge, sway = (bridge(speed * direction[i], gliding) for i in (0, 1))
+        surge, sway = (bridge(speed * direction[i], gliding, held=True) for i in (0, 1))
         return Estimate(surge=np.where(still, 0.0, surge), sway=np.where(still, 0.0, sway))

@@ -45,7 +45,7 @@ STRONGEST = {"semidiurnal": "M2", "diurnal": "K1"}
 """Of each species: the amplitudes of the others count from it."""
 RAYLEIGH = 0.5
 """[1] Cycles by which two lines must part over a record to be told apart. Harmonic analysis asks
-for one; a filter with priors resolves with half of it (Pugh and Woodworth 2014, section 4.2.5)."""
+for one; a filter with priors resolves with half of it (Pugh and Woodworth 2014, chapter 4)."""
 
 
 def chosen_constituents(duration: float, interval: float) -> tuple[str, ...]:

@@ -7,8 +7,9 @@ inertial oscillation, tide. Position follows
     dp/dt = (1 + scale) R(offset) v + dive + sum of modes,
 
 v the velocity through the water, R a small turn. The equations are linear and stepped exactly
-(Kalman 1960, J. Basic Eng. 82; depth-averaged currents from fixes: Merckelbach et al. 2008, Ocean
-Dyn. 58; tides in a glider's filter: Chang et al. 2015, IEEE J. Oceanic Eng. 40(4)).
+(Kalman 1960, J. Basic Eng. 82; depth-averaged currents from fixes: Eriksen et al. 2001, IEEE J.
+Oceanic Eng. 26(4); tide and other parts of a glider's current from its own dives: Chang, Zhang and
+Edwards 2015, J. Atmos. Oceanic Technol. 32(3)).
 
 Two guards for real fixes: a surprise beyond `OUTLIER` is taken for an eddy of its size instead of
 being spread over all modes; and the ellipses of forecasts follow how many fixes they held (adaptive
