@@ -234,6 +234,11 @@ def test_compare_and_export(here, capsys, tmp_path):
     models = json.loads(out)["models"]
     assert set(models) == {"surge-0", "sway-0"}
     assert all(model["largest"] <= 1e-5 for model in models.values())
+    if shutil.which("cc"):
+        code, out, err = call(capsys, "export", "first", "--to", "c", "--out", tmp_path / "c")
+        assert code == 0, err
+        assert "a sample holds: measured_roll, measured_pitch" in out
+        assert [place.name for place in (tmp_path / "c").iterdir()] == ["glider_velocity.h"]
     code, out, err = call(capsys, "compare", "first", "--store", DEFAULT_STORE, "--split", "all")
     assert code == 0, err
     assert "steady flight" in out
