@@ -80,6 +80,8 @@ SEAMS = (
          "twin.flight.estimators.FlightEstimator", "flight.md#an-estimator-of-ones-own"),
     Seam("feature", "twin.navigation.features.registry:FEATURES",
          "twin.navigation.features.Feature", "extending.md#a-feature"),
+    Seam("velocity estimator", "twin.navigation.estimators.registry:VELOCITY_ESTIMATORS",
+         "twin.navigation.estimator.VelocityEstimator", "navigation.md#an-estimator-of-ones-own"),
     Seam("baseline", "twin.navigation.baselines.registry:BASELINES", "learn.Baseline",
          "extending.md#a-baseline"),
     Seam("control task", "twin.suite.registry:TASKS", "twin.suite.task.GliderTask",

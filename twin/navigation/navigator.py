@@ -190,8 +190,9 @@ class Navigator:
             heave = rest * cosine / max(cosine**2, LEAST_COSINE**2)
         forward = surge * c_pitch + (sway * s_roll + heave * c_roll) * s_pitch
         starboard = sway * c_roll - heave * s_roll
-        ahead, beside = math.cos(heading), math.sin(heading)
-        return np.array([forward * ahead - starboard * beside, forward * beside + starboard * ahead])
+        c_head, s_head = math.cos(heading), math.sin(heading)
+        north = forward * c_head - starboard * s_head
+        return np.array([north, forward * s_head + starboard * c_head])
 
     def _update(self, *, known: bool) -> None:
         """Bring the filter to this sample; `known`: the motion since its last step is."""
@@ -226,9 +227,7 @@ class Navigator:
     def restore(self, state: State) -> None:
         """Go on from where `state` was called, with a navigator that was made in the same way."""
         for part, prefix in ((self.estimator, "estimator:"), (self.filter, "filter:")):
-            part.restore(
-                {k[len(prefix) :]: v for k, v in state.items() if k.startswith(prefix)}
-            )
+            part.restore({k[len(prefix) :]: v for k, v in state.items() if k.startswith(prefix)})
         own = np.array(state["own"], np.float64)
         self._hold()
         self._count, self._depth = int(own[0]), float(own[1])

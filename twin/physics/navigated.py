@@ -183,4 +183,3 @@ def _bottom(settings: Navigation, floor: Array) -> float | None:
             "give a floor or a bottom_depth, not both: the sensors see the scenario's floor"
         )
     return settings.bottom_depth
-

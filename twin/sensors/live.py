@@ -187,9 +187,7 @@ class LiveSuite:
                 run.restore({k[len(own) :]: v for k, v in state.items() if k.startswith(own)})
 
 
-def _needed(
-    suite: SensorSuite, signals: tuple[str, ...], wanted: Iterable[str] | None
-) -> set[str]:
+def _needed(suite: SensorSuite, signals: tuple[str, ...], wanted: Iterable[str] | None) -> set[str]:
     """Names of the sensors that measure something wanted, or that those read."""
     if wanted is None:
         return set(suite)

@@ -28,12 +28,12 @@ def flown():
         name="under",
         segments=[
             twin.SawTooth(
-                pitch_deg=25.0, max_depth_m=60.0, min_depth_m=40.0, yos=2, heading_deg=50.0
+                pitch_deg=25.0, max_depth_m=45.0, min_depth_m=33.0, yos=2, heading_deg=50.0
             )
         ],
         start_depth_m=30.0,
     )
-    run = twin.simulate(mission=mission, sensors="field", bottom_depth=90.0, duration=900.0)
+    run = twin.simulate(mission=mission, sensors="field", bottom_depth=90.0, duration=450.0)
     return {name: np.array(run[name]) for name in run}
 
 
@@ -50,7 +50,7 @@ def steps(estimator, flown, first=0, last=None):
 def test_a_baseline_step_by_step_says_what_it_says_of_the_last_sample(name, flown):
     baseline = BASELINES[name](vehicle=VEHICLE)
     found = steps(baseline.begin(PERIOD), flown)
-    for last in (50, 300, 700, 1100, 1500):
+    for last in (50, 300, 700, 880):
         seen = {channel: values[: last + 1] for channel, values in flown.items()}
         whole = baseline.estimate(seen, PERIOD)
         if whole.surge is None:  # of the log the evaluation asks for more water lock
@@ -75,7 +75,7 @@ def test_estimators_refuse_what_they_cannot_do():
     torpedo = load_vehicle(str(TORPEDO))
     with pytest.raises(InputError, match="takes no argument, not 'x'"):
         open_velocity_estimator("ekf:x", VEHICLE, PERIOD)
-    with pytest.raises(InputError, match="estimator 'steady_flight': vehicle .* does not glide"):
+    with pytest.raises(InputError, match=r"estimator 'steady_flight': vehicle .* does not glide"):
         open_velocity_estimator("steady_flight", torpedo, PERIOD)
     with pytest.raises(InputError, match="unknown velocity estimator 'efk': did you mean 'ekf'"):
         open_velocity_estimator("efk", VEHICLE, PERIOD)

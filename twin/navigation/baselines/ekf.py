@@ -30,6 +30,7 @@ from twin.fossen.matrices import skew
 from twin.identify.balance import net_mass
 from twin.navigation.baselines.base import (
     RESTING_WINDOW_S,
+    SHALLOW_DEPTH,
     SURFACE_DEPTH,
     Baseline,
     Estimate,
@@ -160,7 +161,7 @@ class Ekf(Baseline):
         inertia = _inertia(self.vehicle)
         return Model(
             parameters_of(self.vehicle, np.zeros(1), table),
-            np.linalg.inv(inertia),
+            np.asarray(np.linalg.inv(inertia), np.float64),
             inertia,
             _coupling(self.vehicle),
             np.array([q.acceleration**2] * 3 + [q.kinematic**2, q.net_mass**2]),
@@ -203,6 +204,12 @@ def first_carried(noise: EkfNoise, depth: float) -> Array:
     return np.concatenate([np.full(7, np.nan), state, np.diag(first).ravel()])
 
 
+_INPUTS = (
+    "measured_roll", "measured_pitch", "measured_roll_rate", "measured_pitch_rate",
+    "measured_yaw_rate", "measured_pump",
+)  # fmt: skip
+
+
 class EkfSteps(VelocityEstimator):
     """The filter under way."""
 
@@ -221,21 +228,39 @@ class EkfSteps(VelocityEstimator):
     def step(self, sample: Mapping[str, float]) -> BodyVelocity:
         """See `VelocityEstimator`."""
         self._depths.add(sample)
-        depth = self._depths.signals()["measured_depth"]
-        still = np.array([depth[-1] < SURFACE_DEPTH])
-        if len(depth) > 1:
-            still = afloat(depth, self.period)[-1:]
-        signals = {name: np.array([sample[name]]) for name in self.channels}
+        depth = sample["measured_depth"]
+        still = depth < SURFACE_DEPTH
+        if depth < SHALLOW_DEPTH and self._depths.count > 1:
+            still = bool(afloat(self._depths.signals()["measured_depth"], self.period)[-1])
         if not self._carried.size:
-            self._carried = first_carried(self.ekf.noise, depth[-1])
-        run = self.ekf.model.run(
-            self.ekf.inputs(signals, still), depth[-1:], self.period, self._carried
-        )
+            self._carried = first_carried(self.ekf.noise, depth)
+        inputs = self._inputs(sample, depth, still=still)
+        run = self.ekf.model.run(inputs, np.array([depth]), self.period, self._carried)
         surge, sway, heave = run.states[0, :3]
         return BodyVelocity(
             surge=float(surge), sway=float(sway), heave=float(heave),
             covariance=run.covariances[0, :3, :3],
         )  # fmt: skip
+
+    def _inputs(self, sample: Mapping[str, float], depth: float, *, still: bool) -> Array:
+        """As `Ekf.inputs`, of one sample, (1, 7).
+
+        Raises:
+          InputError: a value is missing or not finite.
+        """
+        try:
+            roll, pitch, p, q, r, pump = (float(sample[name]) for name in _INPUTS)
+        except KeyError as lost:
+            raise InputError(f"the sample has no channel {lost}, which the EKF reads") from None
+        if not math.isfinite(roll + pitch + p + q + r + pump + depth):
+            bad = [name for name in (*_INPUTS, "measured_depth") if not math.isfinite(sample[name])]
+            raise InputError(f"channel {bad[0]} of the sample is not finite: the EKF needs it")
+        roll, pitch = math.radians(roll), math.radians(pitch)
+        net = 0.0 if still else float(net_mass(self.ekf.vehicle, pump, max(depth, 0.0)))  # type: ignore[arg-type]
+        down = (
+            -math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll),
+        )  # fmt: skip
+        return np.array([[*down, p, q, r, net]])
 
     def state(self) -> dict[str, NDArray[Any]]:
         """See `VelocityEstimator`."""

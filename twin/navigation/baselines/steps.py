@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.navigation.estimator import BodyVelocity, State, VelocityEstimator
-
-if TYPE_CHECKING:
-    from twin.navigation.baselines.base import Baseline
 
 Array = NDArray[np.float64]
 
@@ -79,8 +76,8 @@ class Recent:
 class BaselineSteps(VelocityEstimator):
     """What a baseline says of the last sample when it has seen `MEMORY_S` up to it."""
 
-    def __init__(self, baseline: Baseline, period: float):
-        """Begin before the first sample; `period` [s] between samples."""
+    def __init__(self, baseline: Any, period: float):
+        """Begin before the first sample of a `Baseline`; `period` [s] between samples."""
         self.baseline, self.period = baseline, period
         self.channels = baseline.needs(baseline.vehicle)
         self.recent = Recent(self.channels, max(2, round(MEMORY_S / period) + 1))
