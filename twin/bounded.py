@@ -187,9 +187,7 @@ def _chunk_size(variable: xr.Variable) -> float:
     return variable.dtype.itemsize * max((math.prod(s) for s in sizes if s), default=0)
 
 
-def check_archive(
-    content: Path | bytes, what: str, error: type[InputError] = InputError
-) -> None:
+def check_archive(content: Path | bytes, what: str, error: type[InputError] = InputError) -> None:
     """`check_declared` of a zip archive (.npz, checkpoints); raises too when it is none."""
     try:
         place = content if isinstance(content, Path) else io.BytesIO(content)

@@ -190,7 +190,9 @@ def clock_jumps(ground: Ground, store: Path) -> str | None:
     if ground.command_s is None:  # the first one may compile
         for _ in range(2):
             begun = time.monotonic()
-            subprocess.run([*_command(ground, store), "--overwrite"], **_clocked(library), check=True)
+            subprocess.run(
+                [*_command(ground, store), "--overwrite"], **_clocked(library), check=True
+            )
             ground.command_s = time.monotonic() - begun
         if (problem := wrong(store, ground.expected)) is not None:
             return f"without a kill: {problem}"

@@ -117,5 +117,7 @@ def wrong(store: Path, expected: str) -> str | None:
         return "there is no store"
     if digest(store) != expected:
         return "the store has other bytes"
-    left = [p.name for p in store.parent.iterdir() if p.name.startswith((".", generating(store).name))]
+    left = [
+        p.name for p in store.parent.iterdir() if p.name.startswith((".", generating(store).name))
+    ]
     return f"left {', '.join(left)}" if left else None

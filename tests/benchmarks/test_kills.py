@@ -27,9 +27,7 @@ def ground(tmp_path_factory: pytest.TempPathFactory) -> Ground:
     return Ground.prepare(tmp_path_factory.mktemp("kills"), hours=HOURS)
 
 
-@pytest.mark.parametrize(
-    "kind", [pytest.param(kind, marks=MARKS.get(kind, ())) for kind in KINDS]
-)
+@pytest.mark.parametrize("kind", [pytest.param(kind, marks=MARKS.get(kind, ())) for kind in KINDS])
 def test_no_harm_changes_a_byte(ground: Ground, kind: str) -> None:
     row = harm(ground, kind, 1)
     assert row["lost"] == []
