@@ -131,8 +131,9 @@ class Trainer:
             ) from error
 
     def run(self) -> Trained:
-        """Train until the budget is spent or validation stops improving; resumes a checkpoint, which
-        stays.
+        """Train until the budget is spent or validation stops improving.
+
+        A checkpoint is resumed; it stays, for the caller to remove.
 
         Raises:
           StoreError: the checkpoint belongs to other settings.
