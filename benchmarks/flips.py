@@ -4,8 +4,8 @@
 
 Of a store `factory verify` must find each flip; of a run, loading its networks and figures
 (`learn evaluate` and `learn compare` do that first), and `factory verify` in every file where the
-run has a list of checksums. Bits are drawn over the bytes of all files together, and as many again with each
-file equally likely, so that small files count. Printed are the counts by kind of file.
+run has a list of checksums. Bits are drawn over the bytes of all files together, and as many again
+with each file equally likely, so that small files count. Printed are the counts by kind of file.
 """
 
 from __future__ import annotations

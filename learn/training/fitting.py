@@ -100,7 +100,9 @@ def fit(
         raise InputError(f"workers must be at least 1, not {workers}")
     if _run_there(folder) is not None and not (resume or replace):
         raise InputError(f"run {folder} exists; use --resume, --overwrite or another --name")
-    there = _run_there(training_folder(folder, replace=replace)) if resume else None
+    training = training_folder(folder, replace=replace)
+    # beside the run lies only what a fit left: without a description it was being removed
+    there = _run_there(training) if resume and (not replace or _described(training)) else None
     content = _check_sources(config, workers)
     if text := few_missions(config.store, config.division):
         warn(text)
@@ -121,8 +123,9 @@ def fit(
     except KeyboardInterrupt:
         raise KeyboardInterrupt(place.outcome()) from None
     except OSError as error:
-        if error.filename is not None and not Path(error.filename).is_relative_to(place.folder):
-            raise
+        where = Path(error.filename or place.folder)
+        if not (where.is_relative_to(place.folder) or place.folder.is_relative_to(where)):
+            raise  # from reading something else
         raise WriteError(
             f"cannot write {place.folder}: {error.strerror or error}; {place.outcome()}"
         ) from error
@@ -169,9 +172,13 @@ def _run_there(folder: Path) -> dict[str, Any] | None:
     """
     if not folder.exists():
         return None
-    if not folder.is_dir() or (any(folder.iterdir()) and not (folder / DESCRIPTION).is_file()):
+    if not folder.is_dir() or (any(folder.iterdir()) and not _described(folder)):
         raise InputError(f"{folder} is in the way and is not a run; choose another --name")
-    return read_description(folder) if (folder / DESCRIPTION).is_file() else None
+    return read_description(folder) if _described(folder) else None
+
+
+def _described(folder: Path) -> bool:
+    return (folder / DESCRIPTION).is_file()
 
 
 def _check_sources(config: FitConfig, workers: int) -> str:

@@ -351,3 +351,13 @@ def test_trainers_watch_their_parent(here, monkeypatch):
     learn.training.workers.work(job, here, sender, 123, learn.training.workers.Kinds({}, {}))
     assert watched == [123]
     assert receiver.recv() == ("done", None)
+
+
+def test_what_a_kill_left_of_a_replacement_is_no_run(here):
+    """It was being removed when its description was gone."""
+    left = training_folder(here / "runs" / "done", replace=True)
+    left.mkdir(parents=True)
+    (left / "surge-0.safetensors").touch()
+    run = fit(small_config("s.zarr"), here / "runs" / "done", replace=True, resume=True, workers=1)
+    assert run.networks()
+    assert not left.parent.exists()
