@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from learn.data.labels import LabelConfig
 from learn.data.parts import parts_of
-from learn.data.preparation import check_window
+from learn.data.store_checks import check_window
 from learn.networks.config import NetworkConfig
 from learn.networks.registry import NETWORKS
 from learn.report.contents import RunEvaluation
+from learn.runs.place import training_folder
 from learn.runs.run import (
     DEFAULT_STORE,
     DESCRIPTION,
@@ -30,6 +32,7 @@ from learn.studies.run_evaluation import evaluate_run
 from learn.training import fitting
 from learn.training.fitting import Watch
 from learn.training.optimisers.registry import OPTIMISERS
+from learn.training.resources import Resources, training_resources
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, unknown_name
@@ -51,7 +54,9 @@ def fit(
     folder: str | Path | None = None,
     resume: bool = False,
     overwrite: bool = False,
-    workers: int = 1,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    memory: float | None = None,
     watch: Watch | None = None,
     say: Say = lambda _: None,
     history: str = "",
@@ -63,9 +68,14 @@ def fit(
       store: of missions or of logs; None is data/missions.zarr, or the run's own with `resume`.
       folder: of the run; None is a new one in runs/, named by date and number.
       resume: continue the run in `folder` with its own settings; start it if there is none.
-      overwrite: replace the run in `folder`, which is kept until the new one has trained something.
-      workers: processes. 1 trains in this one; more need the script's main part behind
+      overwrite: replace the run in `folder`, which is kept until the new one is trained; with
+        `resume` such a replacement is continued.
+      workers: processes; None or 1 trains in this one, more need the script's main part behind
         `if __name__ == "__main__"`.
+      executor: trains instead of such processes: any of `concurrent.futures`, that of a dask
+        client too. It must reach `folder` and `store` by the same paths.
+      memory: [GB] for the training data, see `learn.training.resources`; a store that needs more
+        is streamed, with the same result.
       watch: called as watch(job, report) at every validation of every network.
       say: told warnings, and what is being done after the training.
       history: a line for the record, such as the command.
@@ -79,13 +89,16 @@ def fit(
       StoreError: the store cannot be used.
     """
     path = RUNS / free_name() if folder is None else Path(folder)
-    config = fit_settings(store, resumed=path if resume else None, **settings)
+    place = training_folder(path, replace=overwrite)
+    config = fit_settings(store, resumed=place if resume else None, **settings)
     return train_and_finish(
         config,
         path,
         resume=resume,
         overwrite=overwrite,
-        workers=workers,
+        workers=1 if workers is None and executor is None else workers,
+        executor=executor,
+        memory=memory,
         watch=watch,
         warn=say,
         say=say,
@@ -99,9 +112,11 @@ def train_and_finish(
     *,
     resume: bool = False,
     overwrite: bool = False,
-    workers: int = 1,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    memory: float | None = None,
     watch: Watch | None = None,
-    studies: Callable[[Run], None] = lambda _: None,
+    studies: Callable[[Run, Resources], None] = lambda *_: None,
     warn: Say = lambda _: None,
     say: Say = lambda _: None,
     history: str = "",
@@ -109,20 +124,16 @@ def train_and_finish(
     """As `fit`, with all settings decided.
 
     Args:
-      studies: called with the trained run before it is evaluated; what it writes into the run's
-        folder, such as an ablation, goes into the report.
+      workers: None is as many as this process may use CPUs.
+      studies: called with the trained run, and what trains more, before it is evaluated; what it
+        writes into the run's folder, such as an ablation, goes into the report.
     """
-    run = fitting.fit(
-        config,
-        folder,
-        resume=resume,
-        replace=overwrite,
-        workers=workers,
-        watch=watch,
-        warn=warn,
-        history=history,
-    )
-    studies(run)
+    with training_resources(workers, executor, memory) as resources:
+        run = fitting.fit(
+            config, folder, resources, resume=resume, replace=overwrite, watch=watch, warn=warn,
+            say=say, history=history,
+        )  # fmt: skip
+        studies(run, resources)
     return finish(run, history=history, say=say)
 
 
@@ -143,6 +154,7 @@ def fit_settings(
     epochs: int | None = None,
     window: int | None = None,
     washin: int | None = None,
+    buffer: int | None = None,
     seed: int | None = None,
     members: int | None = None,
     division: str | None = None,
@@ -175,6 +187,7 @@ def fit_settings(
       window: samples that a piece of a mission counts [128]; networks with trained memory only,
         as `washin`.
       washin: samples before it in which the network finds its state [48].
+      buffer: samples of the missions that are shuffled together; less needs less memory [1048576].
       seed: of initial weights and order [0].
       members: networks per velocity; with more than one their spread is an uncertainty [2].
       division: `missions`, the store's split, or `samples`, the paper's, which leaks [missions].
@@ -226,8 +239,13 @@ def fit_settings(
     if epochs is not None and seconds is None:
         budget["seconds"] = 0.0
     training = _given(
-        optimiser=optimiser, seed=seed, device=device, window=window, washin=washin, **budget
-    )
+        optimiser=optimiser,
+        seed=seed,
+        device=device,
+        window=window,
+        washin=washin,
+        buffer=buffer, **budget,
+    )  # fmt: skip
     learned = _given(source=labels, known_current=known_current, smoothing=smoothing)
     config = FitConfig(
         store=_same_place(store, base),
@@ -371,17 +389,16 @@ def export(
         raise InputError(unknown_name("export", to, EXPORTS))
     for package in ("onnx", "onnxscript", "onnxruntime") if to == "onnx" else ():
         require(package, extra="onnx", purpose="learn export")
-    from learn.data.dataset import load_missions
+    from learn.data.dataset import Selection
     from twin.navigation.features import channels_of
 
     found = run if isinstance(run, Run) else open_run(run)
     target = found.folder / to if folder is None else Path(folder)
     networks = found.networks()
     channels = [c for e in networks.values() for c in channels_of(e.members[0].features)]
-    missions = load_missions(
-        found.store if store is None else store, channels, split="all", period=found.period
-    )
-    longest = max(missions, key=lambda mission: mission.samples)
+    place = found.store if store is None else store
+    with Selection(place, channels, period=found.period) as selection:
+        (longest,) = selection.read([int(selection.lengths.argmax())])
     if to == "c":
         from learn.networks.c_export import NAME, export_c
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from twin.records.whole import whole_file
 
 SEAL = "sha256"
 """Entry of a sealed file: the SHA-256 of its text without this entry"""
+_HASH = re.compile("[0-9a-f]{64}")
 
 
 def write_json(path: Path, figures: Mapping[str, Any]) -> None:
@@ -78,6 +80,23 @@ def read_json(path: Path, remedy: str) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise StoreError(f"{path} is damaged (no JSON object); {remedy}")
     return found
+
+
+def read_sealed(path: Path, remedy: str) -> dict[str, Any]:
+    """What `write_sealed` wrote, without the seal. Files of version 0.1.0 have none and are read as
+    they are.
+
+    Args:
+      remedy: what makes the file again, for the error.
+
+    Raises:
+      StoreError: it is no JSON object, or not what was written.
+    """
+    found = read_json(path, remedy)
+    # a seal is one under a damaged name too
+    if SEAL in found or any(_HASH.fullmatch(str(value)) for value in found.values()):
+        check_seal(path, found, remedy)
+    return {name: value for name, value in found.items() if name != SEAL}
 
 
 def check_folder(path: Path, option: str) -> None:

@@ -7,6 +7,7 @@ and ask for more memory than there is.
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
@@ -186,14 +187,16 @@ def _chunk_size(variable: xr.Variable) -> float:
     return variable.dtype.itemsize * max((math.prod(s) for s in sizes if s), default=0)
 
 
-def check_archive(path: Path, what: str, error: type[InputError] = InputError) -> None:
+def check_archive(content: Path | bytes, what: str, error: type[InputError] = InputError) -> None:
     """`check_declared` of a zip archive (.npz, checkpoints); raises too when it is none."""
     try:
-        with zipfile.ZipFile(path) as archive:
+        place = content if isinstance(content, Path) else io.BytesIO(content)
+        with zipfile.ZipFile(place) as archive:
             declared = sum(entry.file_size for entry in archive.infolist())
     except (OSError, ValueError, zipfile.BadZipFile, zlib.error) as cause:
         raise error(f"{what} cannot be read: {cause}") from cause
-    check_declared(declared, path.stat().st_size, what, error)
+    size = len(content) if isinstance(content, bytes) else content.stat().st_size
+    check_declared(declared, size, what, error)
 
 
 def stored_size(path: Path) -> int:

@@ -1,23 +1,28 @@
 """Faults: every file operation of every writer fails once.
 
     python -m benchmarks.faults [WRITER ...] [--every 1] [--faults KILL ...]
+    python -m benchmarks.faults [WRITER ...] --journals FOLDER [--minutes 30]
 
 Each operation on files (create, write, sync, rename, mkdir, unlink, chmod, truncate) meets an I/O
 error, a disk that is full from then on, a kill, and a power loss that empties what was not synced.
-Printed is, for each writer, how many faults were injected, after how many the old content or the
-new one was there whole and the next run wrote the new one, and what was lost.
+Printed is, for each writer, how many faults there are, how many were injected, after how many the
+old content or the new one was there whole and the next run wrote the new one, and what was lost.
+With journals a campaign that was stopped goes on where it was; its order is random, so that what it
+has done is a sample.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
-from benchmarks.faults.injector import FAULTS, Fault, run_injected
+from benchmarks.faults.campaign import Campaign
+from benchmarks.faults.injector import FAULTS, run_injected
 from benchmarks.faults.writers import WRITERS
 from twin.cli.text_table import format_table
 
@@ -25,18 +30,16 @@ MEMORY = Path("/dev/shm")
 """Where faults are injected if it is there: nothing then waits for a disk."""
 
 
-def inject(name: str, every: int = 1, faults: tuple[Fault, ...] = FAULTS) -> dict[str, Any]:
+def inject(campaign: Campaign) -> dict[str, Any]:
     """What one writer went through, see `benchmarks.faults.campaign.Outcome`."""
     place = MEMORY if MEMORY.is_dir() else None
     with tempfile.TemporaryDirectory(dir=place) as folder, tempfile.TemporaryDirectory() as made:
-        words = [fault.name for fault in faults]
+        asked = json.dumps(dataclasses.asdict(campaign))
         ended = run_injected(
-            *("-m", "benchmarks.faults.campaign", name, f"{folder}/work", str(every), *words),
-            folder=Path(made),
-            timeout=3600.0,
+            *("-m", "benchmarks.faults.campaign", asked, f"{folder}/work"), folder=Path(made)
         )
     if ended.returncode:
-        raise RuntimeError(f"the campaign of {name} failed:\n{ended.stderr}")
+        raise RuntimeError(f"the campaign of {campaign.writer} failed:\n{ended.stderr}")
     found: dict[str, Any] = json.loads(ended.stdout.splitlines()[-1])
     return {**found, "trace": ended.stderr}
 
@@ -47,17 +50,28 @@ def main() -> int:
     parser.add_argument("writers", nargs="*", choices=[*WRITERS, []], metavar="WRITER")
     parser.add_argument("--every", type=int, default=1, help="take every n-th operation")
     parser.add_argument("--faults", nargs="+", choices=[f.name for f in FAULTS], default=None)
+    parser.add_argument("--journals", type=Path, help="folder of what was done, to go on from")
+    parser.add_argument("--minutes", type=float, help="time for each writer")
     options = parser.parse_args()
-    faults = tuple(Fault[word] for word in options.faults or [f.name for f in FAULTS])
     rows, lost = [], []
+    if options.journals:
+        options.journals.mkdir(parents=True, exist_ok=True)
     for name in options.writers or WRITERS:
         begun = time.perf_counter()
-        found = inject(name, options.every, faults)
+        campaign = Campaign(
+            writer=name,
+            every=options.every,
+            faults=tuple(options.faults or [fault.name for fault in FAULTS]),
+            journal=str(options.journals / f"{name}.jsonl") if options.journals else None,
+            seconds=options.minutes and 60.0 * options.minutes,
+        )
+        found = inject(campaign)
         lost += [f"{name}: {text}" for text in found["lost"]]
         rows.append(
             {
                 "writer": name,
                 "operations": found["operations"],
+                "faults": found["planned"],
                 "injected": found["injected"],
                 "survived": found["survived"],
                 "lost": len(found["lost"]),

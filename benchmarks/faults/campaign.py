@@ -3,6 +3,9 @@
 A prepared process forks one child for each fault. The child writes the new content over the old one
 and meets the fault at one operation. Afterwards the old content or the new one is under the name,
 and the next child, without a fault, writes the new one and leaves nothing beside it.
+
+The order is a random one that is always the same, so that what a campaign that was stopped has done
+is a sample of all. Its journal has a line for each fault; the next start goes on after them.
 """
 
 from __future__ import annotations
@@ -11,19 +14,25 @@ import contextlib
 import dataclasses
 import json
 import os
+import random
 import shutil
+import signal
 import sys
+import time
 import traceback
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from benchmarks.faults.injector import FAULTS, Fault, Injector
-from benchmarks.faults.writers import WRITERS, Write, Writer, digest
+from benchmarks.faults.writers import WRITERS, Write, Writer
 from twin.errors import TwinError
 
 DONE, TOLD, CRASHED, KILLED = 0, 3, 4, 9
 """Exit codes of a child; 9 is the injector's."""
+LONGEST_S = 300
+"""[s] that a child may take; then a signal ends it"""
 
 
 @dataclasses.dataclass
@@ -32,14 +41,31 @@ class Outcome:
 
     writer: str
     operations: int
+    planned: int
+    """faults of the whole campaign"""
     injected: int = 0
     survived: int = 0
     lost: list[str] = dataclasses.field(default_factory=list)
     """what was neither the old content nor the new one, or could not be written afterwards"""
 
 
-def run(name: str, work: Path, every: int = 1, faults: tuple[Fault, ...] = FAULTS) -> Outcome:
+@dataclasses.dataclass(frozen=True)
+class Campaign:
+    """What is asked of one writer."""
+
+    writer: str
+    every: int = 1
+    """take every n-th operation"""
+    faults: tuple[str, ...] = tuple(fault.name for fault in FAULTS)
+    journal: str | None = None
+    """file with a line for each fault that was injected, which is not injected again"""
+    seconds: float | None = None
+    """[s] after which the campaign stops before its end; preparation does not count"""
+
+
+def run(campaign: Campaign, work: Path) -> Outcome:
     """Inject faults into every n-th operation of a writer."""
+    name = campaign.writer
     writer = WRITERS[name]
     inputs, place = work / "inputs", work / "place"
     inputs.mkdir(parents=True)
@@ -54,24 +80,60 @@ def run(name: str, work: Path, every: int = 1, faults: tuple[Fault, ...] = FAULT
         place.mkdir()
         assert _child(lambda v=variant: write(target, v)) == DONE, f"{name} cannot write"  # type: ignore[misc]
         if variant == "new":
-            new, whole = writer.content(target), digest(target)
+            new, whole = writer.content(target), writer.whole(target)
     shutil.copytree(place, before)
     old = writer.content(target)
     assert old != new
-    outcome = Outcome(name, _count(write, target, place, injector))
-    for fault in faults:
-        for at in range(1, outcome.operations + 1, every):
+    operations = _count(write, target, place, injector)
+    planned = [
+        (Fault[fault], at)
+        for fault in campaign.faults
+        for at in range(1, operations + 1, campaign.every)
+    ]
+    random.Random(operations).shuffle(planned)
+    outcome = Outcome(name, operations, len(planned))
+    known, begun = _known(campaign, operations), time.monotonic()
+    for fault, at in planned:
+        if campaign.seconds is not None and time.monotonic() - begun > campaign.seconds:
+            break
+        if (fault.name, at) in known:
+            problem = known[fault.name, at]
+        else:
             shutil.rmtree(place)
             shutil.copytree(before, place)
-            outcome.injected += 1
             problem = _inject(writer, write, target, injector, fault, at, old, new)
-            if problem is None and digest(target) != whole:
+            if problem is None and writer.whole(target) != whole:
                 problem = "the next writing gives other content"
-            if problem is None:
-                outcome.survived += 1
-            else:
-                outcome.lost.append(f"{fault.name} at operation {at}: {problem}")
+            _note(campaign, [fault.name, at, problem])
+        outcome.injected += 1
+        if problem is None:
+            outcome.survived += 1
+        else:
+            outcome.lost.append(f"{fault.name} at operation {at}: {problem}")
     return outcome
+
+
+def _known(campaign: Campaign, operations: int) -> dict[tuple[str, int], str | None]:
+    """What went wrong, by fault and operation, of those that the journal has."""
+    if campaign.journal is None:
+        return {}
+    journal = Path(campaign.journal)
+    if not journal.exists():
+        _note(campaign, [campaign.writer, operations])
+    head, *lines = [json.loads(line) for line in journal.read_text().splitlines()]
+    if head != [campaign.writer, operations]:
+        raise TwinError(
+            f"{journal} is of {head}, not of {[campaign.writer, operations]}: the writer has "
+            "changed, remove the journal to start again"
+        )
+    return {(fault, at): problem for fault, at, problem in lines}
+
+
+def _note(campaign: Campaign, line: list[Any]) -> None:
+    """Add a line to the journal."""
+    if campaign.journal is not None:
+        with Path(campaign.journal).open("a", encoding="utf-8") as file:
+            file.write(json.dumps(line) + "\n")
 
 
 def _preload(write: Write, target: Path) -> None:
@@ -121,8 +183,8 @@ def _inject(
 
     code = _child(meet)
     found = writer.content(target)
-    if code == CRASHED:
-        return "ended with a traceback"
+    if code not in (DONE, TOLD, KILLED):
+        return "ended with a traceback" if code == CRASHED else f"ended by signal {-code}"
     if found not in (old, new):
         return f"other content ({'nothing' if not target.exists() else 'half'}), exit code {code}"
     if code == DONE and found != new:
@@ -139,6 +201,7 @@ def _child(work: Callable[[], object]) -> int:
     child = os.fork()
     if child:
         return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    signal.alarm(LONGEST_S)
     try:
         work()
         os._exit(DONE)
@@ -150,6 +213,5 @@ def _child(work: Callable[[], object]) -> int:
 
 
 if __name__ == "__main__":
-    chosen, folder, step = sys.argv[1:4]
-    faulty = tuple(Fault[word] for word in sys.argv[4:]) or FAULTS
-    print(json.dumps(dataclasses.asdict(run(chosen, Path(folder), int(step), faulty))))
+    asked = Campaign(**json.loads(sys.argv[1]))
+    print(json.dumps(dataclasses.asdict(run(asked, Path(sys.argv[2])))))

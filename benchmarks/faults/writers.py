@@ -10,6 +10,7 @@ import dataclasses
 import datetime
 import functools
 import hashlib
+import json
 import os
 import traceback
 import types
@@ -21,6 +22,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from twin.records.trajectory import Trajectory
 
+SHORT = {"mission.duration_h": 0.05, "mission.segment_duration_s": "uniform(30, 90)"}
+"""Missions of three minutes"""
 Write = Callable[[Path, str], None]
 """Writes content of a variant, `old` or `new`, to a path; replaces what is there."""
 
@@ -52,6 +55,8 @@ class Writer:
     """Imports and computes what is written, in a folder of its own for inputs."""
     content: Callable[[Path], str] = digest
     """What readers see of it, in a word; `digest` is every byte and name."""
+    whole: Callable[[Path], str] = digest
+    """What must be the same whenever the new content was written."""
 
 
 def _folder(inputs: Path) -> Write:
@@ -131,9 +136,8 @@ def _generate(inputs: Path) -> Write:
     from factory.generation.runlog import log_of
     from factory.recipe.recipe import make_recipe
 
-    short = {"mission.duration_h": 0.05, "mission.segment_duration_s": "uniform(30, 90)"}
     recipes = {
-        variant: make_recipe(hours=0.2, seed=seed, changes=short)
+        variant: make_recipe(hours=0.2, seed=seed, changes=SHORT)
         for seed, variant in enumerate(("old", "new"))
     }
 
@@ -250,6 +254,43 @@ def _network(inputs: Path) -> Write:
     return write
 
 
+def _fit(inputs: Path) -> Write:
+    from benchmarks.faults.here import Here
+    from factory.generation.generate import generate
+    from factory.recipe.recipe import make_recipe
+    from learn.networks.config import NetworkConfig
+    from learn.training.fitting import fit
+    from learn.training.schedule import TrainingConfig
+    from learn.training.settings import FitConfig
+
+    store = inputs / "missions.zarr"
+    recipe = make_recipe(hours=0.2, changes=SHORT)
+    _in_child(lambda: generate(recipe, store, executor=Here()))
+    configs = {
+        variant: FitConfig(
+            store=str(store),
+            features=("sin_pitch", "depth_rate"),
+            network=NetworkConfig(hidden=4, layers=1),
+            training=TrainingConfig(epochs=1, seconds=0.0, seed=seed),
+        )
+        for seed, variant in enumerate(("old", "new"))
+    }
+
+    def write(path: Path, variant: str) -> None:
+        fit(configs[variant], path, replace=True, resume=True, workers=1)
+
+    return write
+
+
+def run_content(run: Path) -> str:
+    """What a run holds that does not tell the time: settings, whether it is complete, weights."""
+    if not run.exists():
+        return "nothing"
+    description = json.loads((run / "run.json").read_text())
+    weights = [digest(path) for path in sorted(run.glob("*.safetensors"))]
+    return json.dumps([description["settings"], description["complete"], weights])
+
+
 def _in_child(work: Callable[[], object]) -> None:
     """Do something in a forked process, so that this one has no threads of zarr's."""
     child = os.fork()
@@ -279,5 +320,6 @@ WRITERS = {
         Writer("evaluate-tracks-zarr", "tracks.zarr", _tracks),
         Writer("evaluate-page", "page", _page),
         Writer("fit-network", "run", _network, network_content),
+        Writer("fit", "run", _fit, run_content, run_content),
     )
 }

@@ -15,6 +15,7 @@ from factory.generation.block import Block, block_manifest
 from factory.generation.job import ALONE, Job
 from factory.generation.manifest import Manifest, all_there, leave_manifest, read_manifest
 from factory.recipe.recipe import versions
+from twin.bounded import FREE_BYTES, check_archive
 from twin.errors import StoreError
 from twin.records.files import FileSum
 from twin.records.sharded import ShardedStore, fill_value
@@ -150,7 +151,9 @@ class ShardRows:
     def __init__(self, job: Job, number: int):
         key = job.site.shard_rows(number)
         try:
-            archive = np.load(io.BytesIO(job.site.files.read(key)), allow_pickle=False)
+            data = job.site.files.read_small(key, FREE_BYTES)
+            check_archive(data, key, StoreError)
+            archive = np.load(io.BytesIO(data), allow_pickle=False)
             self.arrays: dict[str, NDArray[Any]] = {n: archive[n] for n in archive.files}
             self.failures: list[tuple[int, int, str, float | None]] = [
                 (m, a, reason, time)

@@ -14,8 +14,10 @@ from factory.recipe.recipe import Recipe
 from factory.recipe.sampling import sensor_seed
 from twin.errors import (
     CurrentError,
+    FloorError,
     InputError,
     MissionError,
+    NoSteadyState,
     SimulationUnstable,
     TwinError,
     VehicleError,
@@ -26,7 +28,10 @@ from twin.vehicle.consumption import ENERGY
 
 MAX_ATTEMPTS = 20
 """So many failures in a row mean impossible distributions, not bad luck."""
-REPLACED = (MissionError, VehicleError, CurrentError, SimulationUnstable, Impossible)
+REPLACED = (
+    *(MissionError, VehicleError, CurrentError, FloorError, NoSteadyState),
+    *(SimulationUnstable, Impossible),
+)
 """What a draw can do wrong: the vehicle cannot fly it, cannot exist, or runs away."""
 
 

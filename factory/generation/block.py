@@ -9,6 +9,8 @@ from __future__ import annotations
 import io
 import json
 import socket
+import struct
+import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
@@ -24,6 +26,7 @@ from factory.generation.flown_mission import FlownMission
 from factory.generation.job import ALONE, Job
 from factory.generation.manifest import Manifest, all_there, leave_manifest, read_manifest
 from factory.recipe.recipe import Recipe, versions
+from twin.bounded import check_archive
 from twin.errors import StoreError
 from twin.physics.quiet import quiet_mujoco
 from twin.records.files import file_sum
@@ -160,11 +163,18 @@ class Block:
             self._path = path = self._files.fetch(key, job.site.staging)
             if file_sum(path) != expected:
                 raise StoreError(f"{what} is damaged: remove it and continue with --resume")
+            check_archive(path, what, StoreError)
             self._archive = np.load(path, allow_pickle=False)
             self._table = json.loads(self._archive[TABLE].tobytes())
+            self.samples: list[int] = self._table["samples"]
         except FileNotFoundError as error:
             raise StoreError(f"{what} has disappeared; --resume flies it again") from error
-        self.samples: list[int] = self._table["samples"]
+        except (ValueError, KeyError, TypeError, RecursionError, zipfile.BadZipFile) as error:
+            if isinstance(error, StoreError):
+                raise
+            raise StoreError(
+                f"{what} is no block ({type(error).__name__}): remove it and continue with --resume"
+            ) from error
 
     def __enter__(self) -> Self:
         return self
@@ -195,9 +205,18 @@ class Block:
         entry = self._table["signals"][name]
         dtype = np.dtype(entry["dtype"])
         packed = self._archive[SIGNAL + name]
+        samples = sum(self.samples[row] for row in entry["missions"])
+        if _decoded_size(packed) != samples * dtype.itemsize:
+            raise StoreError(f"{self._path} is damaged: remove it and continue with --resume")
         values = np.frombuffer(BLOSC.decode(packed), dtype)
         start = 0
         for row in entry["missions"]:
             samples = self.samples[row]
             into[row, :samples] = values[start : start + samples]
             start += samples
+
+
+def _decoded_size(packed: NDArray[np.uint8]) -> int:
+    """[byte] that Blosc's header declares; 0 where it is none."""
+    header = packed[:16].tobytes()
+    return int(struct.unpack_from("<I", header, 4)[0]) if len(header) == 16 else 0

@@ -57,7 +57,7 @@ def read_manifest(files: Files, key: str, *, unit: str, recipe: str) -> Manifest
       StoreError: it is that of another recipe.
     """
     try:
-        table: dict[str, Any] = json.loads(files.read(key))
+        table: dict[str, Any] = json.loads(files.read_small(key))
         digest = table.pop(_DIGEST)
         if digest != hashlib.sha256(_text(table)).hexdigest():
             return None
@@ -75,13 +75,19 @@ def read_manifest(files: Files, key: str, *, unit: str, recipe: str) -> Manifest
 
 def missions_kept(site: Site) -> int:
     """Missions in finished blocks and shards, by their manifests."""
-    kept: set[int] = set()
+    spans: list[tuple[int, int]] = []
     for key in site.files.all_keys():
         if key.startswith(("blocks/", "shards/")) and key.endswith(".json"):
-            with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-                table = json.loads(site.files.read(key))
-                kept.update(range(table["first"], table["last"] + 1))
-    return len(kept)
+            with contextlib.suppress(
+                OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError
+            ):
+                table = json.loads(site.files.read_small(key))
+                spans.append((int(table["first"]), int(table["last"])))
+    kept, end = 0, -1
+    for first, last in sorted(spans):  # a shard's blocks may be there with it
+        kept += max(0, last - max(first - 1, end))
+        end = max(end, last)
+    return kept
 
 
 def all_there(files: Files, sums: Mapping[str, FileSum]) -> bool:

@@ -184,8 +184,8 @@ def _fixed(site: Site, part: Part) -> Part:
     if not site.files.exists(ARRAY):
         array = {"first": part.first, "count": part.count}
         site.files.write_safe(ARRAY, json.dumps(array).encode())
-    kept = json.loads(site.files.read(ARRAY))
-    fixed = Part(part.index, kept["count"], kept["first"])
+    kept = _array(site)
+    fixed = Part(part.index, kept.count, kept.first)
     if not 0 <= fixed.index - fixed.first < fixed.count:
         last = fixed.first + fixed.count - 1
         raise InputError(
@@ -193,6 +193,25 @@ def _fixed(site: Site, part: Part) -> Part:
             f"{last}"
         )
     return fixed
+
+
+def _array(site: Site) -> Part:
+    """How the first task of the array counted its parts, as its first one.
+
+    Raises:
+      StoreError: the file that says so is damaged.
+    """
+    try:
+        kept = json.loads(site.files.read_small(ARRAY))
+        first = Part(int(kept["first"]), int(kept["count"]), int(kept["first"]))
+        if first.count < 1:
+            raise ValueError(f"{first.count} parts")
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
+        raise StoreError(
+            f"{site.folder / ARRAY} is damaged ({type(error).__name__}): remove it, then run any "
+            "part of the array again"
+        ) from error
+    return first
 
 
 def _ready(job: Job, shard: int) -> bool:
@@ -215,9 +234,9 @@ def _missing(job: Job, blocks: list[int]) -> str:
     start = f"{missing} of {job.layout.missions} missions of {site.store} are missing"
     if not site.files.exists(ARRAY):
         return f"{start}: complete it with the command that began it and --resume"
-    array = json.loads(site.files.read(ARRAY))
-    parts = sorted({block % array["count"] + array["first"] for block in blocks})
-    return f"{start}; run these parts of {array['count']} again: --array={_ranges(parts)}"
+    array = _array(site)
+    parts = sorted({block % array.count + array.first for block in blocks})
+    return f"{start}; run these parts of {array.count} again: --array={_ranges(parts)}"
 
 
 def _ranges(numbers: list[int]) -> str:

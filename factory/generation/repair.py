@@ -40,7 +40,7 @@ from factory.recipe.sampling import sensor_seed
 from twin.errors import StoreError
 from twin.records import attributes as names
 from twin.records.checksums import damaged_files, has_checksums, read_checksums
-from twin.records.files import FileSum
+from twin.records.files import FileSum, LocalFiles
 from twin.records.place import COORDINATE_DTYPES, COORDINATES
 from twin.records.schema import VARIABLES
 from twin.records.sharded import DTYPE, METADATA, fill_value, read_rows
@@ -209,8 +209,8 @@ def _recipe(path: Path) -> Recipe:
     wrong = ""
     for key in (METADATA, f"{RECIPE_COPY}/{METADATA}"):
         try:
-            return read_recipe(recipe_document(json.loads((path / key).read_bytes())["attributes"]))
-        except (OSError, ValueError, KeyError, TypeError) as error:
+            return read_recipe(recipe_document(_attributes(path, key)))
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
             wrong = f"{key}: {error}"
     raise StoreError(
         f"{path} cannot be repaired, its recipe cannot be read ({wrong}); make it again"
@@ -255,6 +255,12 @@ def lost(store: str | StorePath) -> list[str] | None:
 
 def _generated(path: Path) -> bool:
     try:
-        return names.SETTINGS in json.loads((path / METADATA).read_bytes())["attributes"]
-    except (OSError, ValueError, KeyError, TypeError):
+        return names.SETTINGS in _attributes(path, METADATA)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return False
+
+
+def _attributes(path: Path, key: str) -> dict[str, Any]:
+    """The attributes of a group's metadata, whatever else is damaged."""
+    found: dict[str, Any] = json.loads(LocalFiles(path).read_small(key))["attributes"]
+    return found

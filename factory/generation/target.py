@@ -20,6 +20,7 @@ from twin.records.store import (
     RECIPE,
     begun,
     begun_within,
+    check_version,
     generating,
     is_complete,
     is_there,
@@ -132,7 +133,7 @@ def recipe_of(store: StorePath) -> Recipe:
 
 def failures_in(store: StorePath) -> int:
     """Attempts that failed and were replaced, in a complete store."""
-    table = json.loads(files_at(store).read(METADATA))["consolidated_metadata"]["metadata"]
+    table = json.loads(files_at(store).read_small(METADATA))["consolidated_metadata"]["metadata"]
     if FAILED_MISSION in table:
         return int(table[FAILED_MISSION]["shape"][0])
     return len(json.loads(read_attributes(store).get(FAILED_MISSIONS, "[]")))
@@ -160,9 +161,9 @@ def _check_same(store: StorePath, old: Mapping[str, Any], recipe: Recipe) -> Non
 def _document(path: StorePath) -> dict[str, Any]:
     """The recipe that a run was begun with."""
     try:
-        document: dict[str, Any] = json.loads(files_at(path).read(RECIPE))
+        document: dict[str, Any] = json.loads(files_at(path).read_small(RECIPE))
         _ = document[SETTINGS]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise StoreError(
             f"{path / RECIPE} is damaged ({type(error).__name__}); start again with --overwrite"
         ) from error
@@ -171,6 +172,7 @@ def _document(path: StorePath) -> dict[str, Any]:
 
 def _settings(store: StorePath) -> dict[str, Any]:
     attributes = read_attributes(store)
+    check_version(attributes, store)
     if is_logged(attributes):
         raise StoreError(
             f"store {store} holds logs of real vehicles, there is nothing to resume: choose "

@@ -136,7 +136,8 @@ class Evaluate(JsonOption):
 
 
 def _count(options: Evaluate) -> int:
-    """Missions that will be evaluated; errors as `load_missions`."""
-    from learn.data.dataset import any_channel, load_missions
+    """Missions that will be evaluated; errors as `Selection`."""
+    from learn.data.dataset import Selection, any_channel
 
-    return len(load_missions(options.store, any_channel(options.store), split=options.split))
+    with Selection(options.store, any_channel(options.store), split=options.split) as selection:
+        return len(selection)

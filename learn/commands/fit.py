@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shlex
 import sys
@@ -23,6 +24,7 @@ from twin.registry import Registry
 if TYPE_CHECKING:
     from learn.runs.run import Run
     from learn.studies.folds import Unit
+    from learn.training.resources import Resources
     from learn.training.settings import FitConfig, Job
     from learn.training.trainer import Report
     from twin.cli.progress import Progress
@@ -115,7 +117,17 @@ class Fit(JsonOption):
     device: Annotated[str | None, DEVICE] = None
     """auto takes a GPU when there is one [default: cpu]"""
     workers: int | None = None
-    """processes [default: the CPUs that this process may use]"""
+    """networks trained at a time, a process each [default: the CPUs that this process may use]"""
+    scheduler: str | None = None
+    """train on the workers of a dask scheduler instead, such as tcp://127.0.0.1:8786; they must
+    reach runs/ and the store by the same paths (needs the extra cluster)"""
+    memory: float | None = None
+    """GB for the training data; a store that needs more is streamed, with the same result. With
+    --scheduler it is for each network [default: half of the memory that is free]"""
+    buffer: int | None = None
+    """samples of the missions that are shuffled together [default: 1048576]"""
+    seeds: int = 1
+    """train so many runs that differ by their seed alone, for a table of what chance does"""
     ablation: bool = False
     """train again without IMU, attitude and controls, for a table in the report (takes longer)"""
     tensorboard: bool = False
@@ -123,23 +135,24 @@ class Fit(JsonOption):
     resume: bool = False
     """continue the run of this --name and its settings; start it if there is none"""
     overwrite: bool = False
-    """replace the run of this --name once the new one trains"""
+    """replace the run of this --name once the new one is trained; --overwrite --resume continues
+    such a replacement"""
 
     def run(self, console: Console) -> int:
         """Train, judge, report."""
         # must be said before numpy is imported: each network trains in one thread
         os.environ.setdefault("OMP_NUM_THREADS", "1")
         from learn.api import fit_settings, train_and_finish
+        from learn.runs.place import training_folder
 
         if self.resume and self.name is None:
             raise InputError("--resume needs the --name of the run to continue")
-        if self.resume and self.overwrite:
-            raise InputError("--resume continues a run, --overwrite replaces it: give one")
         self._check_choices()
         folder = self._folder()
         options = {name: getattr(self, name) for name in SETTINGS}
+        place = training_folder(folder, replace=self.overwrite)
         config = fit_settings(
-            resumed=folder if self.resume else None, mirror=not self.no_mirror, **options
+            resumed=place if self.resume else None, mirror=not self.no_mirror, **options
         )
         if self.tensorboard:
             _event_writer_type()
@@ -149,26 +162,37 @@ class Fit(JsonOption):
 
             for unit in units:
                 folds_with_labels(config, unit)
-        workers = len(os.sched_getaffinity(0)) if self.workers is None else self.workers
-        with _Watcher(console, config, folder, events=self.tensorboard) as watcher:
+        if self.seeds < 1:
+            raise InputError(f"--seeds {self.seeds} must be at least 1")
+        with contextlib.ExitStack() as stack:
+            executor = None
+            if self.scheduler is not None:
+                from factory.generation.cluster import dask_executor
 
-            def studies(run: Run) -> None:
+                executor = stack.enter_context(dask_executor(self.scheduler))
+            watcher = stack.enter_context(_Watcher(console, config, place, events=self.tensorboard))
+
+            def studies(run: Run, resources: Resources) -> None:
                 watcher.close()
                 for unit in units:
-                    self._leave_out(console, run, config, unit, workers)
+                    self._leave_out(console, run, config, unit, resources)
+                if self.seeds > 1:
+                    self._seeds(console, run, config, resources)
                 if self.ablation:
-                    self._ablate(console, run, config, workers)
+                    self._ablate(console, run, config, resources)
 
             run = train_and_finish(
                 config,
                 folder,
                 resume=self.resume,
                 overwrite=self.overwrite,
-                workers=workers,
+                workers=self.workers,
+                executor=executor,
+                memory=self.memory,
                 watch=watcher.see,
                 studies=studies,
                 warn=watcher.warn,
-                say=console.note,
+                say=watcher.say,
                 history=shlex.join(["learn", *sys.argv[1:]]),
             )
         self._report(console, run)
@@ -189,7 +213,7 @@ class Fit(JsonOption):
             raise InputError(f"--name {name!r} must be a plain name: the run goes into {RUNS}/NAME")
         return RUNS / name
 
-    def _ablate(self, console: Console, run: Run, config: FitConfig, workers: int) -> None:
+    def _ablate(self, console: Console, run: Run, config: FitConfig, resources: Resources) -> None:
         from learn.studies.ablation import ablate, masked
 
         jobs = len(masked(config)) * len(config.jobs())
@@ -201,10 +225,27 @@ class Fit(JsonOption):
                 progress.update(100.0 * (report.share - shares.get(key, 0.0)))
                 shares[key] = report.share
 
-            ablate(run, config, workers=workers, watch=see, say=progress.note)
+            ablate(run, config, resources, watch=see, say=progress.note)
+
+    def _seeds(self, console: Console, run: Run, config: FitConfig, resources: Resources) -> None:
+        from learn.studies.seeds import other_seeds, train_seeds
+
+        jobs = len(other_seeds(config, self.seeds)) * len(config.jobs())
+        with console.progress(total=100.0 * jobs, label="seeds", unit="%") as progress:
+            shares: dict[tuple[int, str], float] = {}
+
+            def see(job: Job, report: Report) -> None:
+                key = (job.config.training.seed, job.name)
+                progress.update(100.0 * (report.share - shares.get(key, 0.0)))
+                shares[key] = report.share
+
+            found = train_seeds(run, config, self.seeds, resources, watch=see)
+        console.answer(seeds=found.to_json())
+        console.table(found.rows(), title="what chance does: runs of other seeds", digits=3)
+        console.say()
 
     def _leave_out(
-        self, console: Console, run: Run, config: FitConfig, unit: Unit, workers: int
+        self, console: Console, run: Run, config: FitConfig, unit: Unit, resources: Resources
     ) -> None:
         from learn.studies.folds import folds_with_labels, leave_out_each
 
@@ -218,7 +259,7 @@ class Fit(JsonOption):
                 progress.update(100.0 * (report.share - shares.get(key, 0.0)))
                 shares[key] = report.share
 
-            found = leave_out_each(run, config, folds, unit=unit, workers=workers, watch=see)
+            found = leave_out_each(run, config, folds, resources, unit=unit, watch=see)
         console.answer(**{f"leave_out_each_{unit}": found.to_json()})
         console.table(
             found.rows(),
@@ -268,7 +309,8 @@ SETTINGS = (
         "features",
         "without",
     ),
-    *("optimiser", "seconds", "epochs", "window", "washin", "seed", "members", "division"),
+    *("optimiser", "seconds", "epochs", "window", "washin", "buffer", "seed", "members"),
+    "division",
     *("period", "start", "device", "labels", "known_current", "smoothing"),
 )
 """Options that `learn.fit_settings` takes under the same name."""
@@ -305,6 +347,10 @@ class _Watcher:
             if self._writer is not None:
                 self._writer.close()
 
+    def say(self, text: str) -> None:
+        """A note, a line of its own."""
+        self._progress.note(text)
+
     def warn(self, text: str) -> None:
         """A warning, a line of its own."""
         self._progress.note(f"{self._prog}: warning: {text}")
@@ -321,6 +367,7 @@ class _Watcher:
             self._writer = self._writer or _event_writer_type()(str(self._folder / "events"))
             for name in ("train_mse", "validation_mse", "rate"):
                 self._writer.add_scalar(f"{job.name}/{name}", getattr(report, name), report.step)
+            self._writer.flush()  # the folder may be copied when the last network is trained
 
 
 def _event_writer_type() -> Any:

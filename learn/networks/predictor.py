@@ -36,6 +36,8 @@ PLACE = "class"
 
 SIDE_BY_SIDE = 32
 """Missions predicted at once: keeps the memory of 10 000 s missions near 0.5 GB."""
+MOST_SAMPLES = 2**20
+"""Samples predicted at once: fewer of longer missions."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -175,11 +177,9 @@ def load_predictor(stem: Path) -> Predictor:
 def free_run(network: Network, matrices: Sequence[Floats]) -> list[Floats]:
     """Normalised outputs (time,) for normalised inputs (time, features), from zero state."""
     results: list[Floats] = [np.empty(0, np.float32)] * len(matrices)
-    order = sorted(range(len(matrices)), key=lambda k: -len(matrices[k]))
     device = next(network.parameters()).device
     network.eval()
-    for first in range(0, len(order), SIDE_BY_SIDE):
-        group = order[first : first + SIDE_BY_SIDE]
+    for group in groups_by_length(np.array([len(matrix) for matrix in matrices])):
         shape = (len(matrices[group[0]]), len(group), matrices[group[0]].shape[1])
         x = np.zeros(shape, np.float32)
         for column, k in enumerate(group):
@@ -189,6 +189,17 @@ def free_run(network: Network, matrices: Sequence[Floats]) -> list[Floats]:
         for column, k in enumerate(group):
             results[k] = y[: len(matrices[k]), column].copy()
     return results
+
+
+def groups_by_length(lengths: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Missions that are predicted at once, the longest first: little padding, bounded memory."""
+    order = np.argsort(-lengths, kind="stable")
+    groups = []
+    while len(order):
+        most = min(SIDE_BY_SIDE, max(1, MOST_SAMPLES // int(lengths[order[0]])))
+        groups.append(order[:most])
+        order = order[most:]
+    return groups
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,6 +8,7 @@ runs/NAME/
   evaluation.json       what `learn evaluate --json` prints, on the store's test missions
   README.md             model card
   report/               index.html and its figures as PNG
+  checksums.json        size and SHA-256 of all these files, by which `factory verify` checks them
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from learn.files import SEAL, check_seal, read_json, write_sealed
+from learn.files import SEAL, check_seal, read_json, read_sealed, write_sealed
 from twin.errors import InputError, StoreError
 from twin.records.attributes import SAMPLE_PERIOD
 from twin.records.store_path import StorePath, store_path
@@ -41,6 +42,7 @@ METRICS = "metrics.jsonl"
 EVALUATION = "evaluation.json"
 PAPER_TEST = "paper-test.json"
 ABLATION = "ablation.json"
+SEEDS = "seeds.json"
 CARD = "README.md"
 REPORT = Path("report") / "index.html"
 FORMAT = 2
@@ -183,7 +185,7 @@ class Run:
         if not path.is_file():
             return None
         remedy = f"`learn fit --name {self.name} --resume` writes it again"
-        found = read_json(path, remedy)
+        found = read_sealed(path, remedy)
         figures = tuple(summarise_scores(()))
         _need(found, ("store", "split", *figures, "floor", "baselines"), path, remedy)
         _need(found["floor"], figures, path, remedy)
@@ -259,7 +261,7 @@ def read_description(folder: Path) -> dict[str, Any]:
     description = read_json(path, remedy)
     try:
         version = int(description["format"])
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise StoreError(f"{path} is damaged: {type(error).__name__} {error}") from error
     if version not in (UNSEALED, FORMAT):
         raise StoreError(

@@ -14,7 +14,7 @@ from learn.data.parts import parts_of
 from learn.evaluation.evaluation import NETWORK, Evaluation, evaluate
 from learn.evaluation.score import Reference
 from learn.evaluation.uncertainty import ErrorModel, fit_error_model
-from learn.files import read_json, write_json
+from learn.files import read_sealed, write_sealed
 from learn.report.build import build_page
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation, Study
@@ -23,9 +23,11 @@ from learn.report.log_page import build_log_page
 from learn.runs.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
 from learn.studies.folds import Folds, read_folds
 from learn.studies.run_evaluation import evaluate_run, evaluation_split, is_log_store
+from learn.studies.seeds import read_seeds
 from twin.navigation.baselines.base import Estimate
 from twin.navigation.features import GLIDER_PARTS
-from twin.records.disk import sweep
+from twin.records.checksums import LIST, write_checksums
+from twin.records.disk import sweep, sync_tree
 from twin.records.reader import MissionStore
 from twin.records.whole import whole_file
 
@@ -37,7 +39,8 @@ Say = Callable[[str], None]
 
 
 def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
-    """Everything of a run that follows its training: error model, evaluations, page and card.
+    """Everything of a run that follows its training: error model, evaluations, page, card, and the
+    list of checksums of all files.
 
     Args:
       history: command line for the page.
@@ -46,20 +49,23 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
     Returns:
       The run with its error model.
     """
+    (run.folder / LIST).unlink(missing_ok=True)
     split, others = evaluation_split(run)
     if not is_log_store(run.store):
         say("learning how far off the networks are from missions that they were not trained on")
         run = run.remember(error_model=dataclasses.asdict(_error_model(run, others)))
     say(f"evaluating on {split} missions, with floor and baselines")
     test = evaluate_run(run, run.store, split=split)
-    write_json(run.folder / EVALUATION, test.figures)
+    write_sealed(run.folder / EVALUATION, test.figures)
     paper = None if is_log_store(run.store) else _paper_test(run, say)
     if paper is not None:
-        write_json(run.folder / PAPER_TEST, paper.figures)
+        write_sealed(run.folder / PAPER_TEST, paper.figures)
     write_page(run, test, paper, history=history)
     with whole_file(run.folder / CARD) as place:
         place.write_text(model_card(run, test.figures, split), encoding="utf-8")
     sweep(run.folder)
+    sync_tree(run.folder)
+    write_checksums(run.folder)
     return run
 
 
@@ -68,8 +74,8 @@ def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, hi
     settings = run.description["settings"]
     if is_log_store(run.store):
         folder = (run.folder / REPORT).parent
-        studies = [_left_out(found) for found in read_folds(run)]
-        return build_log_page(folder, run, test, provenance(run), history, studies)
+        folds = [_left_out(found) for found in read_folds(run)]
+        return build_log_page(folder, run, test, provenance(run), history, [*folds, *_seeds(run)])
     contents = Contents(
         title=f"Surge and sway networks: {run.name}",
         lead=f"{settings['network']['kind']} networks, {test.figures['missions']} "
@@ -81,6 +87,7 @@ def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, hi
         metrics=run.metrics(),
         training=_training_mission(run),
         ablation=_ablation(run),
+        studies=_seeds(run),
         provenance=provenance(run),
         command=history or str(run.description.get("history", "")),
     )
@@ -97,11 +104,26 @@ def _left_out(found: Folds) -> Study:
     )
 
 
+def _seeds(run: Run) -> list[Study]:
+    """The study of seeds, where the run has one."""
+    found = read_seeds(run)
+    if found is None:
+        return []
+    study = Study(
+        title="Other seeds",
+        rows=found.rows(),
+        caption="The same training with other initial weights and another order of the windows.",
+        sentence=f"Differences between runs that are not large against the standard deviations "
+        f"over these {len(found.figures)} seeds may be chance.",
+    )
+    return [study]
+
+
 def _ablation(run: Run) -> dict[str, Any]:
     """What `ablation.json` holds; empty without one."""
     path = run.folder / ABLATION
     remedy = f"`learn fit --name {run.name} --resume --ablation` writes it again"
-    return read_json(path, remedy) if path.is_file() else {}
+    return read_sealed(path, remedy) if path.is_file() else {}
 
 
 def provenance(run: Run) -> dict[str, object]:

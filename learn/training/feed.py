@@ -16,8 +16,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from learn.data.dataset import Sequences, batches, cut_windows, pack_windows
-from learn.networks.base import Network
+from learn.data.sequences import Sequences
+from learn.data.windows import batches, cut_windows, pack_windows
+from learn.networks.base import Network, build_network
+from learn.networks.config import NetworkConfig
 from learn.networks.memory import FixedMemory
 from learn.training.schedule import TrainingConfig
 
@@ -52,9 +54,20 @@ def feed_for(network: Network, sequences: Sequences, config: TrainingConfig) -> 
     return kind(network, sequences, config)
 
 
+def recalled_columns(config: NetworkConfig) -> int:
+    """What a fixed memory recalls at a sample, in numbers; none of another network."""
+    with torch.random.fork_rng(devices=[]):
+        network = build_network(config)
+    if not isinstance(network, FixedMemory):
+        return 0
+    with torch.no_grad():
+        sample = torch.zeros(1, 1, config.inputs)
+        return int(network.recall(sample, network.initial_state(1))[0].shape[-1])
+
+
 @dataclasses.dataclass
 class WindowFeed(Feed):
-    """Windows of missions, see `learn.data.dataset.cut_windows`."""
+    """Windows of missions, see `learn.data.windows.cut_windows`."""
 
     network: Network
     sequences: Sequences

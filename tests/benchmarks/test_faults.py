@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
+
 import pytest
 
 from benchmarks.faults.__main__ import inject
+from benchmarks.faults.campaign import Campaign
 from benchmarks.faults.injector import FAULTS, Fault, compiler
 from benchmarks.faults.writers import WRITERS
 
@@ -12,19 +16,19 @@ pytestmark = pytest.mark.skipif(compiler() is None, reason="the injector needs a
 
 EVERY = {"whole_folder": 7, "whole_file": 2, "write_whole": 1, "fit-network": 7}
 """Every which operation of a writer fails here"""
-LONG = ("simulate", "import", "save", "generate")
+LONG = ("simulate", "import", "save", "generate", "fit")
 
 
 @pytest.mark.parametrize("name", EVERY)
 def test_no_fault_loses_anything(name):
-    found = inject(name, EVERY[name])
+    found = inject(Campaign(name, EVERY[name]))
     assert found["lost"] == [], found["trace"]
     assert found["survived"] == found["injected"] >= len(FAULTS)
 
 
 @pytest.mark.parametrize("name", sorted({*WRITERS} - {*EVERY}))
 def test_a_kill_leaves_the_old_content_or_the_new(name):
-    found = inject(name, 400 if name in LONG else 60, (Fault.KILL,))
+    found = inject(Campaign(name, 400 if name in LONG else 60, (Fault.KILL.name,)))
     assert found["lost"] == [], found["trace"]
     assert found["survived"] == found["injected"] >= 1
 
@@ -45,8 +49,25 @@ def test_a_writer_that_is_not_whole_is_found(monkeypatch, tmp_path):
             return lambda path, variant: path.write_text(3000 * variant)
         campaign.WRITERS["plain"] = Writer("plain", "plain.txt", prepare)
         campaign._count = lambda *_: 2
-        print(len(campaign.run("plain", Path(sys.argv[1])).lost))
+        print(len(campaign.run(campaign.Campaign("plain"), Path(sys.argv[1])).lost))
         """
     )
-    ended = run_injected("-c", program, str(tmp_path / "work"), folder=tmp_path, timeout=100.0)
+    ended = run_injected("-c", program, str(tmp_path / "work"), folder=tmp_path)
     assert int(ended.stdout) >= 5, ended.stderr
+
+
+def test_a_campaign_goes_on_from_its_journal(tmp_path):
+    journal = tmp_path / "journal.jsonl"
+    asked = Campaign("whole_file", faults=(Fault.KILL.name,), journal=str(journal))
+    stopped = inject(dataclasses.replace(asked, seconds=0.0))
+    assert (stopped["injected"], stopped["planned"]) == (0, stopped["operations"])
+    assert inject(asked)["injected"] == stopped["planned"]
+    head, *lines = journal.read_text().splitlines()
+    assert len(lines) == stopped["planned"]
+    # what the journal says is not tried again
+    fault, at, _ = json.loads(lines[0])
+    journal.write_text("\n".join([head, json.dumps([fault, at, "made up"]), *lines[1:], ""]))
+    assert inject(asked)["lost"] == [f"{fault} at operation {at}: made up"]
+    journal.write_text(json.dumps(["whole_file", 1]) + "\n")
+    with pytest.raises(RuntimeError, match="the writer has changed"):
+        inject(asked)

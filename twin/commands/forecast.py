@@ -19,12 +19,15 @@ if TYPE_CHECKING:
     from twin.water.current.base import Current
 
 
+WAYS = ("usual", "model", "log")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Forecast(JsonOption):
     """The next surfacings with ellipses that hold 50 and 90 %, times, energy and days left, from
     members that are drawn from what is known and flown on all cores. Examples:
 
-        twin forecast --vehicle slocum --from 36.8,-122.4,2026-11-22T12:00 --goto "36.9,-122.5"
+        twin forecast --vehicle slocum-200 --from 36.8,-122.4,2026-11-22T12:00 --goto "36.9,-122.5"
         twin forecast --vehicle mine.xml --mission glider.mi --logs real.zarr --out next
     """
 
@@ -55,14 +58,14 @@ class Forecast(JsonOption):
     logs: Path | None = None
     """store of logs that `factory import` wrote: its fixes tell the current, the speed's and the
     compass's error, and where it is"""
-    way: str = "log"
-    """way through the water in the logs: log (depth rate and pitch, or the reported current) or
-    model (the vehicle's flight model)"""
+    way: str = "usual"
+    """way through the water in the logs: model (the vehicle's flight model), log (depth rate and
+    pitch, or the reported current) or usual (model where the vehicle was identified)"""
     members: int = 200
     """drawn and flown"""
     hours: float = 12.0
     """how far ahead"""
-    battery_kwh: float | None = None
+    energy_left_kwh: float | None = None
     """energy left in the batteries [kW h], for the days left"""
     seed: int = 0
     """of the draws"""
@@ -109,10 +112,10 @@ class Forecast(JsonOption):
             )
         if self.logs is not None and self.watch is not None:
             raise InputError("give --logs or --watch, not both: --watch brings its own logs")
-        if self.way not in ("log", "model"):
+        if self.way not in WAYS:
             from twin.errors import unknown_name
 
-            raise InputError(f"--way: {unknown_name('way', self.way, ('log', 'model'))}")
+            raise InputError(f"--way: {unknown_name('way', self.way, WAYS)}")
         if self.from_ is None and self.logs is None and self.watch is None:
             raise InputError("give --from LAT,LON,TIME, or --logs to begin at their last fix")
         if self.threads < 0:
@@ -147,7 +150,10 @@ class Forecast(JsonOption):
         vehicle = load_vehicle(self.vehicle)
         known = None
         if logs is not None:
-            known = known_from_logs(logs, self.vehicle if self.way == "model" else None)
+            from twin.forecast.vehicle_draws import identified
+
+            model = self.way == "model" or (self.way == "usual" and bool(identified(vehicle)))
+            known = known_from_logs(logs, self.vehicle if model else None)
         if self.from_ is not None:
             place = parse_place(self.from_)
             if "time" not in place:
@@ -171,7 +177,7 @@ class Forecast(JsonOption):
             field=self._field(),
             field_error=self.current_error,
             density=self.density,
-            battery_kwh=self.battery_kwh,
+            energy_left_kwh=self.energy_left_kwh,
             seed=self.seed,
         )
         return request, known.at(unix_seconds(time))

@@ -50,9 +50,9 @@ class Forecast:
     @property
     def days_left(self) -> float | None:
         """[d] that the batteries last at this power; None where nobody said what is in them."""
-        if self.request.battery_kwh is None or self.power_w <= 0.0:
+        if self.request.energy_left_kwh is None or self.power_w <= 0.0:
             return None
-        return self.request.battery_kwh * KWH / self.power_w / DAY
+        return self.request.energy_left_kwh * KWH / self.power_w / DAY
 
     @property
     def begins(self) -> datetime.datetime:

@@ -35,14 +35,14 @@ class Request:
     """[m/s] standard deviation of its error, north and east each."""
     density: str = "usual"
     """Water column, as `twin simulate --density` takes it."""
-    battery_kwh: float | None = None
+    energy_left_kwh: float | None = None
     """Energy left in the batteries [kW h]; None: no days left are told."""
     seed: int = 0
     """Of the draws."""
 
     def __post_init__(self) -> None:
         for name, least, most in (
-            ("hours", 0.0, LONGEST_HOURS), ("field_error", 0.0, 5.0), ("battery_kwh", 0.0, 1e4),
+            ("hours", 0.0, LONGEST_HOURS), ("field_error", 0.0, 5.0), ("energy_left_kwh", 0.0, 1e4),
         ):  # fmt: skip
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and least < value <= most):

@@ -31,6 +31,9 @@ ZARR_METADATA = "zarr.json"
 ZARR_LIST = f"checksums/{ZARR_METADATA}"
 """The list of a zarr store."""
 
+MOST_LIST = 2**30
+"""[byte] of a list; a store of a million missions has one of some megabytes"""
+
 What = Literal["changed", "missing", "unknown", "unreadable"]
 
 
@@ -93,7 +96,7 @@ def read_checksums(folder: str | StorePath) -> dict[str, FileSum]:
         raise StoreError(f"{folder} has no list of checksums ({LIST} or {ZARR_LIST})")
     place = f"{files.name}/{key}"
     try:
-        data = files.read(key)
+        data = files.read_small(key, MOST_LIST)
         document: Any = json.loads(data)
         table = document["attributes"] if key == ZARR_LIST else document
         sums = {

@@ -7,6 +7,7 @@ appears under its key whole or not at all.
 from __future__ import annotations
 
 import abc
+import errno
 import hashlib
 import os
 import shutil
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from twin.bounded import MOST_TEXT
 from twin.records.disk import files_below, remove, sync_all, temporary_name, write_whole
 
 
@@ -32,6 +34,10 @@ def file_sum(path: Path) -> FileSum:
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
         return FileSum(file.tell(), digest)
+
+
+class GiantFile(OSError, ValueError):
+    """A file is larger than its kind ever is: it is damaged, or made to fill the memory."""
 
 
 class Files(abc.ABC):
@@ -53,6 +59,14 @@ class Files(abc.ABC):
         Raises:
           FileNotFoundError: there is none. OSError: it cannot be read.
         """
+
+    def read_small(self, key: str, most: int = MOST_TEXT) -> bytes:
+        """All of a file of at most `most` bytes; errors as of `read`, and GiantFile."""
+        size = self.size(key)
+        if size is not None and size > most:
+            reason = f"it has {size} bytes, which no such file needs"
+            raise GiantFile(errno.EFBIG, reason, f"{self.name}/{key}")
+        return self.read(key)
 
     @abc.abstractmethod
     def fetch(self, key: str, folder: Path) -> Path:

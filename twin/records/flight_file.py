@@ -25,12 +25,12 @@ def is_flight(path: str | StorePath) -> bool:
     path = store_path(path)
     try:
         if not isinstance(path, Path) or path.is_dir():
-            about = json.loads(files_at(path).read(METADATA)).get("attributes", {})
+            about = json.loads(files_at(path).read_small(METADATA)).get("attributes", {})
             return str(about.get(TITLE, "")).startswith(FLIGHT_TITLE)
         with path.open("rb") as file:
             if not file.read(4).startswith(SIGNATURES):
                 return False
-    except (OSError, ValueError, AttributeError):
+    except (OSError, ValueError, AttributeError, RecursionError):
         return False
     import netCDF4
 

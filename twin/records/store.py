@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import json
 import warnings
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
@@ -21,7 +22,14 @@ from numpy.typing import NDArray
 
 from twin.bounded import check_dataset, parse_json
 from twin.errors import InputError, StoreError
-from twin.records.attributes import N_SAMPLES, SIMULATED_ATTRIBUTES, VERSION, is_missions
+from twin.records.attributes import (
+    N_SAMPLES,
+    PROGRAM_VERSION,
+    SETTINGS,
+    SIMULATED_ATTRIBUTES,
+    VERSION,
+    is_missions,
+)
 from twin.records.checksums import is_listed
 from twin.records.flight_file import flight_message, is_flight
 from twin.records.object_files import files_at
@@ -57,6 +65,8 @@ RECIPE = "recipe.json"
 """In a folder of it: what the store is made by"""
 UNFINISHED = ".generating"
 """Folder inside a store that an older factory has begun and not completed."""
+LONGEST_VERSION = 40
+"""Characters of the version of a program, as messages quote it"""
 
 
 def mission_dataset(
@@ -255,7 +265,7 @@ def read_attributes(path: str | StorePath) -> dict[str, Any]:
       StoreError: its metadata cannot be read.
     """
     try:
-        metadata = parse_json(files_at(path).read(METADATA), METADATA)
+        metadata = parse_json(files_at(path).read_small(METADATA), METADATA)
         attributes: dict[str, Any] = metadata["attributes"]
     except (OSError, InputError, KeyError, TypeError) as error:
         raise StoreError(
@@ -296,18 +306,7 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
         raise StoreError(f"{path} is not a zarr v3 store; give the folder that ends in .zarr")
     files = files_at(path)
     attributes = read_attributes(path)
-    try:
-        version = int(attributes[VERSION])
-    except (KeyError, ValueError, TypeError) as error:
-        raise StoreError(
-            f"store {path} does not say its {VERSION}; it is not ours or damaged"
-            f" ({type(error).__name__})"
-        ) from error
-    if version > SCHEMA_VERSION:
-        raise StoreError(
-            f"store {path} has schema version {version}, this program reads up to "
-            f"{SCHEMA_VERSION}; upgrade glider-twin"
-        )
+    check_version(attributes, path)
     chunks: dict[str, int] | None = {} if dask and find_spec("dask") is not None else None
     try:
         dataset = xr.open_zarr(files.zarr_store(), consolidated=None, chunks=chunks)
@@ -316,6 +315,36 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
     check_dataset(dataset, files.stored_bytes, f"store {path}", StoreError)
     declare_signals(dataset)
     return dataset
+
+
+def check_version(attributes: Mapping[str, Any], path: str | StorePath) -> None:
+    """Raise StoreError when a newer program wrote a store, or one that is not ours.
+
+    Args:
+      attributes: of the store.
+    """
+    try:
+        version = int(attributes[VERSION])
+    except (KeyError, ValueError, TypeError, OverflowError) as error:
+        raise StoreError(
+            f"store {path} does not say its {VERSION}; it is not ours or damaged"
+            f" ({type(error).__name__})"
+        ) from error
+    if version > SCHEMA_VERSION:
+        writer = _writer(attributes)
+        raise StoreError(
+            f"store {path} has schema version {version}, this program reads up to "
+            f"{SCHEMA_VERSION}; upgrade glider-twin{f' to {writer}' if writer else ''}"
+        )
+
+
+def _writer(attributes: Mapping[str, Any]) -> str:
+    """The version of glider-twin that wrote a store; empty where it does not say."""
+    try:
+        made = json.loads(attributes[SETTINGS])["versions"]["glider-twin"]
+    except (KeyError, ValueError, TypeError, RecursionError):
+        made = attributes.get(PROGRAM_VERSION, "")
+    return str(made)[:LONGEST_VERSION]
 
 
 def is_there(path: StorePath) -> bool:

@@ -15,7 +15,8 @@ from learn.data.labels import (
     label_config,
     measured,
 )
-from learn.data.preparation import few_labels, few_missions, labels_in, prepare
+from learn.data.preparation import prepare
+from learn.data.store_checks import few_labels, few_missions, labels_in
 from learn.networks.config import NetworkConfig
 from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
@@ -177,7 +178,7 @@ def test_a_training_tells_its_warnings(tmp_path):
         labels=LabelConfig(source="dvl"),
     )
     told = []
-    fit(config, tmp_path / "run", workers=1, warn=told.append)
+    fit(config, tmp_path / "run", warn=told.append)
     assert len(told) == 2
     assert "one mission for training" in told[0]
     assert "labels in 100 of 2000" in told[1]

@@ -1,7 +1,6 @@
 """The start of a fit: what it checks and leaves when it fails, and how a run is gone on with."""
 
 import json
-import multiprocessing
 import shutil
 import signal
 import subprocess
@@ -12,13 +11,12 @@ from pathlib import Path
 import pytest
 from learn_missions import write_synthetic_store
 
-import learn.training.fitting
 import learn.training.workers
 from learn.__main__ import PROGRAM
 from learn.commands.fit import Fit
 from learn.files import write_sealed
 from learn.networks.config import NetworkConfig
-from learn.runs.rollback import Rollback, aside, recover
+from learn.runs.place import training_folder
 from learn.runs.run import METRICS, Run, newest_run, open_run, read_description
 from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
@@ -52,7 +50,7 @@ def place(tmp_path_factory):
     store = write_synthetic_store(folder / "s.zarr", [300, 280, 260], [0, 0, 1])
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        fit(small_config("s.zarr"), folder / "runs" / "done", workers=1)
+        fit(small_config("s.zarr"), folder / "runs" / "done")
     assert store.exists()
     return folder
 
@@ -79,7 +77,6 @@ def contents(folder):
         (("s.zarr", "--epochs", "-1"), "must not be negative"),
         (("s.zarr", "--workers", "-2"), "workers must be at least 1"),
         (("s.zarr", "--period", "0.7"), "no multiple"),
-        (("s.zarr", "--resume"), "give one"),
         (("s.zarr", "--device", "cuda"), "no CUDA device is available"),
         (("s.zarr", "--start", "none"), "is not a run"),
         (("s.zarr", "--start", "none", "--inputs", "glider"), "is not a run"),
@@ -87,11 +84,21 @@ def contents(folder):
         (("s.zarr", "--period", "-1"), "period must be a finite number"),
         (("s.zarr", "--seconds", "nan"), "seconds must be a finite number, not nan"),
         (("s.zarr", "--seconds", "inf"), "seconds must be a finite number, not inf"),
-        (("s.zarr", "--window", "1000000"), "the longest, mission 0, has 300 samples"),
+        (
+            ("s.zarr", "--network", "elman", "--window", "1000000"),
+            "the longest, mission 0, has 300 samples",
+        ),
         (("s.zarr", "--hidden", "99999999"), "hidden must be at most 4096"),
         (("s.zarr", "--layers", "99999999"), "layers must be at most 64"),
         (("s.zarr", "--delays", "99999999"), "delays must be at most 256"),
-        (("s.zarr", "--hidden", "4096", "--delays", "256"), "take fewer units"),
+        (
+            ("s.zarr", "--network", "elman", "--hidden", "4096", "--delays", "256"),
+            "take fewer units",
+        ),
+        (("s.zarr", "--memory", "0"), "--memory 0 must be a number of GB above 0"),
+        (("s.zarr", "--memory", "0.0001"), "streaming the training data takes 0.11 GB"),
+        (("s.zarr", "--buffer", "0"), "training buffer must be at least 1"),
+        (("s.zarr", "--seeds", "0"), "--seeds 0 must be at least 1"),
         (("s.zarr", "--leave-out-each-dive"), "leaving one out needs at least"),
     ],
 )
@@ -132,16 +139,16 @@ def test_a_run_is_replaced_once_the_new_one_is_trained(here, capsys):
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, StoreError("no"), MemoryError])
-def test_a_start_that_ends_before_training_brings_the_old_run_back(here, monkeypatch, error):
+def test_a_start_that_ends_before_training_leaves_the_old_run(here, monkeypatch, error):
     def fail(*_, **__):
-        assert not (here / "runs" / "done" / "surge-0.json").exists()
         raise error
 
-    monkeypatch.setattr("learn.training.fitting.train", fail)
+    monkeypatch.setattr("learn.training.workers.train", fail)
     before = contents(here)
     with pytest.raises(type(error) if isinstance(error, Exception) else error) as caught:
-        fit(small_config("s.zarr"), here / "runs" / "done", replace=True, workers=1)
+        fit(small_config("s.zarr"), here / "runs" / "done", replace=True)
     assert contents(here) == before
+    assert [p.name for p in (here / "runs").iterdir()] == ["done"]
     if error is KeyboardInterrupt:
         assert "nothing was trained yet" in str(caught.value)
         assert "is as it was" in str(caught.value)
@@ -161,36 +168,84 @@ def test_a_name_stays_free_when_nothing_was_trained(here, capsys):
         assert not (here / "runs" / "free").exists()
 
 
-def test_an_interrupt_after_training_began_keeps_what_is_trained(here, monkeypatch):
-    real = learn.training.fitting.train
+def interrupted_in_sway(monkeypatch):
+    """Ends a fit after surge is trained."""
+    real = learn.training.workers.train
 
-    def train(job, folder, report):
+    def train(job, folder, report, **options):
         if job.target == "sway":
             raise KeyboardInterrupt
-        return real(job, folder, report)
+        return real(job, folder, report, **options)
 
-    monkeypatch.setattr("learn.training.fitting.train", train)
-    with pytest.raises(KeyboardInterrupt, match="`learn fit --name done --resume`"):
-        fit(small_config("s.zarr"), here / "runs" / "done", replace=True, workers=1)
-    assert not aside(here / "runs" / "done").exists()
-    assert (here / "runs" / "done" / "surge-0.json").is_file()
-    with pytest.raises(StoreError, match="`learn fit --name done --resume`"):
-        open_run("done")
+    monkeypatch.setattr("learn.training.workers.train", train)
 
 
-def test_a_killed_replacement_is_tidied_up_by_the_next_fit(here):
+def test_an_interrupt_after_training_began_keeps_what_is_trained(here, monkeypatch):
+    with monkeypatch.context() as patch:
+        interrupted_in_sway(patch)
+        with pytest.raises(KeyboardInterrupt, match="`learn fit --name new --resume`"):
+            fit(small_config("s.zarr"), here / "runs" / "new")
+    assert (here / "runs" / "new" / "surge-0.json").is_file()
+    with pytest.raises(StoreError, match="`learn fit --name new --resume`"):
+        open_run("new")
+
+
+def test_the_old_run_stays_until_its_replacement_is_trained(here, capsys, monkeypatch):
+    """An interrupted replacement is nobody's run, and is continued by its settings."""
     folder = here / "runs" / "done"
     before = contents(folder)
-    with Rollback(folder, new=True):  # killed here: the context is left without its end
-        copy = here / "killed"
-        shutil.copytree(here / "runs", copy)
-        (folder / "surge-0.checkpoint").touch()
-    assert contents(copy / aside(folder).name) == before
-    with pytest.raises(InputError, match="no finished run"):
-        newest_run(copy)  # what is kept aside is nobody's newest run
-    recover(copy / "done")
-    assert contents(copy / "done") == before
-    assert not aside(copy / "done").exists()
+    with monkeypatch.context() as patch:
+        interrupted_in_sway(patch)
+        with pytest.raises(KeyboardInterrupt, match="`learn fit --name done --overwrite --resume`"):
+            fit(small_config("s.zarr", members=2), folder, replace=True)
+    assert contents(folder) == before
+    assert newest_run().folder.name == "done"
+    surge = (training_folder(folder, replace=True) / "surge-0.safetensors").read_bytes()
+    words = ("fit", "--name", "done", "--overwrite", "--resume", "--workers", "1")
+    code, _, err = call(capsys, *words)
+    assert code == 0, err
+    assert open_run("done").members == 2
+    assert (folder / "surge-0.safetensors").read_bytes() == surge
+    assert [p.name for p in (here / "runs").iterdir()] == ["done"]
+
+
+def test_a_replacement_that_is_started_again_forgets_the_first(here, monkeypatch):
+    folder = here / "runs" / "done"
+    with monkeypatch.context() as patch:
+        interrupted_in_sway(patch)
+        with pytest.raises(KeyboardInterrupt):
+            fit(small_config("s.zarr", members=2), folder, replace=True)
+    fit(small_config("s.zarr"), folder, replace=True)
+    assert sorted(p.stem for p in folder.glob("*.safetensors")) == ["surge-0", "sway-0"]
+
+
+def test_a_kill_between_training_and_saving_costs_nothing(here, monkeypatch):
+    """The checkpoint stays until the network is saved."""
+    folder = here / "runs" / "new"
+
+    def fail(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("learn.networks.predictor.Predictor.save", fail)
+        with pytest.raises(KeyboardInterrupt):
+            fit(small_config("s.zarr"), folder)
+    lines = (folder / METRICS).read_bytes()
+    fit(small_config("s.zarr"), folder, resume=True)
+    assert b'"surge-0"' not in (folder / METRICS).read_bytes()[len(lines) :]
+    assert (folder / "surge-0.safetensors").is_file()
+    assert not list(folder.glob("*.checkpoint"))
+
+
+def test_two_fits_of_one_run_at_once_are_refused(here, monkeypatch):
+    def second(*_, **__):
+        with pytest.raises(InputError, match="another `learn fit` trains run"):
+            fit(small_config("s.zarr"), here / "runs" / "new", resume=True)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("learn.training.workers.train", second)
+    with pytest.raises(KeyboardInterrupt):
+        fit(small_config("s.zarr"), here / "runs" / "new")
 
 
 # --- going on ------------------------------------------------------------------------------------
@@ -252,7 +307,7 @@ def test_half_a_line_of_metrics_is_left_out_and_taken_out_by_the_next_fit(here):
     run = Run(folder, read_description(folder))
     assert len(run.metrics()) == len(whole.splitlines())
     unfinish(folder)
-    fit(small_config("s.zarr"), folder, resume=True, workers=1)
+    fit(small_config("s.zarr"), folder, resume=True)
     assert path.read_bytes().startswith(whole + b'{"network": "sway-0"')
     path.write_bytes(b"{\n" + whole)
     with pytest.raises(StoreError, match=rf"{METRICS} is damaged in line 1"):
@@ -292,15 +347,3 @@ def alive(pid):
     except OSError:
         return False
     return text.rpartition(")")[2].split()[0] != "Z"
-
-
-def test_trainers_watch_their_parent(here, monkeypatch):
-    watched = []
-    monkeypatch.setattr("learn.training.workers.end_with", watched.append)
-    monkeypatch.setattr("signal.signal", lambda *_: None)
-    monkeypatch.setattr("learn.training.workers.train", lambda *_: None)
-    receiver, sender = multiprocessing.Pipe(duplex=False)
-    (job, _) = small_config("s.zarr").jobs()
-    learn.training.workers.work(job, here, sender, 123, learn.training.workers.Kinds({}, {}))
-    assert watched == [123]
-    assert receiver.recv() == ("done", None)

@@ -118,7 +118,7 @@ def test_a_killed_training_resumes_to_the_same_bits(surge, config, tmp_path):
         trainer(surge, config, checkpoint=path, report=kill).run()
     assert path.exists()
     resumed = trainer(surge, config, checkpoint=path).run()
-    assert not path.exists()
+    assert path.exists()  # until what came of it is saved
     for a, b in zip(straight.network.parameters(), resumed.network.parameters(), strict=True):
         assert torch.equal(a, b)
     ours = [(r.step, r.train_mse, r.validation_mse) for r in resumed.history]

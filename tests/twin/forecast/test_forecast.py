@@ -45,7 +45,7 @@ def asked(**changes):
 def steps():
     """Every stage of one forecast."""
     found = []
-    forecast(asked(battery_kwh=1.5), known_without_logs(36.8, UNIX), refined=found.append)
+    forecast(asked(energy_left_kwh=1.5), known_without_logs(36.8, UNIX), refined=found.append)
     return found
 
 
@@ -110,7 +110,7 @@ def test_energy_and_days_follow_from_the_power(steps) -> None:
     found = steps[-1]
     assert found.days_left == pytest.approx(1.5 * 3.6e6 / found.power_w / 86400.0)
     assert found.surfacings[1].energy_kj > found.surfacings[0].energy_kj > 0.5
-    without = dataclasses.replace(found.request, battery_kwh=None)
+    without = dataclasses.replace(found.request, energy_left_kwh=None)
     assert dataclasses.replace(found, request=without).days_left is None
 
 

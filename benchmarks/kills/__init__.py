@@ -1,0 +1,1 @@
+"""Kills: processes of `factory generate` ended, frozen and doubled; the store is always the same."""
