@@ -3,7 +3,7 @@
 
 PYTHON ?= python3
 BIN := .venv/bin
-BENCHMARKS := benchmarks/cli_startup.py benchmarks/physics_step.py benchmarks/current_sampling.py benchmarks/sensor_cost.py benchmarks/suite_step.py benchmarks/factory_speed.py benchmarks/store_writing.py benchmarks/layer_speed.py benchmarks/render_speed.py
+BENCHMARKS := cli_startup physics_step current_sampling sensor_cost suite_step factory_speed store_writing layer_speed render_speed
 
 .NOTPARALLEL:
 .PHONY: setup demo test lint check mutants bench gallery lock clean
@@ -34,7 +34,7 @@ mutants: setup            ## change the code on purpose; the tests must notice 8
 	@$(BIN)/python scripts/mutate.py $(ARGS)
 
 bench: setup              ## measured costs, printed beside their yardsticks
-	@for benchmark in $(BENCHMARKS); do $(BIN)/python $$benchmark || exit 1; done
+	@for benchmark in $(BENCHMARKS); do $(BIN)/python -m benchmarks.$$benchmark || exit 1; done
 
 gallery: setup            ## the pictures of the README, from the commands shown beside them
 	@$(BIN)/python scripts/gallery.py README.md

@@ -1,7 +1,7 @@
 """Speed, memory and store size of the factory beside its yardsticks.
 
-    python benchmarks/factory_speed.py [HOURS] [--json]
-    python benchmarks/factory_speed.py --vehicles [--json]    # the glider and Tethys alone
+    python -m benchmarks.factory_speed [HOURS] [--json]
+    python -m benchmarks.factory_speed --vehicles [--json]    # the glider and Tethys alone
 
 HOURS is the length of the long run, 100 by default; the project's promise is made at 1000. Each
 row gives simulated time over elapsed time, over CPU time, and the latter's ratio to the bare MuJoCo
@@ -20,7 +20,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -30,6 +29,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import mujoco
 import numpy as np
 
+from benchmarks.watched import Watched
 from factory.commands.generate import raw_bytes
 from factory.inspect.info import stored_bytes
 from factory.recipe.recipe import make_recipe
@@ -151,38 +151,6 @@ def fossen(method: Any, seconds: float) -> tuple[float, float]:
     watch = Stopwatch()
     model.simulate(start, schedule, seconds, method=method)
     return watch.stop(seconds)
-
-
-class Watched(threading.Thread):
-    """Largest memory of a process and its children together, shared pages counted once."""
-
-    def __init__(self, pid: int):
-        super().__init__(daemon=True)
-        self.pid, self.peak, self.running = pid, 0, True
-
-    def run(self) -> None:
-        """Look twice a second: looking costs the kernel a walk through every page."""
-        while self.running:
-            tasks = Path(f"/proc/{self.pid}/task")
-            pids = [str(self.pid)]
-            for children in tasks.glob("*/children"):
-                pids += _read(children).split()
-            self.peak = max(self.peak, sum(_proportional(pid) for pid in pids))
-            time.sleep(0.5)
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text()
-    except OSError:
-        return ""
-
-
-def _proportional(pid: str) -> int:
-    for line in _read(Path(f"/proc/{pid}/smaps_rollup")).splitlines():
-        if line.startswith("Pss:"):
-            return 1024 * int(line.split()[1])
-    return 0
 
 
 def generate(hours: float, preset: str, folder: Path, vehicle: str = "glider") -> dict[str, float]:

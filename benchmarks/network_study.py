@@ -1,12 +1,14 @@
 """Does memory help, and which optimiser? Networks of equal data and equal computing time.
 
     python benchmarks/network_study.py TRAIN --test STORE [STORE ...] [--kinds mlp elman lstm]
-        [--optimisers soap adam scg] [--inputs full glider] [--seeds 3] [--seconds 60]
-        [--window 128] [--washin 48] [--json]
+        [--optimisers soap adam scg] [--inputs full glider] [--targets surge sway] [--seeds 3]
+        [--memories 2,8,30 8] [--sizes 3x50 2x64] [--seconds 60] [--window 128] [--washin 48]
+        [--json]
 
-Trains one network for every kind, optimiser, set of inputs, velocity and seed on the missions of
-TRAIN that are for training, `--seconds` of computing each, and runs it free over every mission of
-the test stores. Printed are medians over the seeds and, in brackets, the lowest and highest.
+Trains one network for every kind, optimiser, set of inputs, memories, size, velocity and seed on
+the missions of TRAIN that are for training, `--seconds` of computing each, and runs it free over
+every mission of the test stores. Printed are medians over the seeds and, in brackets, the lowest
+and highest. `VARIANTS` are kinds of this study alone: ema with one thing changed.
 """
 
 from __future__ import annotations
@@ -21,9 +23,56 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
+
+from torch import Tensor, nn
+
+from learn.networks.ema import ExponentialAverages
+from learn.networks.registry import NETWORKS
 
 TARGETS = ("surge", "sway")
 TRANSIENT_S = 30.0
+
+
+class Tanh(ExponentialAverages):
+    """Units that saturate."""
+
+    unit = nn.Tanh
+
+
+class Curved(ExponentialAverages):
+    """Without the linear path."""
+
+    def __init__(self, config: Any) -> None:
+        super().__init__(config)
+        del self.straight
+
+    def read(self, recalled: Tensor) -> Tensor:
+        """See `FixedMemory.read`."""
+        return self.body(recalled)
+
+
+class TanhCurved(Curved):
+    """Units that saturate, without the linear path: a usual perceptron."""
+
+    unit = nn.Tanh
+
+
+class FromZero(ExponentialAverages):
+    """Averages that start at the mean of the training missions, not at the first sample."""
+
+    def _before(self, x: Tensor, state: Tensor) -> Tensor:
+        return state[:, :-1].unflatten(1, (len(self.keep), self.config.inputs))
+
+
+VARIANTS = {
+    "ema_tanh": Tanh,
+    "ema_curved": Curved,
+    "ema_tanh_curved": TanhCurved,
+    "ema_from_zero": FromZero,
+}
+for name, variant in VARIANTS.items():
+    NETWORKS.register(name, variant)
 
 
 @dataclass(frozen=True)
@@ -33,8 +82,20 @@ class Case:
     kind: str
     optimiser: str
     inputs: str
+    memories: str
+    size: str
     target: str
     seed: int
+
+    def network(self, period: float) -> Any:
+        """Its description."""
+        from learn.networks.config import NetworkConfig
+
+        layers, hidden = map(int, self.size.split("x"))
+        memories = tuple(map(float, self.memories.split(",")))
+        return NetworkConfig(
+            kind=self.kind, period=period, layers=layers, hidden=hidden, memories=memories
+        )
 
 
 def run(case: Case, train: str, tests: list[str], settings: dict[str, float]) -> dict[str, float]:
@@ -43,17 +104,16 @@ def run(case: Case, train: str, tests: list[str], settings: dict[str, float]) ->
 
     from learn.data.dataset import TARGETS as CHANNELS
     from learn.data.dataset import load_missions
-    from learn.data.features import INPUT_SETS, channels_of, select_features
     from learn.data.preparation import prepare
-    from learn.networks.config import NetworkConfig
     from learn.networks.predictor import Predictor
     from learn.training.schedule import TrainingConfig
     from learn.training.trainer import Trainer
+    from twin.navigation.features import INPUT_SETS, channels_of, select_features
 
     features = select_features(INPUT_SETS[case.inputs])
     data = prepare(train, target=case.target, features=features)
     trained = Trainer(
-        NetworkConfig(kind=case.kind),
+        case.network(data.period),
         TrainingConfig(optimiser=case.optimiser, seed=case.seed, **settings),
         data.train,
         data.validation,
@@ -79,9 +139,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("train", help="store with a split")
     parser.add_argument("--test", nargs="+", required=True, help="stores of unseen missions")
-    parser.add_argument("--kinds", nargs="+", default=["mlp", "elman", "lstm", "gru", "tcn"])
+    parser.add_argument("--kinds", nargs="+", default=list(NETWORKS.shipped()))
     parser.add_argument("--optimisers", nargs="+", default=["soap"])
     parser.add_argument("--inputs", nargs="+", default=["full"])
+    parser.add_argument("--targets", nargs="+", default=TARGETS, choices=TARGETS)
+    parser.add_argument("--memories", nargs="+", default=["2,8,30"], help="[s] of ema")
+    parser.add_argument("--sizes", nargs="+", default=["3x50"], help="layers x units")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument(
         "--seconds", type=float, default=60.0, help="computing time of each network"
@@ -95,7 +158,13 @@ def main() -> None:
     cases = [
         Case(*parts)
         for parts in itertools.product(
-            options.kinds, options.optimisers, options.inputs, TARGETS, range(options.seeds)
+            options.kinds,
+            options.optimisers,
+            options.inputs,
+            options.memories,
+            options.sizes,
+            options.targets,
+            range(options.seeds),
         )
     ]
     settings = {
@@ -122,21 +191,21 @@ def main() -> None:
 def show(results: dict[Case, dict[str, float]]) -> None:
     """One line for each kind, optimiser, inputs and velocity, a column for each figure."""
     columns = list(next(iter(results.values())))
-    for target in TARGETS:
+    for target in dict.fromkeys(case.target for case in results):
         print(f"\n{target}, MSE in (m/s)^2: median (lowest to highest) over the seeds")
-        groups = dict.fromkeys((c.kind, c.optimiser, c.inputs) for c in results)
+        groups = dict.fromkeys(_group(case) for case in results)
         for group in groups:
-            chosen = [
-                r
-                for c, r in results.items()
-                if (c.kind, c.optimiser, c.inputs) == group and c.target == target
-            ]
+            chosen = [r for c, r in results.items() if _group(c) == group and c.target == target]
             cells = []
             for column in columns:
                 values = [r[column] for r in chosen]
                 middle, low, high = statistics.median(values), min(values), max(values)
                 cells.append(f"{column} {middle:.2g} ({low:.2g} to {high:.2g})")
             print(f"{' '.join(group):18s}", "; ".join(cells))
+
+
+def _group(case: Case) -> tuple[str, ...]:
+    return case.kind, case.optimiser, case.inputs, case.memories, case.size
 
 
 if __name__ == "__main__":

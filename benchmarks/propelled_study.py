@@ -1,8 +1,8 @@
 """The paper's first study: networks that learn from a Doppler log, on missions they never saw.
 
     python benchmarks/propelled_study.py TRAIN --test STORE [--seeds 5] [--seconds 120]
-        [--hidden 40] [--known-current 0,0] [--smoothing gaussian] [--window 128] [--washin 48]
-        [--runs FOLDER] [--workers 2] [--json]
+        [--network elman] [--hidden 40] [--known-current 0,0] [--smoothing gaussian]
+        [--window 128] [--washin 48] [--runs FOLDER] [--workers 2] [--json]
 
 For every seed `learn fit` trains one network for surge and one for sway on what the log of TRAIN
 measured, `--seconds` of computing each, three layers of `--hidden` units. Bottom track counts less
@@ -69,6 +69,7 @@ def study(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
     for seed in range(options.seeds):
         config = learn.fit_settings(
             options.train,
+            network=options.network,
             hidden=options.hidden,
             seconds=options.seconds,
             window=options.window,
@@ -115,6 +116,7 @@ def main() -> None:
     parser.add_argument(
         "--seconds", type=float, default=120.0, help="[s] of computing of each network"
     )
+    parser.add_argument("--network", default="elman", help="kind; the paper's by default")
     parser.add_argument("--hidden", type=int, default=40, help="units per layer")
     parser.add_argument("--known-current", default="0,0", help="none, store or NORTH,EAST [m/s]")
     parser.add_argument("--smoothing", default="gaussian")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,15 +12,18 @@ from factory.generation.generate import Summary
 from factory.generation.generate import generate as _generate
 from factory.recipe.parameter import Parameter
 from factory.recipe.recipe import make_recipe
+from twin.errors import InputError
 
 if TYPE_CHECKING:
     from factory.importing.reading.tally import ImportReport
+    from twin.records.zarr_copy import AnyStore
     from twin.sensors import SensorSuite
 
 
 def generate(
-    out: str | Path,
+    out: str | Path | None = None,
     *,
+    store: AnyStore | None = None,
     preset: str = "paper",
     hours: float | None = None,
     seed: int = 0,
@@ -27,13 +32,18 @@ def generate(
     sensors: str | SensorSuite | None = None,
     current: str | None = None,
     workers: int | None = None,
+    executor: Executor | None = None,
+    scheduler: str | None = None,
     resume: bool = False,
     overwrite: bool = False,
 ) -> Summary:
-    """Fly randomised missions in parallel and store them; the same bytes for any `workers`.
+    """Fly randomised missions in parallel and store them; the same bytes whoever flies them.
 
     Args:
-      out: the store.
+      out: the store: a path, or an address such as s3://bucket/missions.zarr.
+      store: instead of `out`, a zarr store that is empty and open for writing. Missions are made in
+        a temporary folder of this machine and copied. Nothing is committed: a store with sessions,
+        as icechunk has, keeps them by one commit of its own.
       preset: "paper", "field" or "paper-test".
       hours: [h] of all missions together; None: 10, or what the preset's missions last.
       seed: root of every random draw.
@@ -42,13 +52,22 @@ def generate(
       sensors: suite, or its name, instead of the preset's.
       current: one current for all missions instead of drawn ones, as text.
       workers: processes; None: the CPUs that this process may use.
+      executor: what flies missions instead of such processes; it must reach `out` by the same path.
+      scheduler: address of a dask scheduler whose workers do, such as tcp://127.0.0.1:8786.
       resume: complete a store that an earlier run left incomplete; start it if there is none.
       overwrite: replace an existing store.
 
     Raises:
       InputError: a name or value that cannot be used. StoreError: something is in the way, or the
-        disk refuses; finished missions are kept for `resume`.
+        disk refuses; finished missions are kept for `resume`. TwinError: a worker or a cluster was
+        lost.
     """
+    if (out is None) == (store is None):
+        raise InputError("give either out, a path or an address, or store, an open zarr store")
+    if store is not None and (resume or overwrite):
+        raise InputError("resume and overwrite go with out: a zarr store must be empty")
+    if scheduler is not None and executor is not None:
+        raise InputError("give either a scheduler or an executor")
     recipe = make_recipe(
         preset=preset,
         hours=hours,
@@ -58,7 +77,19 @@ def generate(
         sensors=sensors,
         current=current,
     )
-    return _generate(recipe, out, workers=workers, resume=resume, overwrite=overwrite)
+    with contextlib.ExitStack() as stack:
+        if scheduler is not None:
+            from factory.generation.cluster import dask_executor
+
+            executor = stack.enter_context(dask_executor(scheduler))
+        if store is not None:
+            from factory.generation.into_store import generate_into
+
+            return generate_into(recipe, store, workers=workers, executor=executor)
+        assert out is not None
+        return _generate(
+            recipe, out, workers=workers, executor=executor, resume=resume, overwrite=overwrite
+        )
 
 
 def parameters(vehicle: str | Path = "glider") -> dict[str, Parameter]:

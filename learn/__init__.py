@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from learn.api import evaluate, export, fit, fit_settings
-    from learn.navigation.baselines.base import Baseline, Estimate
-    from learn.navigation.baselines.registry import BASELINES
     from learn.networks.base import Network
     from learn.networks.config import NetworkConfig
     from learn.networks.prediction import Prediction
@@ -29,15 +27,17 @@ if TYPE_CHECKING:
     from learn.training.optimisers.registry import OPTIMISERS
     from learn.training.schedule import TrainingConfig
     from learn.training.settings import FitConfig
+    from twin.navigation.baselines.base import Baseline, Estimate
+    from twin.navigation.baselines.registry import BASELINES
 
 _PLACES = {
-    "BASELINES": "learn.navigation.baselines.registry",
+    "BASELINES": "twin.navigation.baselines.registry",
     "NETWORKS": "learn.networks.registry",
     "OPTIMISERS": "learn.training.optimisers.registry",
     "REPORT_FIGURES": "learn.report.figures.registry",
-    "Baseline": "learn.navigation.baselines.base",
+    "Baseline": "twin.navigation.baselines.base",
     "Contents": "learn.report.contents",
-    "Estimate": "learn.navigation.baselines.base",
+    "Estimate": "twin.navigation.baselines.base",
     "FitConfig": "learn.training.settings",
     "FullBatchOptimiser": "learn.training.optimisers.base",
     "MinibatchOptimiser": "learn.training.optimisers.base",

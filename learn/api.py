@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from learn.data.features import INPUT_SETS, select_features
 from learn.data.labels import LabelConfig
 from learn.data.parts import parts_of
-from learn.data.preparation import check_window
+from learn.data.store_checks import check_window
 from learn.networks.config import NetworkConfig
 from learn.networks.registry import NETWORKS
 from learn.report.contents import RunEvaluation
@@ -32,15 +32,17 @@ from learn.studies.run_evaluation import evaluate_run
 from learn.training import fitting
 from learn.training.fitting import Watch
 from learn.training.optimisers.registry import OPTIMISERS
+from learn.training.resources import Resources, training_resources
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, unknown_name
 from twin.extras import require
+from twin.navigation.features import INPUT_SETS, select_features
 from twin.records.store_path import StorePath, store_path
 
 if TYPE_CHECKING:
     from learn.evaluation.evaluation import Watch as EvaluationWatch
-    from learn.networks.onnx_export import Parity
+    from learn.networks.parity import Parity
 
 DEFAULT_MEMBERS = 2
 DEFAULT_INPUTS = "full"
@@ -52,7 +54,9 @@ def fit(
     folder: str | Path | None = None,
     resume: bool = False,
     overwrite: bool = False,
-    workers: int = 1,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    memory: float | None = None,
     watch: Watch | None = None,
     say: Say = lambda _: None,
     history: str = "",
@@ -66,8 +70,12 @@ def fit(
       resume: continue the run in `folder` with its own settings; start it if there is none.
       overwrite: replace the run in `folder`, which is kept until the new one is trained; with
         `resume` such a replacement is continued.
-      workers: processes. 1 trains in this one; more need the script's main part behind
+      workers: processes; None or 1 trains in this one, more need the script's main part behind
         `if __name__ == "__main__"`.
+      executor: trains instead of such processes: any of `concurrent.futures`, that of a dask
+        client too. It must reach `folder` and `store` by the same paths.
+      memory: [GB] for the training data, see `learn.training.resources`; a store that needs more
+        is streamed, with the same result.
       watch: called as watch(job, report) at every validation of every network.
       say: told warnings, and what is being done after the training.
       history: a line for the record, such as the command.
@@ -88,7 +96,9 @@ def fit(
         path,
         resume=resume,
         overwrite=overwrite,
-        workers=workers,
+        workers=1 if workers is None and executor is None else workers,
+        executor=executor,
+        memory=memory,
         watch=watch,
         warn=say,
         say=say,
@@ -102,9 +112,11 @@ def train_and_finish(
     *,
     resume: bool = False,
     overwrite: bool = False,
-    workers: int = 1,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    memory: float | None = None,
     watch: Watch | None = None,
-    studies: Callable[[Run], None] = lambda _: None,
+    studies: Callable[[Run, Resources], None] = lambda *_: None,
     warn: Say = lambda _: None,
     say: Say = lambda _: None,
     history: str = "",
@@ -112,20 +124,16 @@ def train_and_finish(
     """As `fit`, with all settings decided.
 
     Args:
-      studies: called with the trained run before it is evaluated; what it writes into the run's
-        folder, such as an ablation, goes into the report.
+      workers: None is as many as this process may use CPUs.
+      studies: called with the trained run, and what trains more, before it is evaluated; what it
+        writes into the run's folder, such as an ablation, goes into the report.
     """
-    run = fitting.fit(
-        config,
-        folder,
-        resume=resume,
-        replace=overwrite,
-        workers=workers,
-        watch=watch,
-        warn=warn,
-        history=history,
-    )
-    studies(run)
+    with training_resources(workers, executor, memory) as resources:
+        run = fitting.fit(
+            config, folder, resources, resume=resume, replace=overwrite, watch=watch, warn=warn,
+            say=say, history=history,
+        )  # fmt: skip
+        studies(run, resources)
     return finish(run, history=history, say=say)
 
 
@@ -137,6 +145,7 @@ def fit_settings(
     hidden: int | None = None,
     layers: int | None = None,
     delays: int | None = None,
+    memories: Sequence[float] | None = None,
     inputs: str | None = None,
     features: Sequence[str] = (),
     without: Sequence[str] = (),
@@ -145,6 +154,7 @@ def fit_settings(
     epochs: int | None = None,
     window: int | None = None,
     washin: int | None = None,
+    buffer: int | None = None,
     seed: int | None = None,
     members: int | None = None,
     division: str | None = None,
@@ -161,10 +171,11 @@ def fit_settings(
     Args:
       store: of missions or of logs [default: data/missions.zarr].
       resumed: folder of the run that is continued, if it exists.
-      network: a name of `learn.NETWORKS` [elman, the paper's].
+      network: a name of `learn.NETWORKS` [ema, the paper's is elman].
       hidden: units per hidden layer [50].
       layers: hidden layers [3].
       delays: elman: past outputs that a hidden layer is fed back [5].
+      memories: ema: [s] of its averages, rising [2, 8, 30].
       inputs: `full` needs gyroscopes and accelerometers, `glider` is what every glider's log has
         [full].
       features: features or groups instead of a set of inputs.
@@ -173,8 +184,10 @@ def fit_settings(
       seconds: [s] of computing of each network [120].
       epochs: passes over the training missions instead; the result does not depend on the
         machine's speed.
-      window: samples that a piece of a mission counts [128].
+      window: samples that a piece of a mission counts [128]; networks with trained memory only,
+        as `washin`.
       washin: samples before it in which the network finds its state [48].
+      buffer: samples of the missions that are shuffled together; less needs less memory [1048576].
       seed: of initial weights and order [0].
       members: networks per velocity; with more than one their spread is an uncertainty [2].
       division: `missions`, the store's split, or `samples`, the paper's, which leaks [missions].
@@ -198,7 +211,7 @@ def fit_settings(
         features=select_features(INPUT_SETS[DEFAULT_INPUTS], (), parts),
         members=DEFAULT_MEMBERS,
     )
-    sizes = _given(hidden=hidden, layers=layers, delays=delays)
+    sizes = _given(hidden=hidden, layers=layers, delays=delays, memories=memories)
     kinds = _given(kind=network) | sizes
     chosen, shape = base.features, base.network
     other_inputs = bool(features or without or inputs is not None)
@@ -207,7 +220,7 @@ def fit_settings(
         if other_inputs or kinds:
             raise InputError(
                 "--start takes inputs and network from the run: leave out --inputs, --features, "
-                "--without, --network, --hidden, --layers and --delays"
+                "--without, --network, --hidden, --layers, --delays and --memories"
             )
         if period not in (None, first.period):
             raise InputError(
@@ -226,8 +239,13 @@ def fit_settings(
     if epochs is not None and seconds is None:
         budget["seconds"] = 0.0
     training = _given(
-        optimiser=optimiser, seed=seed, device=device, window=window, washin=washin, **budget
-    )
+        optimiser=optimiser,
+        seed=seed,
+        device=device,
+        window=window,
+        washin=washin,
+        buffer=buffer, **budget,
+    )  # fmt: skip
     learned = _given(source=labels, known_current=known_current, smoothing=smoothing)
     config = FitConfig(
         store=_same_place(store, base),
@@ -277,6 +295,8 @@ def _check_uses(
     learned: Mapping[str, object],
 ) -> None:
     """Refuse what would be taken and then ignored."""
+    from learn.networks.memory import FixedMemory
+
     for name in learned if config.labels.source == "truth" else ():
         if name != "source":
             raise InputError(
@@ -291,6 +311,13 @@ def _check_uses(
                 f"network {kind!r} has no --{name} (its sizes: {', '.join(NETWORKS[kind].sizes)}); "
                 f"leave it out, or take a network that has: {', '.join(users)}"
             )
+    given = [name for name in ("window", "washin") if name in training]
+    if given and issubclass(NETWORKS[kind], FixedMemory):
+        users = [k for k in NETWORKS if not issubclass(NETWORKS[k], FixedMemory)]
+        raise InputError(
+            f"network {kind!r} has no --{given[0]}: its memory has no weights, so that it learns "
+            f"from single samples; leave it out, or take a network that has: {', '.join(users)}"
+        )
     used = OPTIMISERS[config.training.optimiser].settings
     if "window" in training and "window" not in used:
         raise InputError(
@@ -328,36 +355,56 @@ def evaluate(
     return evaluate_run(found, place, split=split, baselines=baselines, watches=watches)
 
 
+EXPORTS = ("onnx", "c")
+"""What `export` writes."""
+
+
 def export(
-    run: Run | str | Path, folder: str | Path | None = None, *, store: str | StorePath | None = None
+    run: Run | str | Path,
+    folder: str | Path | None = None,
+    *,
+    to: str = "onnx",
+    store: str | StorePath | None = None,
 ) -> dict[str, Parity]:
-    """Write one ONNX model per network, one time step with explicit state, and check each.
+    """Write a run for on-board use, and check it over a mission.
 
     Args:
       run: as `fit` or `open_run` give it, or its folder or name.
-      folder: for the models; None is onnx/ in the run's folder.
-      store: of the mission that is run through network and model; None is the run's own. Its
+      folder: for the files; None is onnx/ or c/ in the run's folder.
+      to: `onnx`, one model per network, one time step with explicit state; or `c`, one C99 header
+        from sensor samples to surge and sway, features included.
+      store: of the mission that is run through network and file; None is the run's own. Its
         longest mission is taken.
 
     Returns:
-      By the name of the network, such as surge-0, the file and how far it is from the network.
+      By the name of the network, such as surge-0, or `velocity` for C, the file and how far it is
+      from the network.
 
     Raises:
-      InputError: the extra onnx is not installed, or torch cannot export the network.
-      StoreError: a model differs by more than 1e-5 m/s, or a file cannot be read or written.
+      InputError: the extra onnx is not installed; torch cannot export the network; or there is no
+        C compiler, or no C code of the network or of a feature.
+      StoreError: a file differs by more than 1e-5 m/s, or cannot be read or written.
     """
-    for package in ("onnx", "onnxscript", "onnxruntime"):
+    if to not in EXPORTS:
+        raise InputError(unknown_name("export", to, EXPORTS))
+    for package in ("onnx", "onnxscript", "onnxruntime") if to == "onnx" else ():
         require(package, extra="onnx", purpose="learn export")
-    from learn.data.dataset import load_missions
-    from learn.data.features import channels_of
-    from learn.networks.onnx_export import export_step
+    from learn.data.dataset import Selection
+    from twin.navigation.features import channels_of
 
     found = run if isinstance(run, Run) else open_run(run)
-    target = found.folder / "onnx" if folder is None else Path(folder)
+    target = found.folder / to if folder is None else Path(folder)
     networks = found.networks()
     channels = [c for e in networks.values() for c in channels_of(e.members[0].features)]
-    missions = load_missions(found.store if store is None else store, channels, split="all")
-    longest = max(missions, key=lambda mission: mission.samples)
+    place = found.store if store is None else store
+    with Selection(place, channels, period=found.period) as selection:
+        (longest,) = selection.read([int(selection.lengths.argmax())])
+    if to == "c":
+        from learn.networks.c_export import NAME, export_c
+
+        return {"velocity": export_c(networks, target / NAME, longest)}
+    from learn.networks.onnx_export import export_step
+
     return {
         f"{name}-{k}": export_step(member, target / f"{name}-{k}.onnx", longest)
         for name, ensemble in networks.items()

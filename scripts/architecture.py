@@ -33,20 +33,20 @@ BOXES = {
     "generation": ("flight, generation", "missions in parallel", "factory", 2, 0),
     "importing": ("importing", "logs of vehicles", "factory", 3, 0),
     "exporting": ("exporting, inspect", "OG1, Parquet, verify", "factory", 4, 0),
-    "data": ("data", "features, sequences", "learn", 0, 0),
+    "data": ("data", "sequences, labels", "learn", 0, 0),
     "networks": ("networks, training", "surge and sway", "learn", 1, 0),
-    "navigation": ("navigation", "tracks, baselines", "learn", 2, 0),
-    "evaluation": ("evaluation", "errors by method", "learn", 3, 0),
-    "report": ("report, runs", "page, model card", "learn", 4, 0),
+    "navigation": ("navigation", "features, baselines", "twin", 4, 1),
+    "evaluation": ("evaluation", "errors by method", "learn", 2, 0),
+    "report": ("report, runs", "page, model card", "learn", 3, 0),
 }
 """Name: what stands in the box, its package, its column and its row."""
 FLOWS = (
-    ("mission", "physics"), ("physics", "sensors"),
+    ("mission", "physics"), ("physics", "sensors"), ("sensors", "navigation"),
     ("fossen", "checks"), ("recipe", "generation"), ("data", "networks"),
-    ("networks", "navigation"), ("navigation", "evaluation"), ("evaluation", "report"),
+    ("networks", "evaluation"), ("evaluation", "report"),
 )  # fmt: skip
 """The way of the data from box to box. Both ways of `records` follow."""
-INTO_RECORDS = ("sensors", "generation", "importing")
+INTO_RECORDS = ("navigation", "generation", "importing")
 OUT_OF_RECORDS = ("identify", "pictures", "exporting", "data")
 
 
@@ -78,6 +78,12 @@ SEAMS = (
     Seam("figure", "twin.plot.registry:FIGURES", "twin.plot.FigureKind", "render.md#twin-plot"),
     Seam("flight estimator", "twin.flight.estimators.registry:ESTIMATORS",
          "twin.flight.estimators.FlightEstimator", "flight.md#an-estimator-of-ones-own"),
+    Seam("feature", "twin.navigation.features.registry:FEATURES",
+         "twin.navigation.features.Feature", "extending.md#a-feature"),
+    Seam("velocity estimator", "twin.navigation.estimators.registry:VELOCITY_ESTIMATORS",
+         "twin.navigation.estimator.VelocityEstimator", "navigation.md#an-estimator-of-ones-own"),
+    Seam("baseline", "twin.navigation.baselines.registry:BASELINES", "learn.Baseline",
+         "extending.md#a-baseline"),
     Seam("control task", "twin.suite.registry:TASKS", "twin.suite.task.GliderTask",
          "dm_control.md"),
     Seam("importer", "factory.importing.formats.registry:IMPORTERS",
@@ -88,8 +94,6 @@ SEAMS = (
          "learn.md#one-of-your-own"),
     Seam("optimiser", "learn.training.optimisers.registry:OPTIMISERS",
          "learn.MinibatchOptimiser", "learn.md#one-of-your-own"),
-    Seam("baseline", "learn.navigation.baselines.registry:BASELINES", "learn.Baseline",
-         "extending.md#a-baseline"),
     Seam("figure of the report", "learn.report.figures.registry:REPORT_FIGURES",
          "learn.ReportFigure", "learn.md#one-of-your-own"),
 )  # fmt: skip
@@ -168,7 +172,10 @@ def draw(path: Path) -> None:
     )
     for one, other in FLOWS:
         (x0, y0), (x1, y1) = places[one], places[other]
-        arrow((x0 + WIDTH, y0 + HEIGHT / 2), (x1, y1 + HEIGHT / 2))
+        if x0 == x1:
+            arrow((x0 + WIDTH / 2, y0), (x1 + WIDTH / 2, y1 + HEIGHT))
+        else:
+            arrow((x0 + WIDTH, y0 + HEIGHT / 2), (x1, y1 + HEIGHT / 2))
     for key in ("water", "mission"):
         x, y = places[key][0] - (STEP - WIDTH) / 2, places[key][1] + HEIGHT / 2
         axes.text(x, y, "+", ha="center", va="center", size=14, color=INK)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import socket
 import subprocess
+import sys
 import time
 import urllib.request
 from collections.abc import Iterator
@@ -14,13 +15,19 @@ from pathlib import Path
 import pytest
 
 PYTHON = Path(__file__).resolve().parent.parent / ".venv-s3/bin/python"
+PACKAGES = PYTHON.parent.parent / "lib/python{}.{}/site-packages".format(*sys.version_info)
+"""Its own, boto3 among them"""
 BUCKET = "bucket"
 WAIT_S = 60.0
 
 
 @contextmanager
-def s3_server() -> Iterator[dict[str, str]]:
-    """Start it with an empty bucket; what the environment must say to reach it."""
+def s3_server(*, signed: bool = False) -> Iterator[dict[str, str]]:
+    """Start it with an empty bucket; what the environment must say to reach it.
+
+    Args:
+      signed: whether it refuses keys that it does not know, which are all.
+    """
     pytest.importorskip("obstore", reason='needs pip install "glider-twin[cloud]"')
     if not PYTHON.exists():
         pytest.skip("needs a local S3 server: scripts/s3_server.sh")
@@ -31,7 +38,8 @@ def s3_server() -> Iterator[dict[str, str]]:
         [PYTHON, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        env={name: text for name, text in os.environ.items() if name != "PYTHONPATH"},
+        env={name: text for name, text in os.environ.items() if name != "PYTHONPATH"}
+        | ({"INITIAL_NO_AUTH_ACTION_COUNT": "1"} if signed else {}),  # the bucket
     )
     address = f"http://127.0.0.1:{port}"
     try:

@@ -63,8 +63,7 @@ NAMES_ACTUATORS = {
     "factory.recipe": "what is drawn for a glider",
     "factory.flight": "errors of a glider's own trim",
     "factory.inspect": "figures of what was drawn",
-    "learn.data.features": "signals that networks see",
-    "learn.navigation.baselines": "a glider's equations of motion",
+    "twin.navigation": "a glider's equations of motion; signals that networks see",
     "learn.report.figures.training_data": "signals of a mission",
 }  # fmt: skip
 """Packages and modules that may name an actuator, and why; others ask the vehicle for its parts."""

@@ -32,8 +32,10 @@ if TYPE_CHECKING:
     from twin.mission.segments import Spiral as Spiral
     from twin.mission.segments import Surface as Surface
     from twin.mission.segments import Transect as Transect
+    from twin.mission.segments import Waypoint as Waypoint
     from twin.mission.shipped import load_mission as load_mission
     from twin.mission.shipped import mission_names as mission_names
+    from twin.navigation.settings import Navigation as Navigation
     from twin.physics.scenario import Scenario as Scenario
     from twin.physics.scenario import Start as Start
     from twin.physics.settle import trim as trim
@@ -58,6 +60,7 @@ if TYPE_CHECKING:
     from twin.water.current.log_layer import LogLayer as LogLayer
     from twin.water.current.origin import Origin as Origin
     from twin.water.current.profile import Profile as Profile
+    from twin.water.current.series import Series as Series
     from twin.water.current.spec import parse_current as parse_current
     from twin.water.current.tide import Tide as Tide
     from twin.water.current.uniform import Uniform as Uniform
@@ -88,9 +91,11 @@ _PLACES = {
     "LawnMower": "twin.mission.segments:LawnMower",
     "LogLayer": "twin.water.current.log_layer:LogLayer",
     "Mission": "twin.mission.plan:Mission",
+    "Navigation": "twin.navigation.settings:Navigation",
     "Observation": "twin.mission.controller:Observation",
     "Origin": "twin.water.current.origin:Origin",
     "Profile": "twin.water.current.profile:Profile",
+    "Series": "twin.water.current.series:Series",
     "SawTooth": "twin.mission.segments:SawTooth",
     "Scenario": "twin.physics.scenario:Scenario",
     "Schedule": "twin.mission.schedule:Schedule",
@@ -102,6 +107,7 @@ _PLACES = {
     "Tide": "twin.water.current.tide:Tide",
     "Trajectory": "twin.records.trajectory:Trajectory",
     "Transect": "twin.mission.segments:Transect",
+    "Waypoint": "twin.mission.segments:Waypoint",
     "Uniform": "twin.water.current.uniform:Uniform",
     "Vehicle": "twin.vehicle.vehicle:Vehicle",
     "check_manoeuvres": "twin.checks.agreement:check_manoeuvres",

@@ -39,6 +39,16 @@ PROGRAM = Program(
             loader="twin.commands.flight:Flight",
         ),
         Command(
+            name="hindcast",
+            summary="forecasts of a deployment's surfacings beside where it surfaced",
+            loader="twin.commands.hindcast:Hindcast",
+        ),
+        Command(
+            name="forecast",
+            summary="the next surfacings of a glider: places with ellipses, times, energy",
+            loader="twin.commands.forecast:Forecast",
+        ),
+        Command(
             name="bench",
             summary="cost of the physics, side by side in one run",
             loader="twin.commands.bench:Bench",

@@ -16,6 +16,7 @@ from twin.mission import Mission
 from twin.mission.controller import Controller
 from twin.mission.schedule import Schedule
 from twin.mission.shipped import load_mission_for, usual_mission
+from twin.navigation.settings import Navigation
 from twin.physics.ballast import weighed
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
 from twin.physics.simulation import simulate as fly
@@ -32,6 +33,7 @@ from twin.water.floor import Floor, parse_floor
 from twin.water.floor.lookup import floor_depths
 
 if TYPE_CHECKING:
+    from twin.navigation.estimator import VelocityEstimator
     from twin.sensors import SensorSuite
 
 _BESIDE_A_SCENARIO = ("scenario", "controller", "sensors", "seed", "bottom_depth")
@@ -59,6 +61,7 @@ def simulate(
     sensors: str | SensorSuite | None = None,
     seed: int = 0,
     bottom_depth: float | None = None,
+    navigate: str | VelocityEstimator | None = None,
 ) -> Trajectory:
     """Fly one mission and return what happened.
 
@@ -89,6 +92,9 @@ def simulate(
       sensors: suite by name ("ideal", "field", ...) or a SensorSuite; adds measured_* signals.
       seed: of the sensors' random draws.
       bottom_depth: [m] for the sensors, where there is no floor; None is out of their reach.
+      navigate: what guidance sees: "truth" (None), or the estimate made on board of what the
+        sensors (by default those of "field") measure: "estimate", the name of a velocity estimator
+        such as "ekf" or "network:runs/mine", or an estimator.
 
     Returns:
       The trajectory: a mapping of signals in NED and FRD, angles in degrees.
@@ -97,7 +103,18 @@ def simulate(
       InputError and its kinds: a name or value that cannot be used; nothing was flown.
       SimulationUnstable: with the trajectory up to that time as `partial`.
     """
+    suite = _suite(sensors)
+    navigation = None
     if scenario is None:
+        navigation = Navigation.of(navigate)
+        if navigation is not None:
+            navigation = dataclasses.replace(
+                navigation,
+                sensors=navigation.suite if suite is None else suite,
+                seed=seed,
+                bottom_depth=bottom_depth,
+            )
+            suite = navigation.suite
         if mission is not None and controller is not None:
             raise InputError("give a mission or a controller, not both: each gives the commands")
         flown = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(str(vehicle))
@@ -106,10 +123,13 @@ def simulate(
         flown, ballast = weighed(
             flown, ballast_at=ballast_at, mass=mass, compressibility=compressibility
         )
+        if isinstance(mission, str | Path):
+            mission = load_mission_for(flown, mission, above_floor=floor is not None)
         scenario = Scenario(
             vehicle=flown,
             ballast=ballast,
-            plan=load_mission_for(flown, mission) if isinstance(mission, str | Path) else mission,
+            plan=mission,
+            navigate=navigation,
             duration=duration,
             start=start,
             current=parse_current(current) if isinstance(current, str) else current,
@@ -125,9 +145,15 @@ def simulate(
             scenario = in_water(scenario, str(density))
     else:
         _refuse_beside(scenario, locals())
+        if isinstance(scenario.navigate, Navigation):
+            if suite is not None or seed != 0 or bottom_depth is not None:
+                raise InputError(
+                    "the scenario is navigated and says its sensors: leave sensors, seed and "
+                    "bottom_depth out"
+                )
+            navigation, suite = scenario.navigate, scenario.navigate.suite
     if isinstance(scenario.plan, Mission):
         scenario.plan.check(scenario.vehicle)
-    suite = _suite(sensors)
     if suite is None and (seed != 0 or bottom_depth is not None):
         raise InputError("seed and bottom_depth are for the sensors: give sensors too")
     if bottom_depth is not None and scenario.floor is not None:
@@ -174,7 +200,14 @@ def with_sensors(
     seed: int = 0,
     bottom_depth: float | None = None,
 ) -> Trajectory:
-    """The trajectory with what the sensors measured, and their settings in its provenance."""
+    """The trajectory with what the sensors measured, and their settings in its provenance.
+
+    Of a navigated scenario its own sensors: what they measured under way stays as it is.
+    """
+    if scenario.navigate is not None:
+        assert isinstance(scenario.navigate, Navigation)
+        suite, seed = scenario.navigate.suite, scenario.navigate.seed
+        bottom_depth = scenario.navigate.bottom_depth
     measured, drawn = _measure(suite, scenario, trajectory, seed, bottom_depth)
     said = json.dumps({"settings": suite.settings(), "drawn": drawn, "seed": seed})
     return dataclasses.replace(
@@ -248,5 +281,10 @@ def _measure(
         longitude=scenario.place.longitude_deg,
         density=scenario.density,
         current=None if current is None else program,
+        measured=(
+            None
+            if scenario.navigate is None
+            else {n: a for n, a in trajectory.signals.items() if n.startswith("measured_")}
+        ),
     )
     return measured, drawn

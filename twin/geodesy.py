@@ -33,6 +33,10 @@ _E2 = WGS84_FLATTENING * (2.0 - WGS84_FLATTENING)
 """First eccentricity, squared."""
 
 
+INVERSE_ROUNDS = 12
+"""Of the fixed point in `to_tangent_plane`; each gains a factor of distance over Earth's radius"""
+
+
 def meridian_radius(latitude_deg: float) -> float:
     """[m] Radius of curvature in the meridian, M, at a latitude [degree]."""
     s = math.sin(math.radians(latitude_deg))
@@ -92,6 +96,24 @@ def from_tangent_plane(
         latitude0 + np.degrees(along / meridian_radius(latitude0)),
         longitude0 + np.degrees(across / (normal_radius(latitude0) * cosine)),
     )
+
+
+def to_tangent_plane(
+    latitude: float, longitude: float, latitude0: float, longitude0: float
+) -> tuple[float, float]:
+    """North and east [m] of a place [degree] in the plane that touches at an origin [degree].
+
+    The inverse of `from_tangent_plane`, the short way round: below 1 mm within 100 km.
+    """
+    curvature = convergence(latitude0)
+    along = math.radians(latitude - latitude0) * meridian_radius(latitude0)
+    around = math.radians((longitude - longitude0 + 180.0) % 360.0 - 180.0)
+    across = around * normal_radius(latitude0) * math.cos(math.radians(latitude0))
+    north, east = along, across
+    for _ in range(INVERSE_ROUNDS):
+        east = across / (1.0 + north * curvature)
+        north = along + 0.5 * curvature * east**2
+    return north, east
 
 
 def wrap_longitude(longitude: Array) -> Array:

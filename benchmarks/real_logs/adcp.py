@@ -21,8 +21,8 @@ from benchmarks.real_logs.row import Row, rmse
 from benchmarks.real_logs.samples import Samples, level_speed, sample
 from benchmarks.real_logs.source import Deployment, at_times, tables_with
 from benchmarks.real_logs.surge_networks import Pretrained, predict_dive
-from learn.navigation.dead_reckoning import Array
 from twin.identify import load_logs, motion_of
+from twin.navigation.dead_reckoning import Array
 
 TASK = "surge against ADCP"
 COLUMNS = ("u_ttw", "v_ttw", "depth_m")

@@ -18,9 +18,9 @@ from benchmarks.real_logs.published import published_rows
 from benchmarks.real_logs.row import Kind, Row, rmse
 from benchmarks.real_logs.source import Deployment, at_times, tables_with
 from benchmarks.real_logs.surge_networks import ZERO_SHOT, Pretrained, level_of
-from learn.navigation.dead_reckoning import Array
 from twin.identify import Log, density_of, estimate, identify, load_calibration
 from twin.identify.start import start_vehicle
+from twin.navigation.dead_reckoning import Array
 
 TASK = "speed through the water"
 SPEED = "U_dvl_ms"

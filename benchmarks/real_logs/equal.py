@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.real_logs.intervals import median_interval, rmse_interval
 from benchmarks.real_logs.row import Kind, Row, rmse
-from learn.navigation.dead_reckoning import Array
+from twin.navigation.dead_reckoning import Array
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from benchmarks.real_logs.source import Deployment, tables_with
-from learn.navigation.dead_reckoning import Array
 from twin.identify import Log
+from twin.navigation.dead_reckoning import Array
 
 COLUMN = "fm_vspeed_ms"
 """[m/s] upward, of a table"""

@@ -23,9 +23,9 @@ from benchmarks.real_logs.published import published_rows
 from benchmarks.real_logs.row import Kind, Row
 from benchmarks.real_logs.source import Deployment
 from benchmarks.real_logs.surge_networks import ZERO_SHOT, Pretrained, level_of
-from learn.navigation.dead_reckoning import Array, integrate
 from twin.identify import Log, density_of, estimate
 from twin.identify.speed import steady_parts
+from twin.navigation.dead_reckoning import Array, integrate
 from twin.records.store import open_store
 
 RATE, TRACK = "depth rate", "dead reckoning between fixes"

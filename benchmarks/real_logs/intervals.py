@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from learn.navigation.dead_reckoning import Array
+from twin.navigation.dead_reckoning import Array
 
 DRAWS = 2000
 SEED = 20221123

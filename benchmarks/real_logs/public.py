@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 
-from learn.navigation.dead_reckoning import Array
 from twin.identify import Calibration, Log, density_of
+from twin.navigation.dead_reckoning import Array
 
 Mask = NDArray[np.bool_]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from learn.navigation.dead_reckoning import Array
+from twin.navigation.dead_reckoning import Array
 
 PENALTY = 10.0
 """Squared weights count so much against squared errors [deviations]; results hardly change from 1

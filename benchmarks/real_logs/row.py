@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from learn.navigation.dead_reckoning import Array
+from twin.navigation.dead_reckoning import Array
 
 Kind = Literal["published", "public method", "twin", "network", "floor", "skipped"]
 

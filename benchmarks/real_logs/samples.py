@@ -12,9 +12,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from learn.data.features import feature_matrix, select_features
-from learn.navigation.dead_reckoning import Array
 from twin.identify import Calibration, Log, density_of, estimate
+from twin.navigation.dead_reckoning import Array
+from twin.navigation.features import feature_matrix, select_features
 
 AVERAGE = 60.0
 """[s] that inputs are averaged over"""

@@ -10,9 +10,9 @@ import numpy as np
 
 from factory.importing import import_logs
 from factory.importing.reading.columns import Table, read_table
-from learn.navigation.dead_reckoning import Array
 from twin.errors import InputError, TwinError
 from twin.identify import Log, load_logs
+from twin.navigation.dead_reckoning import Array
 from twin.records.logs import LogStore
 from twin.records.store import write_store
 

@@ -26,10 +26,9 @@ from benchmarks.real_logs.samples import (
 )
 from factory.generation.generate import generate
 from factory.recipe.recipe import make_recipe
-from learn.data.dataset import Sequences
-from learn.data.normalisation import Normalisation, fit_normalisation
+from learn.data.normalisation import Normalisation, NormalisationFit
+from learn.data.sequences import Sequences
 from learn.data.thinning import thin_store
-from learn.navigation.dead_reckoning import Array
 from learn.networks.base import build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.predictor import Predictor, free_run
@@ -37,6 +36,7 @@ from learn.training.schedule import TrainingConfig
 from learn.training.trainer import Trainer
 from twin.errors import InputError
 from twin.identify import Calibration, Log, identify, load_calibration, load_logs
+from twin.navigation.dead_reckoning import Array
 from twin.records.schema import MISSION
 from twin.records.store import open_store
 
@@ -204,10 +204,11 @@ def fit_network(
     start: Weights | None = None,
 ) -> Predictor:
     """Train one network; from the weights and scales of `start` when there is one."""
-    matrices = [dive.matrix(inputs).astype(np.float32) for dive in train]
-    targets = [dive.level.astype(np.float32) for dive in train]
     if start is None:
-        scales = fit_normalisation(matrices, targets, features=inputs, target="surge")
+        fitted = NormalisationFit(inputs, "surge")
+        for dive in train:
+            fitted.add(dive.matrix(inputs).astype(np.float32), dive.level.astype(np.float32))
+        scales = fitted.result()
     else:
         scales = start.scales
     trained = Trainer(

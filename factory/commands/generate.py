@@ -99,7 +99,7 @@ class Generate(JsonOption):
             watch = stack.enter_context(_watching(recipe.plan.hours, console))
             return generate(
                 recipe,
-                self.out.absolute() if executor and isinstance(self.out, Path) else self.out,
+                self.out,
                 workers=self.workers,
                 executor=executor,
                 resume=self.resume,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from twin.cli.console import Console, JsonOption
+from twin.cli.store_argument import StoreArgument
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,7 +27,7 @@ class Plot(JsonOption):
     page. Logs: map with currents, depth over time and figures of the dives, one page a deployment.
     """
 
-    store: Annotated[Path, tyro.conf.Positional]
+    store: Annotated[StoreArgument, tyro.conf.Positional]
     """the store"""
     out: Path | None = None
     """PNG, PDF or SVG file [default: the store's name with .png]; of a store with several
@@ -42,7 +43,8 @@ class Plot(JsonOption):
 
         if self.out is not None and self.out.suffix.lower() not in FORMATS:
             raise InputError(f"--out {self.out}: the ending must be one of {', '.join(FORMATS)}")
-        out = self.store.with_suffix(".png") if self.out is None else self.out
+        place = self.store if isinstance(self.store, Path) else Path(self.store.name)
+        out = place.with_suffix(".png") if self.out is None else self.out
         run = open_missions(self.store)
         run.check_arrays()
         pages = _pages(run, out) if isinstance(run, LogStore) else {out: store_page(run)}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import json
+import socket
 import struct
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -30,6 +31,7 @@ from twin.errors import StoreError
 from twin.physics.quiet import quiet_mujoco
 from twin.records.files import file_sum
 from twin.records.sharded import COMPRESSOR, LEVEL
+from twin.records.store import RECIPE
 
 Signals = Mapping[str, NDArray[Any]]
 """By name: (samples,) of one mission."""
@@ -60,6 +62,11 @@ def fly_block(job: Job, number: int) -> BlockDone:
 
 def _fly_block(job: Job, number: int) -> BlockDone:
     recipe, site = job.recipe, job.site
+    if not site.files.exists(RECIPE):
+        raise StoreError(
+            f"{socket.gethostname()} does not see {site.files.name}: all machines that fly blocks "
+            "must have --out under the same path, or use an address such as s3://bucket/name.zarr"
+        )
     flown: list[FlownMission] = []
     signals: list[Signals] = []
     for mission in job.layout.missions_of_block(number):

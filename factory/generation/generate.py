@@ -14,7 +14,8 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from factory.generation import runlog
 from factory.generation.assembly import assemble, open_tree, shard_manifest
@@ -30,6 +31,9 @@ from twin.errors import StoreError, TwinError
 from twin.records.object_files import files_at
 from twin.records.store_path import StorePath, store_path
 
+if TYPE_CHECKING:
+    from twin.records.zarr_copy import AnyStore
+
 WAITING = 4
 """Blocks for each worker that wait at the executor: it never runs dry, and holds few at a time"""
 UNKNOWN_WORKERS = 64
@@ -42,7 +46,8 @@ Watcher = Callable[[float, int], None]
 class Summary:
     """What a run did."""
 
-    store: StorePath
+    store: StorePath | AnyStore
+    """where the missions are: a path, an address or an open zarr store"""
     missions: int
     hours: float
     """[h] of all missions in the store"""
@@ -92,6 +97,8 @@ def generate(
     """
     begun = time.perf_counter()
     store = store_path(out)
+    if executor is not None and isinstance(store, Path):
+        store = store.absolute()  # its processes may work in other folders
     workers = check_workers(workers, executor)
     job = Job(recipe, Site(store, recipe.digest))
     with told(store):
@@ -122,14 +129,17 @@ def check_workers(workers: int | None, executor: Executor | None) -> int:
 
 @contextlib.contextmanager
 def told(store: StorePath) -> Iterator[None]:
-    """Say of the disk's errors what is kept and how to go on."""
+    """Say of the errors of a disk or a storage what is kept and how to go on."""
     try:
         yield
     except OSError as error:
-        raise StoreError(
-            f"cannot write {error.filename or store}: {error.strerror or error}; finished missions "
-            "are kept: make room or a writable place, then continue with --resume"
-        ) from error
+        what = f"cannot write {error.filename or store}: {error.strerror or error}"
+        if isinstance(store, Path):
+            what += "; finished missions are kept: make room or a writable place, then continue "
+            what += "with --resume"
+        elif not isinstance(error, PermissionError | NotADirectoryError):  # else none was begun
+            what += "; finished missions are kept: continue with --resume"
+        raise StoreError(what) from error
 
 
 def waiting_blocks(job: Job, blocks: list[int] | None = None) -> tuple[list[int], list[int]]:

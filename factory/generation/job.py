@@ -24,21 +24,36 @@ class Job:
     """A recipe and the place of its store.
 
     It travels to other processes as text, so that whatever a recipe holds, a sensor of a plugin
-    too, is made there by the same registered kinds.
+    too, is made there by the same registered kinds. The text is read by the task that needs it: a
+    worker that cannot read it can say so then, and would end if it could not even take the task.
     """
 
-    def __init__(self, recipe: Recipe, site: Site):
-        self.site, self.recipe = site, recipe
-        while len(_READY) >= _MOST_READY:
-            del _READY[next(iter(_READY))]
-        _READY[site.recipe] = recipe
+    def __init__(self, recipe: Recipe | str, site: Site):
+        """`recipe` may be its text, as `document` gives it."""
+        self.site = site
+        if isinstance(recipe, str):
+            self._text = recipe
+        else:
+            self.recipe = recipe
+            _keep(recipe, site)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _arrived, (self._text, self.site)
+        return Job, (self._text, self.site)
 
     @functools.cached_property
     def _text(self) -> str:
         return json.dumps(self.recipe.document())
+
+    @functools.cached_property
+    def recipe(self) -> Recipe:
+        """What is to be made.
+
+        Raises:
+          StoreError: libraries have other versions here, so that it would make other bytes.
+        """
+        if self.site.recipe not in _READY:
+            _keep(read_recipe(json.loads(self._text)), self.site)
+        return _READY[self.site.recipe]
 
     @functools.cached_property
     def layout(self) -> Layout:
@@ -46,10 +61,8 @@ class Job:
         return Layout(len(self.recipe.plan))
 
 
-def _arrived(text: str, site: Site) -> Job:
-    """The job in another process.
-
-    Raises:
-      StoreError: libraries have other versions here, so that it would make other bytes.
-    """
-    return Job(_READY.get(site.recipe) or read_recipe(json.loads(text)), site)
+def _keep(recipe: Recipe, site: Site) -> None:
+    """Have a recipe ready for the next job of this process."""
+    while len(_READY) >= _MOST_READY:
+        del _READY[next(iter(_READY))]
+    _READY[site.recipe] = recipe

@@ -60,7 +60,8 @@ def check_target(
         raise StoreError(f"{store} exists and is not a store; choose another --out")
     if complete and not overwrite:
         if not resume:
-            raise StoreError(f"store {store} already exists; use --overwrite or another --out")
+            way = "use --overwrite or another --out" if local else "use another --out"
+            raise StoreError(f"store {store} already exists; {way}")
         if differences(_settings(store), recipe.describe()) and _begun_with(store, recipe):
             raise StoreError(
                 f"store {store} is of other settings, and one of these was begun in its place: "
@@ -85,9 +86,8 @@ def check_target(
                 files_at(other).remove_all()
             continue
         if not resume:
-            raise StoreError(
-                f"store {store} is incomplete: --resume completes it, --overwrite starts again"
-            )
+            again = ", --overwrite starts again" if local else ""
+            raise StoreError(f"store {store} is incomplete: --resume completes it{again}")
         _check_same(store, _document(other)[SETTINGS], recipe)
     return False
 
@@ -151,9 +151,10 @@ def _check_same(store: StorePath, old: Mapping[str, Any], recipe: Recipe) -> Non
     if changed:
         more = len(changed) - MAX_DIFFERENCES
         listing = "; ".join(changed[:MAX_DIFFERENCES]) + (f"; {more} more" if more > 0 else "")
+        way = "use --overwrite or another --out" if isinstance(store, Path) else "use another --out"
         raise StoreError(
             f"store {store} was started with other settings ({listing}): resume with the old "
-            "ones, or use --overwrite or another --out"
+            f"ones, or {way}"
         )
 
 

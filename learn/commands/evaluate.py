@@ -20,9 +20,9 @@ from twin.errors import InputError
 
 if TYPE_CHECKING:
     from learn.evaluation.score import Reference
-    from learn.navigation.baselines.base import Estimate
     from learn.report.contents import RunEvaluation
     from learn.runs.run import Run
+    from twin.navigation.baselines.base import Estimate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,7 +136,8 @@ class Evaluate(JsonOption):
 
 
 def _count(options: Evaluate) -> int:
-    """Missions that will be evaluated; errors as `load_missions`."""
-    from learn.data.dataset import any_channel, load_missions
+    """Missions that will be evaluated; errors as `Selection`."""
+    from learn.data.dataset import Selection, any_channel
 
-    return len(load_missions(options.store, any_channel(options.store), split=options.split))
+    with Selection(options.store, any_channel(options.store), split=options.split) as selection:
+        return len(selection)

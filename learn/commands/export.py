@@ -1,4 +1,4 @@
-"""`learn export`: ONNX step models for on-board use."""
+"""`learn export`: ONNX step models or C99 for on-board use."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -21,14 +21,17 @@ WIDTH = 100
 
 @dataclass(frozen=True, kw_only=True)
 class Export(JsonOption):
-    """One ONNX model per network: one time step with explicit state, checked over a mission."""
+    """One ONNX model per network, one time step with explicit state; or one C99 header from sensor
+    samples to surge and sway. Checked over a mission."""
 
     run_folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None
     """folder or name of the run [default: the newest in runs/]"""
+    to: Literal["onnx", "c"] = "onnx"
+    """onnx: networks alone; c: networks and the features that they see"""
     store: Path | None = None
     """store of the mission for the check [default: the run's own]"""
     out: Path | None = None
-    """folder for the models [default: onnx/ in the run]"""
+    """folder for the models [default: onnx/ or c/ in the run]"""
 
     def run(self, console: Console) -> int:
         """Export, check, say where."""
@@ -36,8 +39,8 @@ class Export(JsonOption):
         from learn.api import export
 
         folder = self.run_folder or newest_run().folder
-        checked = export(folder, self.out, store=self.store)
-        from learn.networks.onnx_export import TOLERANCE
+        checked = export(folder, self.out, to=self.to, store=self.store)
+        from learn.networks.parity import TOLERANCE
 
         run = open_run(folder)
         first = next(iter(checked.values()))
@@ -56,11 +59,19 @@ class Export(JsonOption):
             digits=3,
         )
         console.say()
-        console.say(_features_line(run.features))
+        console.say(_inputs_line(run.features) if self.to == "c" else _features_line(run.features))
         return EXIT_OK
 
 
 def _features_line(features: Sequence[str]) -> str:
     """The inputs in their order, in lines of a terminal."""
     text = f"features of each model, in this order: {', '.join(features)}"
+    return textwrap.fill(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+
+
+def _inputs_line(features: Sequence[str]) -> str:
+    """What a sample of the C code holds, in lines of a terminal."""
+    from twin.navigation.features import channels_of
+
+    text = f"a sample holds: {', '.join(channels_of(features))}"
     return textwrap.fill(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)

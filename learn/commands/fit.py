@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shlex
 import sys
@@ -23,6 +24,7 @@ from twin.registry import Registry
 if TYPE_CHECKING:
     from learn.runs.run import Run
     from learn.studies.folds import Unit
+    from learn.training.resources import Resources
     from learn.training.settings import FitConfig, Job
     from learn.training.trainer import Report
     from twin.cli.progress import Progress
@@ -58,13 +60,15 @@ class Fit(JsonOption):
     name: str | None = None
     """name of the run, its folder in runs/ [default: date and number]"""
     network: Annotated[str | None, NETWORK] = None
-    """kind of network [default: elman, the paper's]"""
+    """kind of network [default: ema, the paper's is elman]"""
     hidden: int | None = None
     """units per hidden layer [default: 50]"""
     layers: int | None = None
     """hidden layers [default: 3]"""
     delays: int | None = None
     """elman: past outputs that a hidden layer is fed back [default: 5]"""
+    memories: tuple[float, ...] | None = None
+    """ema: seconds of its averages, rising [default: 2 8 30]"""
     inputs: Annotated[str | None, INPUTS] = None
     """full needs gyroscopes and accelerometers, glider is what every glider's log has
     [default: full]"""
@@ -79,7 +83,8 @@ class Fit(JsonOption):
     epochs: int | None = None
     """passes over the training missions instead of a time (scg: iterations); repeatable"""
     window: int | None = None
-    """samples that a piece of a mission counts; longer ones teach a longer memory [default: 128]"""
+    """networks with trained memory: samples that a piece of a mission counts; longer ones teach a
+    longer memory [default: 128]"""
     washin: int | None = None
     """samples before it in which the network finds its state [default: 48]"""
     seed: int | None = None
@@ -112,7 +117,17 @@ class Fit(JsonOption):
     device: Annotated[str | None, DEVICE] = None
     """auto takes a GPU when there is one [default: cpu]"""
     workers: int | None = None
-    """processes [default: the CPUs that this process may use]"""
+    """networks trained at a time, a process each [default: the CPUs that this process may use]"""
+    scheduler: str | None = None
+    """train on the workers of a dask scheduler instead, such as tcp://127.0.0.1:8786; they must
+    reach runs/ and the store by the same paths (needs the extra cluster)"""
+    memory: float | None = None
+    """GB for the training data; a store that needs more is streamed, with the same result. With
+    --scheduler it is for each network [default: half of the memory that is free]"""
+    buffer: int | None = None
+    """samples of the missions that are shuffled together [default: 1048576]"""
+    seeds: int = 1
+    """train so many runs that differ by their seed alone, for a table of what chance does"""
     ablation: bool = False
     """train again without IMU, attitude and controls, for a table in the report (takes longer)"""
     tensorboard: bool = False
@@ -147,26 +162,37 @@ class Fit(JsonOption):
 
             for unit in units:
                 folds_with_labels(config, unit)
-        workers = len(os.sched_getaffinity(0)) if self.workers is None else self.workers
-        with _Watcher(console, config, place, events=self.tensorboard) as watcher:
+        if self.seeds < 1:
+            raise InputError(f"--seeds {self.seeds} must be at least 1")
+        with contextlib.ExitStack() as stack:
+            executor = None
+            if self.scheduler is not None:
+                from factory.generation.cluster import dask_executor
 
-            def studies(run: Run) -> None:
+                executor = stack.enter_context(dask_executor(self.scheduler))
+            watcher = stack.enter_context(_Watcher(console, config, place, events=self.tensorboard))
+
+            def studies(run: Run, resources: Resources) -> None:
                 watcher.close()
                 for unit in units:
-                    self._leave_out(console, run, config, unit, workers)
+                    self._leave_out(console, run, config, unit, resources)
+                if self.seeds > 1:
+                    self._seeds(console, run, config, resources)
                 if self.ablation:
-                    self._ablate(console, run, config, workers)
+                    self._ablate(console, run, config, resources)
 
             run = train_and_finish(
                 config,
                 folder,
                 resume=self.resume,
                 overwrite=self.overwrite,
-                workers=workers,
+                workers=self.workers,
+                executor=executor,
+                memory=self.memory,
                 watch=watcher.see,
                 studies=studies,
                 warn=watcher.warn,
-                say=console.note,
+                say=watcher.say,
                 history=shlex.join(["learn", *sys.argv[1:]]),
             )
         self._report(console, run)
@@ -187,7 +213,7 @@ class Fit(JsonOption):
             raise InputError(f"--name {name!r} must be a plain name: the run goes into {RUNS}/NAME")
         return RUNS / name
 
-    def _ablate(self, console: Console, run: Run, config: FitConfig, workers: int) -> None:
+    def _ablate(self, console: Console, run: Run, config: FitConfig, resources: Resources) -> None:
         from learn.studies.ablation import ablate, masked
 
         jobs = len(masked(config)) * len(config.jobs())
@@ -199,10 +225,27 @@ class Fit(JsonOption):
                 progress.update(100.0 * (report.share - shares.get(key, 0.0)))
                 shares[key] = report.share
 
-            ablate(run, config, workers=workers, watch=see, say=progress.note)
+            ablate(run, config, resources, watch=see, say=progress.note)
+
+    def _seeds(self, console: Console, run: Run, config: FitConfig, resources: Resources) -> None:
+        from learn.studies.seeds import other_seeds, train_seeds
+
+        jobs = len(other_seeds(config, self.seeds)) * len(config.jobs())
+        with console.progress(total=100.0 * jobs, label="seeds", unit="%") as progress:
+            shares: dict[tuple[int, str], float] = {}
+
+            def see(job: Job, report: Report) -> None:
+                key = (job.config.training.seed, job.name)
+                progress.update(100.0 * (report.share - shares.get(key, 0.0)))
+                shares[key] = report.share
+
+            found = train_seeds(run, config, self.seeds, resources, watch=see)
+        console.answer(seeds=found.to_json())
+        console.table(found.rows(), title="what chance does: runs of other seeds", digits=3)
+        console.say()
 
     def _leave_out(
-        self, console: Console, run: Run, config: FitConfig, unit: Unit, workers: int
+        self, console: Console, run: Run, config: FitConfig, unit: Unit, resources: Resources
     ) -> None:
         from learn.studies.folds import folds_with_labels, leave_out_each
 
@@ -216,7 +259,7 @@ class Fit(JsonOption):
                 progress.update(100.0 * (report.share - shares.get(key, 0.0)))
                 shares[key] = report.share
 
-            found = leave_out_each(run, config, folds, unit=unit, workers=workers, watch=see)
+            found = leave_out_each(run, config, folds, resources, unit=unit, watch=see)
         console.answer(**{f"leave_out_each_{unit}": found.to_json()})
         console.table(
             found.rows(),
@@ -255,8 +298,19 @@ class Fit(JsonOption):
 UNITS: tuple[Unit, ...] = ("dive", "deployment")
 """What `--leave-out-each-...` leaves out."""
 SETTINGS = (
-    *("store", "network", "hidden", "layers", "delays", "inputs", "features", "without"),
-    *("optimiser", "seconds", "epochs", "window", "washin", "seed", "members", "division"),
+    *(
+        "store",
+        "network",
+        "hidden",
+        "layers",
+        "delays",
+        "memories",
+        "inputs",
+        "features",
+        "without",
+    ),
+    *("optimiser", "seconds", "epochs", "window", "washin", "buffer", "seed", "members"),
+    "division",
     *("period", "start", "device", "labels", "known_current", "smoothing"),
 )
 """Options that `learn.fit_settings` takes under the same name."""
@@ -292,6 +346,10 @@ class _Watcher:
             self._progress.__exit__(*error)  # type: ignore[arg-type]
             if self._writer is not None:
                 self._writer.close()
+
+    def say(self, text: str) -> None:
+        """A note, a line of its own."""
+        self._progress.note(text)
 
     def warn(self, text: str) -> None:
         """A warning, a line of its own."""

@@ -17,16 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.data.dataset import TARGETS, Mission
-from learn.data.dvl_cleaning import SMOOTHING_S, SMOOTHINGS, Mask, Smoothing, outliers, smoothed
 from twin.errors import InputError, StoreError, unknown_name
 from twin.frames import euler_to_matrix
+from twin.navigation.dvl_cleaning import (
+    BOTTOM,
+    SMOOTHING_S,
+    SMOOTHINGS,
+    WATER,
+    Mask,
+    Smoothing,
+    outliers,
+    smoothed,
+)
 
 Array = NDArray[np.float64]
 
 Source = Literal["truth", "dvl"]
 SOURCES: tuple[Source, ...] = get_args(Source)
-BOTTOM, WATER = 1, 2
-"""measured_dvl_mode"""
 MODE = "measured_dvl_mode"
 VELOCITIES = {target: f"measured_dvl_{target}" for target in TARGETS}
 ATTITUDE = ("measured_roll", "measured_pitch", "measured_heading")
@@ -49,7 +56,7 @@ class LabelConfig:
     """What is taken off bottom track: `none` is known, so that bottom track is no label; `store`,
     the current that the store holds at the vehicle; or NORTH,EAST [m/s] of a steady one."""
     smoothing: Smoothing = "gaussian"
-    """After outliers are removed, see `learn.data.dvl_cleaning`."""
+    """After outliers are removed, see `twin.navigation.dvl_cleaning`."""
 
     def __post_init__(self) -> None:
         for what, given, allowed in (

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from learn.data.features import GLIDER_PARTS
 from twin.errors import StoreError
+from twin.navigation.features import GLIDER_PARTS
 from twin.records.reader import MissionStore
 from twin.records.store_path import StorePath
 

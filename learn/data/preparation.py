@@ -4,52 +4,57 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Literal
+from typing import Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.data.dataset import (
-    TARGETS,
-    Mirror,
-    Mission,
-    Sequences,
-    any_channel,
-    load_missions,
-    sample_split,
-)
-from learn.data.features import channels_of, mirror_signs
-from learn.data.labels import (
-    NO_CURRENT,
-    STORE_CURRENT,
-    LabelConfig,
-    LabelCounts,
-    count_labels,
-    measured,
-)
+from learn.data.dataset import TARGETS, Division, Mission, Selection, any_channel
+from learn.data.labels import LabelConfig, count_labels
 from learn.data.logs import SPEED
-from learn.data.normalisation import Normalisation, fit_normalisation
+from learn.data.normalisation import Normalisation, NormalisationFit
 from learn.data.parts import parts_of
+from learn.data.sequences import Mirror, Sequences, SequenceSource, StreamedSequences
+from learn.data.store_checks import no_doppler_labels, no_truth
 from twin.errors import InputError, StoreError, unknown_name
-from twin.records.attributes import SPLIT
+from twin.navigation.features import channels_of, mirror_signs
 from twin.records.reader import MissionStore
 from twin.records.store_path import StorePath
 
-Division = Literal["missions", "samples"]
+Floats = NDArray[np.float32]
+Places = NDArray[np.int64]
+Sequence3 = tuple[Floats, Floats, Floats]
+"""Inputs (time, features), target (time,) and weights (time,) of a mission."""
 
 TRUTH = LabelConfig()
 
 TARGET_SIGNS = {"surge": 1.0, "sway": -1.0}
 """What the mirror port to starboard makes of the velocities."""
+VALIDATING = 4
+"""Of the rows that are not held out, every so many-th validates."""
+DIVISION_EDGES = {"train": (0.0, 0.7), "validation": (0.7, 0.85), "test": (0.85, 1.0)}
+"""Parts of the paper's division by samples."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Prepared:
-    """Normalised data of one target."""
+    """Normalised data of one target; a context manager, which lets go of the store."""
 
-    train: Sequences
-    validation: Sequences
+    train: SequenceSource
+    validation: SequenceSource
     normalisation: Normalisation
+    selection: Selection
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.selection.close()
+
+    @property
+    def period(self) -> float:
+        """[s] between samples"""
+        return self.selection.period
 
 
 def prepare(
@@ -64,55 +69,78 @@ def prepare(
     scales: Normalisation | None = None,
     held_out: Sequence[int] = (),
     labels: LabelConfig = TRUTH,
+    resident: bool = True,
 ) -> Prepared:
-    """Training and validation data of one velocity.
+    """Training and validation data of one velocity, in one pass through the store.
 
     Args:
       store: path of the store.
       target: surge or sway.
       features: names of the inputs, in order.
       division: `missions` uses the store's split. `samples` is the paper's random 70/15/15
-        division over samples of all missions; it leaks (see `sample_split`).
+        division over samples of all missions; it leaks (see `SampleDivision`).
       seed: of the division by samples.
       mirror: let the training show every mission mirrored port to starboard too.
-      period: [s] between samples, see `load_missions`.
+      period: [s] between samples, see `Selection`.
       scales: of a network whose training goes on; fitted to the data without.
       held_out: rows of the store that are neither trained nor validated on. With any, the store's
         split is not asked: of the other rows every fourth validates, the rest train.
       labels: what is learned, the truth or what a Doppler log measured.
+      resident: keep all sequences in memory; else they are read again whenever they are needed,
+        with the same values.
 
     Raises:
       InputError: an unknown target or division; a part of the vehicle that has no mirror image.
-      StoreError: see `load_missions`; or a split has no missions.
+      StoreError: see `Selection`; or a split has no missions.
     """
     if target not in TARGETS:
         raise InputError(unknown_name("target", target, TARGETS))
+    if division not in get_args(Division):
+        raise InputError(unknown_name("division", division, get_args(Division)))
     signs = mirror_signs(features, parts_of(store)) if mirror else None
     own = [TARGETS[target], *_speed(store)] if labels.source == "truth" else labels.channels()
-    channels = [*channels_of(features), *own]
-    if division == "missions":
-        missions = load_missions(store, channels, split="all", period=period)
-        missions = _labelled(missions, target, store, labels)
-        if held_out:
-            missions = _held_out(missions, held_out, store)
-        train = [m for m in missions if m.split == "train"]
-        validation = [m for m in missions if m.split == "validation"]
-        if not train:
-            raise StoreError(
-                f"store {store} has no missions for training; it needs a split into train, "
-                "validation and test, as `factory generate` makes"
-            )
-        return _assemble(train, validation, features, target, None, signs, scales, labels)
+    selection = Selection(store, [*channels_of(features), *own], period=period)
+    try:
+        task = _Task(tuple(features), target, labels, signs, division, seed, tuple(held_out))
+        return _one_pass(selection, task, scales, resident=resident)
+    except BaseException:
+        selection.close()
+        raise
+
+
+def training_lengths(
+    store: str | StorePath,
+    division: Division = "missions",
+    period: float | None = None,
+    held_out: Sequence[int] = (),
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Samples of each mission that may train, and of each that may validate; errors as `Selection`.
+
+    With rows held out, and by samples, each of the others may do both.
+    """
+    with Selection(store, any_channel(store), period=period) as selection:
+        places = _candidates(selection, division, held_out)
+        if division == "samples" or held_out:
+            return selection.lengths[places], selection.lengths[places]
+        trains = np.array(selection.splits)[places] == "train"
+        if not trains.any():
+            raise _no_training(store)
+        return selection.lengths[places[trains]], selection.lengths[places[~trains]]
+
+
+def sample_bytes(features: int) -> int:
+    """Bytes of one sample in memory: its features, the target and the weight, each of four."""
+    return 4 * (features + 2)
+
+
+def _candidates(selection: Selection, division: Division, held_out: Sequence[int]) -> Places:
+    """Missions that may train or validate."""
+    if held_out:
+        return np.flatnonzero(~np.isin(selection.rows, held_out))
+    places = np.arange(len(selection))
     if division == "samples":
-        missions = load_missions(store, channels, split="all", period=period)
-        missions = _labelled(missions, target, store, labels)
-        weights = sample_split([m.samples for m in missions], seed)
-        return _assemble(missions, missions, features, target, weights, signs, scales, labels)
-    raise InputError(unknown_name("division", division, ("missions", "samples")))
-
-
-VALIDATING = 4
-"""Of the rows that are not held out, every so many-th validates."""
+        return places
+    return np.flatnonzero(np.isin(selection.splits, ("train", "validation")))
 
 
 def _speed(store: str | StorePath) -> list[str]:
@@ -121,233 +149,171 @@ def _speed(store: str | StorePath) -> list[str]:
         return [SPEED] if reader.logged and SPEED in reader else []
 
 
-def _labelled(
-    missions: list[Mission], target: str, store: str | StorePath, labels: LabelConfig
-) -> list[Mission]:
-    """Missions that say something about a target; the truth of a simulated store always does."""
-    certain = labels.source == "truth"
-    kept = [
-        m
-        for m in missions
-        if (certain and m.row is None) or np.isfinite(labels.of(m, target)).any()
-    ]
-    if not kept and labels.source == "dvl":
-        raise _no_doppler_labels(store, target, count_labels(missions, labels))
-    if not kept:
-        raise _no_truth(store, target)
-    return kept
+@dataclasses.dataclass(frozen=True)
+class _Task:
+    """What is made of missions."""
+
+    features: tuple[str, ...]
+    target: str
+    labels: LabelConfig
+    signs: Floats | None
+    """Of the features in the mirror; None where missions are not mirrored"""
+    division: Division
+    seed: int
+    held_out: tuple[int, ...]
+
+    @property
+    def mirror(self) -> Mirror | None:
+        """How the sequences are mirrored."""
+        return None if self.signs is None else Mirror(self.signs, TARGET_SIGNS[self.target])
+
+    def fit(self) -> NormalisationFit:
+        """Scales about zero for what the mirror turns round."""
+        if self.signs is None:
+            return NormalisationFit(self.features, self.target)
+        centred = [n for n, s in zip(self.features, self.signs, strict=True) if s < 0]
+        centred += [self.target] if TARGET_SIGNS[self.target] < 0 else []
+        return NormalisationFit(self.features, self.target, centred)
 
 
-def _no_doppler_labels(store: str | StorePath, target: str, counts: LabelCounts) -> StoreError:
-    """The log had no lock, or bottom lock without a known current."""
-    nothing = f"store {store} has no sample to learn {target} from: its Doppler log never had"
-    with MissionStore(store) as reader:
-        otherwise = "" if reader.logged else "; or learn from the truth with --labels truth"
-    if not counts.bottom:
-        return StoreError(f"{nothing} lock{otherwise}")
-    share = 100.0 * counts.bottom / counts.samples
-    return StoreError(
-        f"{nothing} water lock, and no current is known to take off what it measured over ground "
-        f"(bottom lock in {share:.3g} % of the samples). {_which_current(store)}{otherwise}"
-    )
+@dataclasses.dataclass(frozen=True)
+class _Maker:
+    """Makes a mission's sequence; `numbers` are the missions that it is asked for."""
+
+    task: _Task
+    scales: Normalisation
+    division: SampleDivision | None
+    """None: all samples of a mission count"""
+    part: str
+    numbers: Places
+    """Among all that have labels"""
+
+    def __call__(self, mission: Mission, number: int) -> Sequence3:
+        wanted = self.task.labels.of(mission, self.task.target)
+        made = normalised(self.scales, mission.features(self.task.features), wanted)
+        return self.weighed(made, number)
+
+    def weighed(self, made: Sequence3, number: int) -> Sequence3:
+        """A sequence of which no sample counts but those of the part."""
+        if self.division is None:
+            return made
+        inputs, wanted, weights = made
+        share = self.division.weights(int(self.numbers[number]), self.part)
+        return inputs, wanted, weights * share
 
 
-def _which_current(store: str | StorePath) -> str:
-    """What --known-current can be where there is bottom track alone."""
-    with MissionStore(store) as reader:
-        simulated = not reader.logged and all(name in reader for name in STORE_CURRENT)
-    if not simulated:
-        return (
-            "Give --known-current NORTH,EAST in m/s, 0,0 in still water; or take a log with water "
-            "lock"
-        )
-    highest = max(
-        float(np.hypot(*(mission.signals[name] for name in STORE_CURRENT)).max())
-        for mission in load_missions(store, STORE_CURRENT)
-    )
-    if highest == 0.0:
-        return "The water of this store stands still: give --known-current 0,0"
-    return (
-        f"Its missions have currents of their own, of up to {highest:.2g} m/s: give "
-        "--known-current store, which takes what the simulation knows of each and no vehicle knows "
-        "at sea; or take a store whose water stands still (--preset paper of a vehicle with a "
-        "propeller, or --set current.speed=0) and give --known-current 0,0; or one with water "
-        "lock, which needs none"
-    )
+def normalised(scales: Normalisation, matrix: Floats, wanted: Floats) -> Sequence3:
+    """The sequence of a mission; samples whose target is not known do not count."""
+    return scales.inputs(matrix), scales.wanted(wanted), np.isfinite(wanted).astype(np.float32)
 
 
-def _no_truth(store: str | StorePath, target: str) -> StoreError:
-    return StoreError(
-        f"store {store} has no truth to learn {target} from (neither {TARGETS[target]} nor "
-        f"{SPEED}); a run that is trained on another store can be judged on it: "
-        f"`learn evaluate RUN {store}`"
-    )
-
-
-def check_truth(store: str | StorePath) -> None:
-    """Refuse logs that have no array of truth, before their signals are read.
-
-    Raises:
-      StoreError: see `prepare`.
-    """
-    with MissionStore(store) as reader:
-        if reader.logged:
-            for target, channel in TARGETS.items():
-                if channel not in reader and SPEED not in reader:
-                    raise _no_truth(store, target)
-
-
-def labels_in(
-    store: str | StorePath,
-    labels: LabelConfig,
-    *,
-    division: Division = "missions",
-    period: float | None = None,
-) -> LabelCounts:
-    """What the Doppler logs of the missions that are trained on and validated give.
-
-    Raises:
-      StoreError: those for training give nothing; or see `load_missions`.
-    """
-    missions = load_missions(store, labels.channels(), split="all", period=period)
-    learned = missions
-    if division == "missions":
-        missions = [m for m in missions if m.split in ("train", "validation")]
-        learned = [m for m in missions if m.split == "train"]
-    if learned and not any(measured(m, labels).usable.any() for m in learned):
-        raise _no_doppler_labels(store, " or ".join(TARGETS), count_labels(learned, labels))
-    return count_labels(missions, labels)
-
-
-FEW_LABELS = 0.1
-"""With labels in a smaller part of the samples, networks see little of how the vehicle moves."""
-
-
-def few_labels(store: str | StorePath, labels: LabelConfig, counts: LabelCounts) -> str | None:
-    """A warning where bottom track is left out and little else is there, else None."""
-    if labels.known_current != NO_CURRENT or counts.used >= FEW_LABELS * counts.samples:
-        return None
-    if counts.bottom <= counts.water:
-        return None
-    return (
-        f"store {store} has labels in {counts.used} of {counts.samples} samples alone: the Doppler "
-        "log mostly measured over ground, and no current is known to take off that (bottom lock in "
-        f"{100.0 * counts.bottom / counts.samples:.3g} % of the samples). {_which_current(store)}"
-    )
-
-
-def few_missions(store: str | StorePath, division: Division = "missions") -> str | None:
-    """A warning where all that is learned comes from a single mission, else None.
-
-    Raises:
-      StoreError: the store's split cannot be read.
-    """
-    with MissionStore(store) as reader:
-        rows = list(range(len(reader)))
-        if division == "missions" and SPLIT in reader:
-            rows = [row for row in rows if reader.splits[row] == "train"]
-        noun = "row" if reader.logged else "mission"
-    if len(rows) != 1:
-        return None
-    return (
-        f"store {store} has one {noun} for training ({noun} {rows[0]}): what the networks learn "
-        f"holds for its water and its manoeuvres; take a store of more {noun}s"
-    )
-
-
-def check_window(
-    store: str | StorePath,
-    window: int,
-    *,
-    division: Division = "missions",
-    period: float | None = None,
-) -> None:
-    """Refuse a window of samples that no training mission fills.
-
-    Raises:
-      InputError: it is longer than the longest of them.
-      StoreError: see `load_missions`.
-    """
-    missions = load_missions(store, any_channel(store), split="all", period=period)
-    if division == "missions":
-        missions = [m for m in missions if m.split == "train"]
-    longest = max(missions, key=lambda m: m.samples, default=None)
-    if longest is not None and window > longest.samples:
-        raise InputError(
-            f"--window {window} is longer than every training mission of {store}: the longest, "
-            f"mission {longest.index}, has {longest.samples} samples"
-        )
-
-
-def _held_out(
-    missions: list[Mission], held_out: Sequence[int], store: str | StorePath
-) -> list[Mission]:
-    left = [m for m in missions if m.index not in set(held_out)]
-    if len(left) < 2:
-        raise StoreError(f"store {store}: without rows {list(held_out)} fewer than two are left")
-    return [
-        dataclasses.replace(m, split="validation" if k % VALIDATING == 1 else "train")
-        for k, m in enumerate(left)
-    ]
-
-
-def _assemble(
-    train: list[Mission],
-    validation: list[Mission],
-    features: Sequence[str],
-    target: str,
-    weights: list[list[NDArray[np.float32]]] | None,
-    signs: NDArray[np.float32] | None,
-    scales: Normalisation | None,
-    labels: LabelConfig,
+def _one_pass(
+    selection: Selection, task: _Task, scales: Normalisation | None, *, resident: bool
 ) -> Prepared:
-    matrices = [m.features(features) for m in train]
-    targets = [labels.of(m, target) for m in train]
-    image = None if signs is None else Mirror(signs, TARGET_SIGNS[target])
-    centred = [] if signs is None else [n for n, s in zip(features, signs, strict=True) if s < 0]
-    if signs is not None and TARGET_SIGNS[target] < 0:
-        centred.append(target)
-    known = [values[np.isfinite(values)] for values in targets]
-    normalisation = scales or fit_normalisation(
-        matrices, known, features=features, target=target, centred=centred
+    """Which missions have labels, their scales, and their sequences where those are kept."""
+    fitted = task.fit()
+    kept: list[int] = []
+    training: list[bool] = []
+    known: list[tuple[Floats, Floats]] = []
+    certain = task.labels.source == "truth" and not selection.logged
+    candidates = _candidates(selection, task.division, task.held_out)
+    for place, mission in zip(candidates, selection.each(candidates), strict=True):
+        wanted = task.labels.of(mission, task.target)
+        if not certain and not np.isfinite(wanted).any():
+            continue
+        trains = mission.split == "train" or task.division == "samples"
+        if task.held_out:
+            trains = len(kept) % VALIDATING != 1
+        matrix = mission.features(task.features)
+        if trains and scales is None:
+            fitted.add(matrix, wanted)
+        if resident:
+            known.append((matrix, wanted))
+        kept.append(int(place))
+        training.append(trains)
+    if len(candidates) and not kept:
+        raise _nothing_learned(selection, task)
+    _check_kept(selection, task, kept, training)
+    normalisation = fitted.result() if scales is None else scales
+    ready: list[Sequence3] = []
+    for k, (matrix, wanted) in enumerate(known):
+        ready.append(normalised(normalisation, matrix, wanted))
+        known[k] = _GONE  # so that no mission is in memory twice
+    places, chosen = np.array(kept, np.int64), np.array(training)
+    division = None
+    parts = {"train": np.flatnonzero(chosen), "validation": np.flatnonzero(~chosen)}
+    if task.division == "samples":
+        division = SampleDivision(selection.lengths[places], task.seed)
+        parts["validation"] = parts["train"]
+    found: dict[str, SequenceSource] = {}
+    for part, numbers in parts.items():
+        make = _Maker(task, normalisation, division, part, numbers)
+        found[part] = (
+            _in_memory(make, ready)
+            if resident
+            else StreamedSequences(
+                selection, places[numbers], len(task.features), task.mirror, make
+            )
+        )
+    if resident:
+        selection.close()
+    return Prepared(found["train"], found["validation"], normalisation, selection)
+
+
+_GONE = (np.empty((0, 0), np.float32), np.empty(0, np.float32))
+
+
+def _in_memory(make: _Maker, ready: Sequence[Sequence3]) -> Sequences:
+    made = [make.weighed(ready[k], number) for number, k in enumerate(make.numbers)]
+    inputs, targets, weights = ([one[part] for one in made] for part in range(3))
+    return Sequences(inputs, targets, weights, make.task.mirror)
+
+
+def _nothing_learned(selection: Selection, task: _Task) -> StoreError:
+    """No mission has a label."""
+    if task.labels.source == "dvl":
+        counts = count_labels(selection.each(), task.labels)
+        return no_doppler_labels(selection.store, task.target, counts)
+    return no_truth(selection.store, task.target)
+
+
+def _check_kept(
+    selection: Selection, task: _Task, kept: Sequence[int], training: Sequence[bool]
+) -> None:
+    """Raise StoreError where there is too little to learn from."""
+    if task.held_out and len(kept) < 2:
+        raise StoreError(
+            f"store {selection.store}: without rows {list(task.held_out)} fewer than two are left"
+        )
+    if not any(training):
+        raise _no_training(selection.store)
+
+
+def _no_training(store: str | StorePath) -> StoreError:
+    return StoreError(
+        f"store {store} has no missions for training; it needs a split into train, validation and "
+        "test, as `factory generate` makes"
     )
 
-    def sequences(
-        inputs: list[NDArray[np.float32]],
-        wanted: list[NDArray[np.float32]],
-        counted: list[NDArray[np.float32]] | None,
-    ) -> Sequences:
-        shift, scale = normalisation.target_mean, normalisation.target_scale
-        return Sequences(
-            [normalisation.inputs(values) for values in inputs],
-            [
-                np.nan_to_num((values - np.float32(shift)) / np.float32(scale), nan=0.0)
-                for values in wanted
-            ],
-            [
-                weight * np.isfinite(values).astype(np.float32)
-                for weight, values in zip(
-                    counted or [np.ones(len(values), np.float32) for values in wanted],
-                    wanted,
-                    strict=True,
-                )
-            ],
-            image,
-        )
 
-    if validation is train or weights is not None:
-        assert weights is not None
-        return Prepared(
-            sequences(matrices, targets, weights[0]),
-            sequences(matrices, targets, weights[1]),
-            normalisation,
-        )
-    return Prepared(
-        sequences(matrices, targets, None),
-        sequences(
-            [m.features(features) for m in validation],
-            [labels.of(m, target) for m in validation],
-            None,
-        ),
-        normalisation,
-    )
+class SampleDivision:
+    """The paper's division: each SAMPLE is training, validation or test with 70, 15, 15 %.
+
+    It leaks: samples half a second apart are nearly equal, so validation and test cannot judge
+    unseen motion. It is here to reproduce the paper's figures, never to choose a network.
+    """
+
+    def __init__(self, lengths: NDArray[np.int64], seed: int) -> None:
+        self._lengths, self._seed = lengths, seed
+        self._first = np.cumsum(lengths) - lengths
+
+    def weights(self, mission: int, part: str) -> Floats:
+        """1 for the samples of a mission that are in `train`, `validation` or `test`, else 0.
+
+        A mission's numbers are drawn from its own place in the seed's sequence of numbers.
+        """
+        bits = np.random.PCG64(self._seed)
+        bits.advance(int(self._first[mission]))
+        draws = np.random.Generator(bits).random(int(self._lengths[mission]))
+        low, high = DIVISION_EDGES[part]
+        return ((draws >= low) & (draws < high)).astype(np.float32)

@@ -17,8 +17,8 @@ import numpy as np
 
 from learn.data.labels import LabelConfig, measured
 from learn.evaluation.score import TARGETS, Reference, TrackError, track_statistics
-from learn.navigation.baselines.base import Estimate
-from learn.navigation.dead_reckoning import horizontal_error
+from twin.navigation.baselines.base import Estimate
+from twin.navigation.dead_reckoning import horizontal_error
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from learn.data.dataset import Mission, any_channel, load_missions
-from learn.data.features import channels_of
+from learn.data.dataset import Mission, Selection, any_channel
 from learn.data.labels import LabelConfig
 from learn.data.logs import SPEED
 from learn.evaluation.against_dvl import DvlComparison, compare, summarise
@@ -23,10 +22,11 @@ from learn.evaluation.score import (
     score_mission,
     summarise_scores,
 )
-from learn.navigation.baselines.base import Baseline, Estimate, check_estimate
-from learn.navigation.baselines.registry import BASELINES
-from learn.navigation.dead_reckoning import Array
 from twin.errors import StoreError
+from twin.navigation.baselines.base import Baseline, Estimate, check_estimate
+from twin.navigation.baselines.registry import BASELINES
+from twin.navigation.dead_reckoning import Array
+from twin.navigation.features import channels_of
 from twin.records.reader import MissionStore
 from twin.records.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 NETWORK, FLOOR, DVL = "network", "floor", "dvl"
 GROUP = 16
-"""Missions that are predicted at once; progress is shown after each group."""
+"""Missions that are in memory and are predicted at once; progress is shown after each group."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -146,32 +146,31 @@ def evaluate(
             networks, store, split, wanted, runners, missing, attributes, vehicle, watch, period,
             labels or LabelConfig(),
         )  # fmt: skip
-    missions = load_missions(store, wanted, split=split, limit=limit, period=period)
     scores: dict[str, list[MissionScore]] = {NETWORK: [], FLOOR: [], **{n: [] for n in runners}}
     beside_log: list[DvlComparison] = []
-    for first in range(0, len(missions), GROUP):
-        group = missions[first : first + GROUP]
-        predictions = {name: ensemble.predict(group) for name, ensemble in networks.items()}
-        for k, mission in enumerate(group):
-            try:
-                reference = Reference.of(mission)
-                estimates = {
-                    NETWORK: _network_estimate({n: p[k] for n, p in predictions.items()}),
-                    FLOOR: Estimate(surge=reference.surge, sway=reference.sway),
-                }
-                seen = visible(mission)
-                for name, runner in runners.items():
-                    guess = runner.estimate(seen, mission.period)
-                    estimates[name] = check_estimate(name, guess, mission.samples)
-            except StoreError as error:
-                raise StoreError(f"store {store}, mission {mission.index}: {error}") from error
-            for name, estimate in estimates.items():
-                scores[name].append(score_mission(reference, estimate))
-            if DVL in estimates:
-                found = compare(reference, estimates[NETWORK], estimates[DVL], labels)
-                beside_log += [] if found is None else [found]
-            if watch is not None:
-                watch(reference, estimates)
+    with Selection(store, wanted, split=split, limit=limit, period=period) as selection:
+        for group in selection.groups(GROUP):
+            predictions = {name: ensemble.predict(group) for name, ensemble in networks.items()}
+            for k, mission in enumerate(group):
+                try:
+                    reference = Reference.of(mission)
+                    estimates = {
+                        NETWORK: _network_estimate({n: p[k] for n, p in predictions.items()}),
+                        FLOOR: Estimate(surge=reference.surge, sway=reference.sway),
+                    }
+                    seen = visible(mission)
+                    for name, runner in runners.items():
+                        guess = runner.estimate(seen, mission.period)
+                        estimates[name] = check_estimate(name, guess, mission.samples)
+                except StoreError as error:
+                    raise StoreError(f"store {store}, mission {mission.index}: {error}") from error
+                for name, estimate in estimates.items():
+                    scores[name].append(score_mission(reference, estimate))
+                if DVL in estimates:
+                    found = compare(reference, estimates[NETWORK], estimates[DVL], labels)
+                    beside_log += [] if found is None else [found]
+                if watch is not None:
+                    watch(reference, estimates)
     return Evaluation(
         store=str(store),
         split=split,
@@ -196,27 +195,27 @@ def _evaluate_logs(
     period: float | None,
     labels: LabelConfig,
 ) -> Evaluation:
-    missions = load_missions(store, channels, split="all", period=period)
     if split != "all":
-        load_missions(store, any_channel(store), split=split)  # says which parts there are
+        with Selection(store, any_channel(store), split=split):  # says which parts there are
+            pass
 
     def predict(group: Sequence[Mission]) -> list[Estimate]:
         found = {name: ensemble.predict(group) for name, ensemble in networks.items()}
         return [_network_estimate({n: p[k] for n, p in found.items()}) for k in range(len(group))]
 
-    judged = score_logs(
-        missions,
-        [split in ("all", mission.split) for mission in missions],
-        network=NETWORK,
-        floor=FLOOR,
-        predict=predict,
-        baselines=runners,
-        vehicle=vehicle,
-        labels=labels,
-        visible=visible,
-        together=GROUP,
-        watch=watch,
-    )
+    with Selection(store, channels, period=period) as selection:
+        judged = score_logs(
+            selection.groups(GROUP),
+            lambda mission: split in ("all", mission.split),
+            network=NETWORK,
+            floor=FLOOR,
+            predict=predict,
+            baselines=runners,
+            vehicle=vehicle,
+            labels=labels,
+            visible=visible,
+            watch=watch,
+        )
     return Evaluation(
         store=str(store),
         split=split,

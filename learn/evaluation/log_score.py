@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,9 +24,10 @@ import numpy as np
 from learn.data.dataset import Mission
 from learn.data.labels import LabelConfig
 from learn.evaluation.score import LAUNCH_S, TARGETS, MissionScore, TrackError
-from learn.navigation.baselines.base import Baseline, Estimate, check_estimate
-from learn.navigation.baselines.pitch_plus_alpha import PitchPlusAlpha
-from learn.navigation.dead_reckoning import (
+from twin.errors import StoreError
+from twin.navigation.baselines.base import Baseline, Estimate, check_estimate
+from twin.navigation.baselines.pitch_plus_alpha import PitchPlusAlpha
+from twin.navigation.dead_reckoning import (
     Array,
     Attitude,
     depth_rate,
@@ -34,7 +35,6 @@ from learn.navigation.dead_reckoning import (
     horizontal_velocity,
     integrate,
 )
-from twin.errors import StoreError
 from twin.records.logs import LogRow
 from twin.vehicle.vehicle import Vehicle
 
@@ -189,8 +189,8 @@ Watch = Callable[[LogReference, Mapping[str, Estimate]], None]
 
 
 def score_logs(
-    missions: Sequence[Mission],
-    chosen: Sequence[bool],
+    groups: Iterable[Sequence[Mission]],
+    chosen: Callable[[Mission], bool],
     *,
     network: str,
     floor: str,
@@ -199,20 +199,18 @@ def score_logs(
     vehicle: Vehicle,
     labels: LabelConfig,
     visible: Callable[[Mission], dict[str, Array]],
-    together: int,
     watch: Watch | None = None,
 ) -> LogScores:
     """Run networks and baselines over the rows of a store, in its order.
 
     Args:
-      missions: all rows: those that are not judged lend their current to the next.
+      groups: all rows, some at a time: those that are not judged lend their current to the next.
       chosen: which of them are judged.
       network, floor: names of the networks and of the floor, which is empty here: the true
         velocities of a log are not a track.
       predict: the networks' estimates of some rows.
       labels: which velocities are known, those of the truth or of a Doppler log.
       visible: channels of a row without truth.
-      together: rows that are predicted at once.
     """
     scores: dict[str, list[MissionScore]] = {network: [], floor: [], **{n: [] for n in baselines}}
     last: tuple[LogReference, dict[str, Estimate]] | None = None
@@ -220,8 +218,7 @@ def score_logs(
         ("rows", "rows_with_truth", "samples", "samples_with_truth", "rows_with_fixes",
          "rows_that_follow", "rows_left_out"), 0,
     )  # fmt: skip
-    for first in range(0, len(missions), together):
-        group = missions[first : first + together]
+    for group in groups:
         for k, estimate in enumerate(predict(group)):
             mission = group[k]
             try:
@@ -241,7 +238,7 @@ def score_logs(
             before = last if last is not None and reference.row.follows(last[0].row) else None
             if before is not None and before[0].row.displacement is None:
                 before = None
-            if chosen[first + k]:
+            if chosen(mission):
                 for name, found in estimates.items():
                     its = None if before is None or name not in before[1] else before[1][name]
                     pair = None if before is None or its is None else (before[0], its)

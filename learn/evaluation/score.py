@@ -8,7 +8,7 @@ the water, without re-initialisation at fixes; the largest error along the track
 - `dr_ground`: the through-water track taken as one over ground, nothing known of the current.
 
 Between GPS fixes, dive by dive, there are three more: no current, the previous dive's
-depth-averaged current, and corrected afterwards (`learn.navigation.dives`).
+depth-averaged current, and corrected afterwards (`twin.navigation.dives`).
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from learn.data.dataset import Mission
-from learn.navigation.baselines.base import Estimate
-from learn.navigation.dead_reckoning import (
+from twin.navigation.baselines.base import Estimate
+from twin.navigation.dead_reckoning import (
     Array,
     Attitude,
     depth_rate,
@@ -34,7 +34,7 @@ from learn.navigation.dead_reckoning import (
     true_water_path,
     true_water_track,
 )
-from learn.navigation.dives import (
+from twin.navigation.dives import (
     KNOWLEDGE,
     LEAST_DIVE_S,
     CurrentKnowledge,

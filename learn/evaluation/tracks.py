@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.evaluation.score import Reference
-from learn.navigation.baselines.base import Estimate
-from learn.navigation.dead_reckoning import Array
-from learn.navigation.dives import CurrentKnowledge, ground_track
 from twin.errors import InputError
+from twin.navigation.baselines.base import Estimate
+from twin.navigation.dead_reckoning import Array
+from twin.navigation.dives import CurrentKnowledge, ground_track
 from twin.records.schema import MISSION, TIME
 from twin.records.store import is_derived
 from twin.records.tracks import write_track_dataset

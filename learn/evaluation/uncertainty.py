@@ -19,18 +19,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.navigation.dead_reckoning import (
+from twin.errors import InputError
+from twin.navigation.dead_reckoning import (
     LEAST_COSINE,
     Array,
     horizontal_error,
     horizontal_velocity,
     integrate,
 )
-from twin.errors import InputError
 
 if TYPE_CHECKING:
     from learn.evaluation.score import MissionScore, Reference
-    from learn.navigation.baselines.base import Estimate
+    from twin.navigation.baselines.base import Estimate
 
 SECONDS_PER_HOUR = 3600.0
 BIAS_TIME_S = 4.0 * SECONDS_PER_HOUR

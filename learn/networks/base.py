@@ -7,17 +7,18 @@ A network sees inputs and its own state, never a velocity:
     initial_state(batch)              zeros, (batch, state_size)
 
 The state is one matrix so that every kind is carried, stored and exported the same way. Inputs and
-outputs are normalised values; see `learn.data.features` and `learn.networks.predictor`.
+outputs are normalised values; see `twin.navigation.features` and `learn.networks.predictor`.
 """
 
 from __future__ import annotations
 
 import abc
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
 
+from learn.networks.c_step import CStep
 from learn.networks.config import SIZES, NetworkConfig
 from learn.networks.registry import NETWORKS
 from twin.errors import InputError
@@ -67,13 +68,34 @@ class Network(nn.Module, abc.ABC):
         y, state = self.forward(x[None], state)
         return y[0], state
 
+    def c_step(self) -> CStep:
+        """`step` of a single sequence in C99, for `learn export --to c`.
+
+        Raises:
+          InputError: this kind has none.
+        """
+        able = [name for name, kind in NETWORKS.items() if kind.c_step is not Network.c_step]
+        raise InputError(
+            f"network {self.config.kind!r} has no C code: give {type(self).__name__} a method "
+            f"`c_step`, export to ONNX, or train a kind that has it: {', '.join(able)}"
+        )
+
 
 def build_network(config: NetworkConfig) -> Network:
     """The network that `config` describes, with fresh weights from torch's random generator."""
     return NETWORKS[config.kind](config)
 
 
-TRIED = {"inputs": 3, "hidden": 4, "layers": 2, "delays": 2, "kernel": 2, "dilation": 2}
+TRIED_INPUTS = 3
+TRIED: dict[str, Any] = {
+    "inputs": TRIED_INPUTS,
+    "period": 0.5,
+    "hidden": 4,
+    "layers": 2,
+    "delays": 2,
+    "kernel": 2,
+    "dilation": 2,
+}
 TIME, BATCH = 7, 2
 """Samples and sequences of the trial."""
 ROUNDING = 1e-4
@@ -104,7 +126,7 @@ def _wrong(network: Network) -> str:
         return "__init__ does not set state_size, the number of columns of its state"
     if not any(p.requires_grad for p in network.parameters()):
         return "it has no weights to train"
-    x = torch.randn(TIME, BATCH, TRIED["inputs"])
+    x = torch.randn(TIME, BATCH, TRIED_INPUTS)
     network.eval()
     y, end = network(x)
     if tuple(y.shape) != (TIME, BATCH, 1):

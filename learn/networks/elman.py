@@ -6,6 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from learn.networks.base import Network
+from learn.networks.c_step import CStep, transposed
 from learn.networks.config import NetworkConfig
 from learn.networks.context_delay import ContextDelay, lanes_for, pack_sequences, unpack_sequences
 
@@ -68,3 +69,28 @@ class Elman(Network):
             h = layer.step(h, history)
             ends.append(torch.cat([history[:, self.config.hidden :], h], 1))
         return self.out(h), torch.cat(ends, 1)
+
+    def c_step(self) -> CStep:
+        """See `Network.c_step`."""
+        hidden, delays = self.config.hidden, self.config.delays
+        arrays: dict[str, Tensor] = {}
+        lines, source = [], "x"
+        for k, layer in enumerate(self.hidden):
+            assert isinstance(layer, ContextDelay)
+            arrays |= {
+                f"weight_{k}": transposed(layer.weight),
+                f"recurrent_{k}": transposed(layer.recurrent),
+                f"bias_{k}": layer.bias,
+            }
+            past = f"state + {k * delays * hidden}"
+            lines += [
+                f"float h{k}[{hidden}];",
+                f"gt_dense(h{k}, weight_{k}, bias_{k}, {source}, {layer.inputs}, {hidden});",
+                f"gt_add(h{k}, recurrent_{k}, {past}, {delays * hidden}, {hidden});",
+                f"gt_tanh(h{k}, {hidden});",
+                f"gt_append({past}, {delays}, {hidden}, h{k});",
+            ]
+            source = f"h{k}"
+        arrays |= {"weight_out": self.out.weight, "bias_out": self.out.bias}
+        lines += ["float out[1];", f"gt_dense(out, weight_out, bias_out, {source}, {hidden}, 1);"]
+        return CStep(arrays=arrays, body="\n".join([*lines, "return out[0];"]))

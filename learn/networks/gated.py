@@ -8,6 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from learn.networks.base import Network
+from learn.networks.c_step import CStep, transposed
 from learn.networks.config import NetworkConfig
 
 
@@ -17,6 +18,11 @@ class Gated(Network):
     cell: ClassVar[type[nn.LSTM] | type[nn.GRU]]
     parts: ClassVar[int]
     """Matrices of the state: outputs, and the cells of an LSTM."""
+    gates: ClassVar[int]
+    """Blocks of a layer's weights."""
+    c_units: ClassVar[str]
+    """What a layer does in C with `own` and `fed`, the blocks from its inputs and from its last
+    outputs, to its last outputs `h` and cells `c`: the statements for unit i of `hidden`."""
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__(config)
@@ -35,3 +41,32 @@ class Gated(Network):
         ends = end if self.parts == 2 else (end,)
         flat = torch.cat([part.transpose(0, 1).reshape(batch, -1) for part in ends], 1)
         return self.out(h), flat
+
+    def c_step(self) -> CStep:
+        """See `Network.c_step`."""
+        hidden, layers = self.config.hidden, self.config.layers
+        rows = self.gates * hidden
+        arrays: dict[str, Tensor] = {}
+        lines = [f"enum {{ hidden = {hidden} }};", f"float own[{rows}], fed[{rows}];"]
+        source, size = "x", self.config.inputs
+        for k in range(layers):
+            for name, ours in (("own", "ih"), ("fed", "hh")):
+                arrays[f"{name}_weight_{k}"] = transposed(
+                    getattr(self.cells, f"weight_{ours}_l{k}")
+                )
+                arrays[f"{name}_bias_{k}"] = getattr(self.cells, f"bias_{ours}_l{k}")
+            lines += [
+                "{",
+                f"    float *h = state + {k * hidden};",
+                f"    gt_dense(own, own_weight_{k}, own_bias_{k}, {source}, {size}, {rows});",
+                f"    gt_dense(fed, fed_weight_{k}, fed_bias_{k}, h, {hidden}, {rows});",
+                *([f"    float *c = state + {(layers + k) * hidden};"] if self.parts == 2 else []),
+                "    for (int i = 0; i < hidden; i++) {",
+                *(f"        {line}" for line in self.c_units.strip().splitlines()),
+                "    }",
+                "}",
+            ]
+            source, size = f"state + {k * hidden}", hidden
+        arrays |= {"weight_out": self.out.weight, "bias_out": self.out.bias}
+        lines += ["float out[1];", f"gt_dense(out, weight_out, bias_out, {source}, {hidden}, 1);"]
+        return CStep(arrays=arrays, body="\n".join([*lines, "return out[0];"]))

@@ -13,3 +13,10 @@ class Gru(Gated):
     summary = "gated recurrent units"
     cell = nn.GRU
     parts = 1
+    gates = 3
+    c_units = """
+const float reset = gt_sigmoid(own[i] + fed[i]);
+const float keep = gt_sigmoid(own[hidden + i] + fed[hidden + i]);
+const float fresh = tanhf(own[2 * hidden + i] + reset * fed[2 * hidden + i]);
+h[i] = fresh + keep * (h[i] - fresh);
+"""

@@ -26,10 +26,11 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from learn.data.dataset import Mission
-from learn.data.features import feature, is_known
+from learn.networks.parity import TOLERANCE, Parity
 from learn.networks.predictor import Predictor
 from twin.errors import InputError, StoreError
 from twin.extras import require
+from twin.navigation.features import feature, is_known
 from twin.preload import preload_triton
 from twin.records.whole import whole_file
 
@@ -45,8 +46,6 @@ INPUTS = ("features", "state")
 OUTPUTS = ("velocity", "next_state")
 EXPORTER_MODULES = r"(torch|onnxscript|onnx_ir|copyreg)(\.|$)"
 """Where the exporter's own warnings come from; those of a user's network come from its file."""
-TOLERANCE = 1e-5
-"""[m/s] largest difference to the trained network over a mission."""
 
 
 class _Step(nn.Module):
@@ -200,19 +199,6 @@ class StepModel:
             y, state = self._session.run(list(OUTPUTS), {INPUTS[0]: row[None], INPUTS[1]: state})
             velocity[k] = y[0, 0]
         return velocity
-
-
-@dataclasses.dataclass(frozen=True)
-class Parity:
-    """An exported model against the trained network on one mission."""
-
-    path: Path
-    mission: int
-    samples: int
-    largest: float
-    """[m/s] largest difference."""
-    step_us: float
-    """[us] per step in onnxruntime, one thread."""
 
 
 def export_step(predictor: Predictor, path: Path, mission: Mission) -> Parity:

@@ -14,13 +14,13 @@ import torch
 from numpy.typing import NDArray
 
 from learn.data.dataset import Mission
-from learn.data.features import feature
 from learn.data.normalisation import Normalisation
 from learn.files import SEAL, check_seal, read_json, write_sealed
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.registry import NETWORKS
 from twin.errors import InputError, StoreError
+from twin.navigation.features import feature
 from twin.records.whole import whole_file
 
 Floats = NDArray[np.float32]
@@ -36,6 +36,8 @@ PLACE = "class"
 
 SIDE_BY_SIDE = 32
 """Missions predicted at once: keeps the memory of 10 000 s missions near 0.5 GB."""
+MOST_SAMPLES = 2**20
+"""Samples predicted at once: fewer of longer missions."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,12 +58,27 @@ class Predictor:
         return self.normalisation.features
 
     def predict(self, missions: Sequence[Mission]) -> list[Floats]:
-        """Free-running velocity [m/s] of each mission, (time,), from launch to end."""
+        """Free-running velocity [m/s] of each mission, (time,), from launch to end.
+
+        Raises:
+          StoreError: a mission has another period than those of the training.
+        """
+        for mission in missions:
+            self._check_period(mission)
         matrices = [
             self.normalisation.inputs(mission.features(self.features)) for mission in missions
         ]
         scale, mean = self.normalisation.target_scale, self.normalisation.target_mean
         return [scale * values + mean for values in free_run(self.network, matrices)]
+
+    def _check_period(self, mission: Mission) -> None:
+        trained = self.network.config.period  # 0 in files of releases up to 0.1.0
+        if trained and not math.isclose(mission.period, trained, rel_tol=1e-3):
+            raise StoreError(
+                f"mission {mission.index} has a sample every {mission.period:g} s, and the network "
+                f"was trained with one every {trained:g} s: load the missions with "
+                f"period={trained:g}"
+            )
 
     def save(self, stem: Path) -> None:
         """Write `stem`.safetensors (weights) and `stem`.json (everything else, with the weights'
@@ -160,11 +177,9 @@ def load_predictor(stem: Path) -> Predictor:
 def free_run(network: Network, matrices: Sequence[Floats]) -> list[Floats]:
     """Normalised outputs (time,) for normalised inputs (time, features), from zero state."""
     results: list[Floats] = [np.empty(0, np.float32)] * len(matrices)
-    order = sorted(range(len(matrices)), key=lambda k: -len(matrices[k]))
     device = next(network.parameters()).device
     network.eval()
-    for first in range(0, len(order), SIDE_BY_SIDE):
-        group = order[first : first + SIDE_BY_SIDE]
+    for group in groups_by_length(np.array([len(matrix) for matrix in matrices])):
         shape = (len(matrices[group[0]]), len(group), matrices[group[0]].shape[1])
         x = np.zeros(shape, np.float32)
         for column, k in enumerate(group):
@@ -174,6 +189,17 @@ def free_run(network: Network, matrices: Sequence[Floats]) -> list[Floats]:
         for column, k in enumerate(group):
             results[k] = y[: len(matrices[k]), column].copy()
     return results
+
+
+def groups_by_length(lengths: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Missions that are predicted at once, the longest first: little padding, bounded memory."""
+    order = np.argsort(-lengths, kind="stable")
+    groups = []
+    while len(order):
+        most = min(SIDE_BY_SIDE, max(1, MOST_SAMPLES // int(lengths[order[0]])))
+        groups.append(order[:most])
+        order = order[most:]
+    return groups
 
 
 @dataclasses.dataclass(frozen=True)

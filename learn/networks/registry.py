@@ -10,6 +10,7 @@ NETWORKS: Registry[Any] = Registry(
     "network",
     group="glider_twin.networks",
     shipped={
+        "ema": "learn.networks.ema:ExponentialAverages",
         "elman": "learn.networks.elman:Elman",
         "lstm": "learn.networks.lstm:Lstm",
         "gru": "learn.networks.gru:Gru",

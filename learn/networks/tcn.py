@@ -6,6 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from learn.networks.base import Network
+from learn.networks.c_step import CStep, transposed
 from learn.networks.config import NetworkConfig
 
 
@@ -47,3 +48,31 @@ class CausalConvolutions(Network):
             new = torch.tanh(taps(seen))
             h = new + h if new.shape == h.shape else new
         return self.out(h.permute(2, 0, 1)), torch.cat(ends, 1)
+
+    def c_step(self) -> CStep:
+        """See `Network.c_step`."""
+        config, arrays, lines = self.config, {}, []
+        source, size, place = "x", config.inputs, 0
+        for k, taps in enumerate(self.taps):
+            assert isinstance(taps, nn.Conv1d)
+            assert taps.bias is not None
+            arrays[f"bias_{k}"] = taps.bias
+            lines += [f"float h{k}[{config.hidden}];", f"memcpy(h{k}, bias_{k}, sizeof h{k});"]
+            for tap in range(config.kernel):
+                arrays[f"tap_{k}_{tap}"] = transposed(taps.weight[:, :, tap])
+                row = place + tap * config.dilation**k * size
+                seen = source if tap == config.kernel - 1 else f"state + {row}"
+                lines.append(f"gt_add(h{k}, tap_{k}_{tap}, {seen}, {size}, {config.hidden});")
+            lines.append(f"gt_tanh(h{k}, {config.hidden});")
+            if size == config.hidden:
+                lines.append(f"for (int i = 0; i < {size}; i++) h{k}[i] += {source}[i];")
+            if self.reach[k]:
+                lines.append(f"gt_append(state + {place}, {self.reach[k]}, {size}, {source});")
+            source, size, place = f"h{k}", config.hidden, place + self.widths[k]
+        arrays |= {"weight_out": self.out.weight, "bias_out": self.out.bias}
+        lines += [
+            "(void)state;",
+            "float out[1];",
+            f"gt_dense(out, weight_out, bias_out, {source}, {size}, 1);",
+        ]
+        return CStep(arrays=arrays, body="\n".join([*lines, "return out[0];"]))

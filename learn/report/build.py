@@ -41,6 +41,10 @@ def build_page(folder: Path, contents: Contents) -> Path:
             tables.ablation_rows(test.figures, contents.ablation),
             "Networks of the same kind and training budget, for a vehicle without that sensor.",
         )
+    for study in contents.studies:
+        page.section(study.title)
+        page.table(study.rows, study.caption)
+        page.say(study.sentence)
     drawn.place("training", "Training")
     if contents.provenance:
         page.section("Where this comes from")

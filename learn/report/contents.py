@@ -50,6 +50,8 @@ class Contents:
     training: Mission | None = None
     ablation: Mapping[str, Mapping[str, Any]] = dataclasses.field(default_factory=dict)
     """Figures of networks without some inputs, by what they lack."""
+    studies: Sequence[Study] = ()
+    """Further networks of the run."""
     provenance: Mapping[str, object] = dataclasses.field(default_factory=dict)
     command: str = ""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from learn.navigation.baselines.registry import BASELINES
+from twin.navigation.baselines.registry import BASELINES
 from twin.plot.style import ESTIMATE, GUIDE, PALETTE, TRUTH
 
 TITLES = {"network": "networks", "floor": "floor: true surge and sway"}

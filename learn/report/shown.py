@@ -7,8 +7,8 @@ import math
 from collections.abc import Mapping
 
 from learn.evaluation.score import Reference
-from learn.navigation.baselines.base import Estimate
-from learn.navigation.dead_reckoning import Array, sample_times
+from twin.navigation.baselines.base import Estimate
+from twin.navigation.dead_reckoning import Array, sample_times
 
 DRAWN_MISSIONS = 3
 

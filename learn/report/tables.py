@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from learn.navigation.baselines.registry import BASELINES
 from learn.report.names import KNOWLEDGE_TITLES, title_of
+from twin.navigation.baselines.registry import BASELINES
 
 Figures = Mapping[str, Any]
 Row = dict[str, object]

@@ -61,7 +61,7 @@ class Place:
 
     def __init__(self, target: Path, *, replace: bool, fresh: bool) -> None:
         self.target, self.folder = target, training_folder(target, replace=replace)
-        self._replace, self._fresh = replace, fresh
+        self._replace, self.fresh = replace, fresh
         self._lock = -1
 
     def __enter__(self) -> Place:
@@ -73,7 +73,7 @@ class Place:
                 f"another `learn fit` trains run {self.target} at this moment: wait for it, or "
                 "choose another --name"
             )
-        if self._fresh and self._replace:
+        if self.fresh and self._replace:
             for path in self.folder.iterdir():
                 shutil.rmtree(path) if path.is_dir() else path.unlink()
         # the list of a run that was complete: what follows changes files
@@ -86,7 +86,7 @@ class Place:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        if error is not None and self._fresh and not self.trained:
+        if error is not None and self.fresh and not self.trained:
             self._remove()
         os.close(self._lock)
 

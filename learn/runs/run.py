@@ -42,6 +42,7 @@ METRICS = "metrics.jsonl"
 EVALUATION = "evaluation.json"
 PAPER_TEST = "paper-test.json"
 ABLATION = "ablation.json"
+SEEDS = "seeds.json"
 CARD = "README.md"
 REPORT = Path("report") / "index.html"
 FORMAT = 2

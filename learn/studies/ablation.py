@@ -6,14 +6,15 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from learn.data.features import SENSORS, features_of
 from learn.evaluation.evaluation import evaluate
 from learn.files import write_sealed
 from learn.runs.run import ABLATION, Run
 from learn.studies.run_evaluation import evaluation_split
-from learn.training.fitting import Watch, fit
+from learn.training.fitting import Start, Watch, fit_each
+from learn.training.resources import Resources
 from learn.training.settings import FitConfig
 from twin.cli.console import to_json
+from twin.navigation.features import SENSORS, features_of
 
 
 def masked(config: FitConfig) -> dict[str, FitConfig]:
@@ -30,22 +31,25 @@ def masked(config: FitConfig) -> dict[str, FitConfig]:
 def ablate(
     run: Run,
     config: FitConfig,
+    resources: Resources,
     *,
-    workers: int = 2,
     watch: Watch | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Train a run without each sensor, in folders of their own inside the run, and judge them.
 
-    What is there already is kept. The figures are written to `ablation.json` and returned.
+    All are trained side by side; what is there already is kept. The figures are written to
+    `ablation.json` and returned.
     """
     split, _ = evaluation_split(run)
+    settings = masked(config)
+    say(f"training without {', without '.join(settings)}")
+    starts = [
+        Start(config=one, folder=run.folder / f"without-{sensor}", resume=True)
+        for sensor, one in settings.items()
+    ]
     figures: dict[str, Any] = {}
-    for sensor, settings in masked(config).items():
-        say(f"training without {sensor}")
-        part = fit(
-            settings, run.folder / f"without-{sensor}", resume=True, workers=workers, watch=watch
-        )
+    for sensor, part in zip(settings, fit_each(starts, resources, watch=watch), strict=True):
         evaluation = evaluate(
             part.networks(), run.store, split=split, baselines=(), period=run.period
         )

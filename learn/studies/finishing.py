@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 
 from learn.data.dataset import TARGETS, Mission, load_missions
-from learn.data.features import GLIDER_PARTS
 from learn.data.parts import parts_of
 from learn.evaluation.evaluation import NETWORK, Evaluation, evaluate
 from learn.evaluation.score import Reference
 from learn.evaluation.uncertainty import ErrorModel, fit_error_model
 from learn.files import read_sealed, write_sealed
-from learn.navigation.baselines.base import Estimate
 from learn.report.build import build_page
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation, Study
@@ -25,6 +23,9 @@ from learn.report.log_page import build_log_page
 from learn.runs.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
 from learn.studies.folds import Folds, read_folds
 from learn.studies.run_evaluation import evaluate_run, evaluation_split, is_log_store
+from learn.studies.seeds import read_seeds
+from twin.navigation.baselines.base import Estimate
+from twin.navigation.features import GLIDER_PARTS
 from twin.records.checksums import LIST, write_checksums
 from twin.records.disk import sweep, sync_tree
 from twin.records.reader import MissionStore
@@ -73,8 +74,8 @@ def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, hi
     settings = run.description["settings"]
     if is_log_store(run.store):
         folder = (run.folder / REPORT).parent
-        studies = [_left_out(found) for found in read_folds(run)]
-        return build_log_page(folder, run, test, provenance(run), history, studies)
+        folds = [_left_out(found) for found in read_folds(run)]
+        return build_log_page(folder, run, test, provenance(run), history, [*folds, *_seeds(run)])
     contents = Contents(
         title=f"Surge and sway networks: {run.name}",
         lead=f"{settings['network']['kind']} networks, {test.figures['missions']} "
@@ -86,6 +87,7 @@ def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, hi
         metrics=run.metrics(),
         training=_training_mission(run),
         ablation=_ablation(run),
+        studies=_seeds(run),
         provenance=provenance(run),
         command=history or str(run.description.get("history", "")),
     )
@@ -100,6 +102,21 @@ def _left_out(found: Folds) -> Study:
         "the others, and of the best constant, which nobody can know before.",
         sentence=found.sentence(),
     )
+
+
+def _seeds(run: Run) -> list[Study]:
+    """The study of seeds, where the run has one."""
+    found = read_seeds(run)
+    if found is None:
+        return []
+    study = Study(
+        title="Other seeds",
+        rows=found.rows(),
+        caption="The same training with other initial weights and another order of the windows.",
+        sentence=f"Differences between runs that are not large against the standard deviations "
+        f"over these {len(found.figures)} seeds may be chance.",
+    )
+    return [study]
 
 
 def _ablation(run: Run) -> dict[str, Any]:

@@ -14,15 +14,16 @@ from typing import Any, Literal
 import numpy as np
 
 from learn.data.dataset import TARGETS, Mission, load_missions
-from learn.data.features import channels_of
 from learn.data.labels import LabelConfig
 from learn.data.logs import SPEED
 from learn.files import read_sealed, write_sealed
 from learn.runs.run import Run
-from learn.training.fitting import Watch, fit
+from learn.training.fitting import Start, Watch, fit_each
+from learn.training.resources import Resources
 from learn.training.settings import FitConfig
 from twin.cli.console import to_json
 from twin.errors import InputError
+from twin.navigation.features import channels_of
 from twin.records.reader import MissionStore
 
 Unit = Literal["dive", "deployment"]
@@ -169,14 +170,15 @@ def leave_out_each(
     run: Run,
     config: FitConfig,
     folds: Mapping[str, Sequence[int]],
+    resources: Resources,
     *,
     unit: Unit,
-    workers: int = 2,
     watch: Watch | None = None,
 ) -> Folds:
     """Train without each dive or deployment, in folders of their own inside the run, and judge it.
 
-    What is there already is kept. The figures are written into the run, see `file_name`.
+    All are trained side by side; what is there already is kept. The figures are written into
+    the run, see `file_name`.
 
     Args:
       folds: rows of the store by name, see `folds_with_labels`.
@@ -184,11 +186,16 @@ def leave_out_each(
     found = []
     every = [*channels_of(config.features), *_known_channels(config)]
     missions = load_missions(config.store, every, split="all", period=config.period)
-    for name, rows in folds.items():
-        settings = dataclasses.replace(config, held_out=tuple(rows))
-        part = fit(
-            settings, run.folder / f"without-{name}", resume=True, workers=workers, watch=watch
+    starts = [
+        Start(
+            config=dataclasses.replace(config, held_out=tuple(rows)),
+            folder=run.folder / f"without-{name}",
+            resume=True,
         )
+        for name, rows in folds.items()
+    ]
+    parts = fit_each(starts, resources, watch=watch)
+    for (name, rows), part in zip(folds.items(), parts, strict=True):
         networks = part.networks()
         judged = [m for m in missions if m.index in rows]
         others = [m for group in folds.values() for m in missions if m.index in group]

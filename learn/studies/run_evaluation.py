@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from learn.data.dataset import SPLITS, any_channel, load_missions
+from learn.data.dataset import SPLITS, Selection, any_channel
 from learn.evaluation.evaluation import Evaluation, Watch, evaluate
 from learn.evaluation.uncertainty import Coverage
-from learn.navigation.baselines.base import Estimate
 from learn.report.contents import RunEvaluation
 from learn.report.shown import Showcase
 from learn.runs.run import Run
 from twin.cli.console import to_json
+from twin.navigation.baselines.base import Estimate
 from twin.records.reader import MissionStore
 from twin.records.store_path import StorePath
 
@@ -90,6 +90,7 @@ def evaluation_split(run: Run) -> tuple[str, str]:
     """
     if run.description["settings"]["division"] == "samples":
         return "all", "all"
-    parts = {m.split for m in load_missions(run.store, any_channel(run.store), split="all")}
+    with Selection(run.store, any_channel(run.store)) as selection:
+        parts = set(selection.splits)
     held_out = [split for split in reversed(SPLITS) if split in parts] or ["all"]
     return held_out[0], held_out[min(1, len(held_out) - 1)]

@@ -1,20 +1,20 @@
-"""Fitting: train the networks of a run, side by side in processes of one thread each."""
+"""Fitting: train the networks of a run, the networks of one run or of many side by side."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from learn.data.dataset import load_missions
-from learn.data.features import channels_of
 from learn.data.labels import LabelCounts
 from learn.data.logs import SPEED
-from learn.data.preparation import check_truth, few_labels, few_missions, labels_in
+from learn.data.store_checks import check_truth, few_labels, few_missions, labels_in
 from learn.networks.registry import NETWORKS
 from learn.runs.place import Place, training_folder
 from learn.runs.run import (
@@ -33,13 +33,15 @@ from learn.runs.run import (
     versions,
     write_description,
 )
-from learn.training.job import train
+from learn.training.memory import choose_residence
 from learn.training.optimisers.registry import OPTIMISERS
+from learn.training.resources import Resources
 from learn.training.settings import FitConfig, Job
 from learn.training.trainer import Report, pick_device
-from learn.training.workers import train_in_workers
+from learn.training.workers import Task, train_tasks
 from twin.cli.console import to_json
 from twin.errors import InputError, WriteError
+from twin.navigation.features import channels_of
 from twin.records.attributes import (
     HISTORY,
     HOURS,
@@ -67,43 +69,130 @@ Watch = Callable[[Job, Report], None]
 """Called at every validation of every network."""
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Start:
+    """A run that is begun, continued or replaced."""
+
+    config: FitConfig
+    folder: Path
+    resume: bool = False
+    """Continue an unfinished run of the same settings; start it if there is none. With `replace`
+    this is one that was begun with `replace`."""
+    replace: bool = False
+    """Put the new run in the place of an old one once all of it is trained."""
+
+
+IN_THIS_PROCESS = Resources()
+
+
 def fit(
     config: FitConfig,
     folder: Path,
+    resources: Resources = IN_THIS_PROCESS,
     *,
     resume: bool = False,
     replace: bool = False,
-    workers: int = 2,
     watch: Watch | None = None,
     warn: Callable[[str], None] = lambda _: None,
+    say: Callable[[str], None] = lambda _: None,
     history: str = "",
 ) -> Run:
-    """Train what is missing in `folder` and describe it; the evaluation is a step of its own.
+    """Train what is missing of one run; arguments as of `Start`, the rest as of `fit_each`."""
+    start = Start(config=config, folder=folder, resume=resume, replace=replace)
+    (run,) = fit_each([start], resources, watch=watch, warn=warn, say=say, history=history)
+    return run
 
-    A start that fails, or is interrupted before anything is trained, leaves what was there.
+
+def fit_each(
+    starts: Sequence[Start],
+    resources: Resources,
+    *,
+    watch: Watch | None = None,
+    warn: Callable[[str], None] = lambda _: None,
+    say: Callable[[str], None] = lambda _: None,
+    history: str = "",
+) -> list[Run]:
+    """Train what is missing of runs and describe them, the networks of all of them side by side.
+
+    The evaluation is a step of its own. A start that fails, or is interrupted before anything is
+    trained, leaves what was there.
 
     Args:
-      resume: continue an unfinished run of the same settings; start it if there is none. With
-        `replace` this is one that was begun with `replace`.
-      replace: put the new run in the place of an old one once all of it is trained.
-      workers: processes; 1 trains in this one.
       watch: sees every validation.
       warn: told what is no error and makes poor networks.
+      say: told where the training data are kept.
       history: command line for the record.
 
     Raises:
-      InputError: the folder is in use, or holds a run of other settings or of another store.
-      StoreError: the store cannot be used (see `learn.data.dataset`).
+      InputError: a folder is in use, or holds a run of other settings or of another store; or the
+        memory is too small.
+      StoreError: a store cannot be used (see `learn.data.dataset`).
       WriteError: the disk refuses.
     """
-    if workers < 1:
-        raise InputError(f"workers must be at least 1, not {workers}")
-    if _run_there(folder) is not None and not (resume or replace):
+    begun = [_begin(start, resources, warn, history) for start in starts]
+    waiting = [one for one in begun if one.jobs]
+    together = max(1, min(resources.workers, sum(len(one.jobs) for one in waiting)))
+    resident = True
+    if waiting:
+        configs = [one.start.config for one in waiting]
+        residence = choose_residence(configs, together, resources.memory)
+        resident = residence.resident
+        say(residence.told)
+    try:
+        with contextlib.ExitStack() as stack:
+            for one in begun:
+                stack.enter_context(one.place)
+                repair_metrics(one.folder)
+                write_description(one.folder, one.description)
+            _train(begun, resources, watch, resident=resident)
+            for one in begun:
+                one.place.complete()
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(begun[0].place.outcome()) from None
+    except OSError as error:
+        at = Path(error.filename) if error.filename is not None else begun[0].folder
+        for one in begun:
+            if at.is_relative_to(one.folder) or one.folder.is_relative_to(at):
+                raise WriteError(
+                    f"cannot write {one.folder}: {error.strerror or error}; {one.place.outcome()}"
+                ) from error
+        raise
+    return [Run(one.start.folder, one.description) for one in begun]
+
+
+@dataclasses.dataclass
+class _Begun:
+    """A run whose sources are checked."""
+
+    start: Start
+    place: Place
+    description: dict[str, Any]
+
+    @property
+    def folder(self) -> Path:
+        """Where it is trained."""
+        return self.place.folder
+
+    @functools.cached_property
+    def jobs(self) -> list[Job]:
+        """Networks that are not trained yet."""
+        return [
+            job
+            for job in self.start.config.jobs()
+            if self.place.fresh or not (self.folder / f"{job.name}.json").is_file()
+        ]
+
+
+def _begin(start: Start, resources: Resources, warn: Callable[[str], None], history: str) -> _Begun:
+    """Check everything before anything is written."""
+    config, folder = start.config, start.folder
+    if _run_there(folder) is not None and not (start.resume or start.replace):
         raise InputError(f"run {folder} exists; use --resume, --overwrite or another --name")
-    training = training_folder(folder, replace=replace)
+    training = training_folder(folder, replace=start.replace)
     # beside the run lies only what a fit left: without a description it was being removed
-    there = _run_there(training) if resume and (not replace or _described(training)) else None
-    content = _check_sources(config, workers)
+    left = not start.replace or _described(training)
+    there = _run_there(training) if start.resume and left else None
+    content = _check_sources(config, elsewhere=resources.executor is not None)
     if text := few_missions(config.store, config.division):
         warn(text)
     if there is not None:
@@ -113,55 +202,42 @@ def fit(
         text := few_labels(config.store, config.labels, LabelCounts(**description[LABELS]))
     ):
         warn(text)
-    place = Place(folder, replace=replace, fresh=there is None)
-    try:
-        with place:
-            repair_metrics(place.folder)
-            write_description(place.folder, description)
-            run = _train_all(config, place.folder, description, workers=workers, watch=watch)
-            place.complete()
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(place.outcome()) from None
-    except OSError as error:
-        where = Path(error.filename or place.folder)
-        if not (where.is_relative_to(place.folder) or place.folder.is_relative_to(where)):
-            raise  # from reading something else
-        raise WriteError(
-            f"cannot write {place.folder}: {error.strerror or error}; {place.outcome()}"
-        ) from error
-    return Run(folder, run.description)
+    place = Place(folder, replace=start.replace, fresh=there is None)
+    return _Begun(start, place, description)
 
 
-def _train_all(
-    config: FitConfig,
-    folder: Path,
-    description: dict[str, Any],
-    *,
-    workers: int,
-    watch: Watch | None,
-) -> Run:
-    jobs = [job for job in config.jobs() if not (folder / f"{job.name}.json").is_file()]
-    results = dict(description.get("networks", {}))
+def _train(
+    begun: Sequence[_Begun], resources: Resources, watch: Watch | None, *, resident: bool
+) -> None:
+    """Train the networks of all runs; each run is complete when its last one is."""
+    owners = {one.folder: one for one in begun}
+    left = {one.folder: len(one.jobs) for one in begun}
 
-    def finished(job: Job, report: Report | None) -> None:
-        results[job.name] = _figures(job, report)
-        write_description(folder, {**description, "networks": results})
+    def complete(one: _Begun) -> None:
+        one.description |= {"complete": True, "finished": now()}
+        write_description(one.folder, one.description)
 
-    def seen(job: Job, report: Report) -> None:
-        record = {"network": job.name, **dataclasses.asdict(report)}
-        with (folder / METRICS).open("a") as file:
+    def finished(task: Task, report: Report | None) -> None:
+        one = owners[task.folder]
+        results = {**one.description.get("networks", {}), task.job.name: _figures(task.job, report)}
+        one.description["networks"] = results
+        left[task.folder] -= 1
+        write_description(one.folder, one.description)
+        if not left[task.folder]:
+            complete(one)
+
+    def seen(task: Task, report: Report) -> None:
+        record = {"network": task.job.name, **dataclasses.asdict(report)}
+        with (task.folder / METRICS).open("a") as file:
             file.write(json.dumps(to_json(record)) + "\n")
         if watch is not None:
-            watch(job, report)
+            watch(task.job, report)
 
-    if workers == 1 or len(jobs) < 2:
-        for job in jobs:
-            finished(job, train(job, folder, functools.partial(seen, job)))
-    else:
-        train_in_workers(jobs, folder, min(workers, len(jobs)), seen, finished)
-    description = {**description, "networks": results, "complete": True, "finished": now()}
-    write_description(folder, description)
-    return Run(folder, description)
+    for one in begun:
+        if not one.jobs:
+            complete(one)
+    tasks = [Task(job, one.folder, resident) for one in begun for job in one.jobs]
+    train_tasks(tasks, resources, seen, finished)
 
 
 def _run_there(folder: Path) -> dict[str, Any] | None:
@@ -181,14 +257,14 @@ def _described(folder: Path) -> bool:
     return (folder / DESCRIPTION).is_file()
 
 
-def _check_sources(config: FitConfig, workers: int) -> str:
+def _check_sources(config: FitConfig, *, elsewhere: bool) -> str:
     """Make sure, before anything is written, that store, device and start can be used.
 
     Returns:
       The store's content, see `twin.records.content.content_hash`.
     """
     pick_device(config.training.device)
-    if workers > 1:
+    if elsewhere:
         NETWORKS.check_importable(config.network.kind)
         OPTIMISERS.check_importable(config.training.optimiser)
     if config.start is not None:

@@ -32,6 +32,9 @@ class TrainingConfig:
     """minibatches: windows per step; a multiple of 16 wastes no lanes of the vector kernels."""
     window: int = 128
     """minibatches: counted samples of a window."""
+    samples: int = 1024
+    """minibatches of networks whose memory has no weights: samples per step, in place of windows
+    and wash-in."""
     washin: int = 48
     """Samples before a window that let the network find its state."""
     clip: float = 1.0
@@ -46,6 +49,10 @@ class TrainingConfig:
     weights that were best on validation are kept in either case."""
     validations: int = 40
     """Validations over the budget."""
+    buffer: int = 2**20
+    """Samples of the missions whose windows are shuffled together; one buffer follows on another.
+    What is not larger is shuffled as a whole. It has a part in the result, and is what must fit
+    into memory at least."""
     seed: int = 0
     """Of the initial weights and of the order of the windows."""
     device: Literal["auto", "cpu", "cuda"] = "cpu"
@@ -63,7 +70,8 @@ class TrainingConfig:
                 raise InputError(
                     f"training {name} must be a finite number, not {getattr(self, name)}"
                 )
-        for name in ("batch", "window", "full_window", "validations", "threads"):
+        counts = ("batch", "window", "samples", "full_window", "validations", "threads", "buffer")
+        for name in counts:
             if getattr(self, name) < 1:
                 raise InputError(f"training {name} must be at least 1, not {getattr(self, name)}")
         for name in ("seconds", "epochs", "washin", "patience", "seed", "weight_decay"):

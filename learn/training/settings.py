@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from learn.data.dataset import Division
 from learn.data.labels import LabelConfig
-from learn.data.preparation import Division
 from learn.networks.config import NetworkConfig
 from learn.runs.run import DESCRIPTION, TARGETS
 from learn.training.schedule import TrainingConfig

@@ -1,10 +1,8 @@
 """Trainer: one network of one velocity, by any optimiser.
 
 What is minimised is the mean squared error of the free-running network over all samples of the
-training missions, the launch from rest included. Missions are cut into windows that start some
-samples early (wash-in, not counted) so that the network has found its state when counting begins;
-the first window of a mission starts at the launch and counts at once. What is judged is the free
-run over whole validation missions.
+training missions, the launch from rest included; `learn.training.feed` says what a step sees of
+them. What is judged is the free run over whole validation missions.
 """
 
 from __future__ import annotations
@@ -13,7 +11,7 @@ import dataclasses
 import io
 import math
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +19,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from learn.data.dataset import Sequences, batches, cut_windows, pack_windows
+from learn.data.sequences import SequenceSource, ahead
+from learn.data.windows import Places, buffers
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
-from learn.networks.predictor import free_run
+from learn.networks.predictor import free_run, groups_by_length
+from learn.training.feed import Feed, feed_for
 from learn.training.optimisers.base import FullBatchOptimiser, MinibatchOptimiser
 from learn.training.optimisers.registry import OPTIMISERS
 from learn.training.schedule import Clock, TrainingConfig, step_size
@@ -36,6 +36,8 @@ from twin.records.whole import whole_file
 
 TRAINING_PER_VALIDATION = 4.0
 """Least ratio of the time in training to that in validation: a large store validates less often."""
+BUFFER_ORDER = 1
+"""Sets the numbers that order the buffers of an epoch apart from those that shuffle windows."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,29 +94,30 @@ class Trainer:
         self,
         network: NetworkConfig,
         config: TrainingConfig,
-        train: Sequences,
-        validation: Sequences | None,
+        train: SequenceSource,
+        validation: SequenceSource | None,
         *,
         target_scale: float,
         checkpoint: Path | None = None,
         report: Callable[[Report], None] | None = None,
         start: Mapping[str, Tensor] | None = None,
     ) -> None:
-        if not train.inputs:
+        if not len(train.lengths):
             raise StoreError("there are no training missions")
         self.config, self.train_data, self.validation = config, train, validation
         self.variance = target_scale**2
         self.checkpoint, self.on_report = checkpoint, report
-        self.network_config = dataclasses.replace(network, inputs=train.inputs[0].shape[1])
+        self.network_config = dataclasses.replace(network, inputs=train.width)
         torch.set_num_threads(config.threads)
         self.device = pick_device(config.device)
         torch.manual_seed(config.seed)
         self.network = build_network(self.network_config).to(self.device)
         if start is not None:
             self._take(start)
+        self._only_feed: Feed | None = None
         self.history: list[Report] = []
         self.best = math.inf
-        if start is not None and validation is not None and validation.inputs:
+        if start is not None and validation is not None and len(validation.lengths):
             self.best = self.variance * mean_squared_error(self.network, validation)
         self.best_state = _copy(self.network)
         self.bad = 0
@@ -127,13 +130,13 @@ class Trainer:
         except RuntimeError as error:
             raise InputError(
                 "the weights to start from belong to a network of another kind, size or inputs; "
-                "give the same --kind, --hidden, --layers, --delays and inputs"
+                "give the same --network, --hidden, --layers, --delays, --memories and inputs"
             ) from error
 
     def run(self) -> Trained:
         """Train until the budget is spent or validation stops improving.
 
-        A checkpoint is resumed; it stays, for the caller to remove.
+        A checkpoint is resumed, and stays.
 
         Raises:
           StoreError: the checkpoint belongs to other settings.
@@ -149,59 +152,78 @@ class Trainer:
         self.network.load_state_dict(self.best_state)
         return Trained(self.network, tuple(self.history), self.stopped)
 
-    # --- batches of windows ---------------------------------------------------------------------
+    # --- minibatches ----------------------------------------------------------------------------
 
     def _minibatches(self, kind: MinibatchOptimiser, saved: dict[str, Any] | None) -> None:
         config, network = self.config, self.network
         preload_triton()  # torch.optim imports triton where it is installed
         optimiser = kind.build(network.parameters(), config)
-        epoch = position = step = 0
+        epoch = first = position = step = 0
         passed = 0.0
         clock = Clock(config)
         if saved:
             network.load_state_dict(saved["network"])
             optimiser.load_state_dict(saved["optimiser"])
             epoch, position, step = saved["epoch"], saved["position"], saved["step"]
-            passed = saved["passed"]
+            first, passed = saved.get("buffer", 0), saved["passed"]
             clock = Clock(config, saved["seconds"])
         share = clock.share(passed)
         next_check = self._next_check(share)
         while share < 1.0 and not self.stopped:
-            rng = np.random.default_rng([config.seed, epoch])
-            windows = cut_windows(
-                self.train_data.lengths,
-                length=config.window,
-                washin=config.washin,
-                rng=rng,
-                mirror=self.train_data.mirror is not None,
-            )
-            groups = batches(windows, config.batch, rng)
-            while position < len(groups):
-                rate = step_size(config, share)
-                for group in optimiser.param_groups:
-                    group["lr"] = rate
-                self._update(optimiser, groups[position])
-                position, step = position + 1, step + 1
-                passed = epoch + position / len(groups)
-                share = clock.share(passed)
-                if share >= min(next_check, 1.0):
-                    next_check = self._check(step, passed, clock, share, rate)
-                    self._save(
-                        network=network.state_dict(),
-                        optimiser=optimiser.state_dict(),
-                        epoch=epoch,
-                        position=position,
-                        passed=passed,
-                        step=step,
-                        seconds=clock.seconds(),
-                    )
-                if share >= 1.0 or self.stopped:
-                    return
-            epoch, position = epoch + 1, 0
+            plan = self._plan(epoch)
+            for number, feed in self._feeds(plan, first):
+                groups = feed.epoch(np.random.default_rng([config.seed, epoch, number]))
+                before, own = self._part(plan[:number]), self._part(plan[number : number + 1])
+                while position < len(groups):
+                    rate = step_size(config, share)
+                    for group in optimiser.param_groups:
+                        group["lr"] = rate
+                    self._update(optimiser, feed, groups[position])
+                    position, step = position + 1, step + 1
+                    passed = epoch + before + position / len(groups) * own
+                    share = clock.share(passed)
+                    if share >= min(next_check, 1.0):
+                        next_check = self._check(step, passed, clock, share, rate)
+                        self._save(
+                            network=network.state_dict(),
+                            optimiser=optimiser.state_dict(),
+                            epoch=epoch,
+                            buffer=number,
+                            position=position,
+                            passed=passed,
+                            step=step,
+                            seconds=clock.seconds(),
+                        )
+                    if share >= 1.0 or self.stopped:
+                        return
+                position = 0
+                del feed  # before the next one is made
+            epoch, first = epoch + 1, 0
 
-    def _update(self, optimiser: torch.optim.Optimizer, windows: Any) -> None:
+    def _plan(self, epoch: int) -> list[Places]:
+        """Which missions are in memory together, one buffer after the other."""
+        rng = np.random.default_rng([self.config.seed, epoch, 0, BUFFER_ORDER])
+        return buffers(self.train_data.lengths, self.config.buffer, rng)
+
+    def _part(self, plan: list[Places]) -> float:
+        """Share of the training samples that these buffers hold."""
+        lengths = self.train_data.lengths
+        return sum(int(lengths[places].sum()) for places in plan) / int(lengths.sum())
+
+    def _feeds(self, plan: list[Places], first: int = 0) -> Iterator[tuple[int, Feed]]:
+        """Number and feed of each buffer from the `first` on; a single one is made once."""
+        if len(plan) == 1:
+            if self._only_feed is None:
+                data = self.train_data.take(plan[0])
+                self._only_feed = feed_for(self.network, data, self.config)
+            yield 0, self._only_feed
+            return
+        for number, data in enumerate(ahead(self.train_data, plan[first:]), first):
+            yield number, feed_for(self.network, data, self.config)
+
+    def _update(self, optimiser: torch.optim.Optimizer, feed: Feed, group: Any) -> None:
         optimiser.zero_grad()
-        error, weight = self._squared_error(windows)
+        error, weight = feed.squared_error(group)
         loss = error / max(weight, 1.0)
         loss.backward()
         length = torch.nn.utils.clip_grad_norm_(self.network.parameters(), self.config.clip)
@@ -213,35 +235,24 @@ class Trainer:
         optimiser.step()
         self._seen.append((float(error.detach()), weight))
 
-    def _squared_error(self, windows: Any) -> tuple[Tensor, float]:
-        x, y, w = pack_windows(self.train_data, windows)
-        weight = float(w.sum())
-        inputs, wanted, counted = (torch.from_numpy(a).to(self.device) for a in (x, y, w))
-        output = self.network(inputs)[0][..., 0]
-        return (counted * (output - wanted).square()).sum(), weight
-
-    # --- all windows at once --------------------------------------------------------------------
+    # --- all samples at once --------------------------------------------------------------------
 
     def _full_batch(self, kind: FullBatchOptimiser, saved: dict[str, Any] | None) -> None:
         config, network = self.config, self.network
-        windows = cut_windows(
-            self.train_data.lengths,
-            length=config.full_window,
-            washin=config.washin,
-            mirror=self.train_data.mirror is not None,
-        )
-        groups = batches(windows, 64)
+        plan = buffers(self.train_data.lengths, config.buffer)
         parameters = list(network.parameters())
 
         def objective(flat: Tensor) -> tuple[float, Tensor]:
             torch.nn.utils.vector_to_parameters(flat, parameters)
             network.zero_grad()
             errors, weights = [], 0.0
-            for group in groups:
-                error, weight = self._squared_error(group)
-                error.backward()
-                errors.append(float(error.detach()))
-                weights += weight
+            for _, feed in self._feeds(plan):
+                for group in feed.everything():
+                    error, weight = feed.squared_error(group)
+                    error.backward()
+                    errors.append(float(error.detach()))
+                    weights += weight
+                del feed  # before the next one is made
             gradient = torch.cat([p.grad.view(-1) for p in parameters if p.grad is not None])
             return math.fsum(errors) / weights, gradient.detach() / weights
 
@@ -279,7 +290,7 @@ class Trainer:
         if not math.isfinite(train_mse):
             raise InputError("training diverged: the error is not finite; choose a smaller rate")
         validation_mse = math.nan
-        if self.validation is not None and self.validation.inputs:
+        if self.validation is not None and len(self.validation.lengths):
             validation_mse = self.variance * mean_squared_error(self.network, self.validation)
         judged = train_mse if math.isnan(validation_mse) else validation_mse
         if judged < self.best:
@@ -302,7 +313,7 @@ class Trainer:
 
     def _identity(self) -> dict[str, Any]:
         """What must not differ between a checkpoint and the run that resumes it."""
-        data = (self.train_data.samples, len(self.train_data.inputs))
+        data = (int(self.train_data.lengths.sum()), len(self.train_data.lengths))
         ours = dataclasses.asdict(self.config)
         for name in ("device", "threads"):
             ours.pop(name)
@@ -385,14 +396,18 @@ def _read_checkpoint(path: Path, device: torch.device | str) -> dict[str, Any]:
     return dict(saved)
 
 
-def mean_squared_error(network: Network, sequences: Sequences) -> float:
+def mean_squared_error(network: Network, source: SequenceSource) -> float:
     """Normalised error of the free run over whole missions, all counted samples."""
-    total = weight = 0.0
-    runs = free_run(network, sequences.inputs)
-    for output, wanted, counted in zip(runs, sequences.targets, sequences.weights, strict=True):
-        total += float((counted * np.square(output - wanted)).sum(dtype=np.float64))
-        weight += float(counted.sum(dtype=np.float64))
-    return total / max(weight, 1.0)
+    errors, weights = np.zeros((2, len(source.lengths)))
+    groups = groups_by_length(source.lengths)
+    for places, data in zip(groups, ahead(source, groups), strict=True):
+        runs = free_run(network, data.inputs)
+        for k, output, wanted, counted in zip(
+            places, runs, data.targets, data.weights, strict=True
+        ):
+            errors[k] = (counted * np.square(output - wanted)).sum(dtype=np.float64)
+            weights[k] = counted.sum(dtype=np.float64)
+    return math.fsum(errors) / max(math.fsum(weights), 1.0)
 
 
 def _copy(network: Network) -> dict[str, Tensor]:

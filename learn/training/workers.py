@@ -1,128 +1,203 @@
-"""Workers: the networks of a run side by side, a process of one thread each."""
+"""Workers: networks of one or more runs trained side by side by an executor.
+
+A network is one task, which leaves its checkpoints and weights in the folder of its run. What it
+reports on the way goes through a file there too, so that any executor will do, one of another
+machine that reaches the folder by the same path as well. A task whose start has ended, by an
+interrupt say, ends at its next report: the word of that start is gone from the folder.
+"""
 
 from __future__ import annotations
 
+import concurrent.futures
 import dataclasses
-import multiprocessing
-import os
+import json
+import threading
+import uuid
 from collections.abc import Callable, Sequence
-from multiprocessing.connection import Connection, wait
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from learn.networks.registry import NETWORKS
 from learn.runs.place import resume_command
 from learn.training.job import train
 from learn.training.optimisers.registry import OPTIMISERS
+from learn.training.resources import Resources
 from learn.training.settings import Job
 from learn.training.trainer import Report
-from learn.training.watchdog import end_with
 from twin.errors import TwinError
+from twin.records.store_path import store_path
 
-if TYPE_CHECKING:
-    from multiprocessing.process import BaseProcess
+POLL_S = 0.2
+"""[s] between looks for reports"""
+WORD = ".training"
+"""File in a run's folder with the word of the start that trains it"""
+REPORTS = ".reports"
+"""Ending of the file with the reports of one network"""
+_ALONE = threading.Lock()
+"""Held by what trains: torch's random numbers and threads are those of the whole process"""
 
 
 @dataclasses.dataclass(frozen=True)
-class _Worker:
-    """A process that trains one network, and the end of the pipe on which it tells of it."""
+class Task:
+    """A network to train."""
 
     job: Job
-    process: BaseProcess
-    messages: Connection
+    folder: Path
+    """Of its run"""
+    resident: bool
+    """Keep its training data in memory"""
+
+    @property
+    def reports(self) -> Path:
+        """Where it reports."""
+        return self.folder / f".{self.job.name}{REPORTS}"
+
+    def absolute(self) -> Task:
+        """The same with whole paths."""
+        config = self.job.config
+        store, start = store_path(config.store), config.start
+        config = dataclasses.replace(
+            config,
+            store=str(store.absolute() if isinstance(store, Path) else store),
+            start=None if start is None else str(Path(start).absolute()),
+        )
+        job = dataclasses.replace(self.job, config=config)
+        return dataclasses.replace(self, job=job, folder=self.folder.absolute())
 
 
 @dataclasses.dataclass(frozen=True)
 class Kinds:
-    """What users registered in this process, for the workers."""
+    """What users registered in this process, for the others."""
 
     networks: dict[str, Any]
     optimisers: dict[str, Any]
 
 
-def _kinds() -> Kinds:
-    return Kinds(NETWORKS.registered(), OPTIMISERS.registered())
+Seen = Callable[[Task, Report], None]
+Finished = Callable[[Task, Report | None], None]
 
 
-def train_in_workers(
-    jobs: Sequence[Job],
-    folder: Path,
-    workers: int,
-    seen: Callable[[Job, Report], None],
-    finished: Callable[[Job, Report | None], None],
+def train_tasks(
+    tasks: Sequence[Task], resources: Resources, seen: Seen, finished: Finished
 ) -> None:
-    """Train in processes; an interrupt or an error ends them, their checkpoints stay."""
-    waiting = list(jobs)
-    running: dict[Connection, _Worker] = {}
+    """Train all; an interrupt or an error ends them, their checkpoints stay.
+
+    Args:
+      seen: called here with every report of every network.
+      finished: called here when one is saved, with its last report; None: nothing was left to do.
+
+    Raises:
+      TwinError: what stopped one of them.
+    """
+    if resources.executor is None:
+        for task in tasks:
+
+            def report(found: Report, task: Task = task) -> None:
+                seen(task, found)
+
+            finished(task, train(task.job, task.folder, report, resident=task.resident))
+        return
+    word, kinds = uuid.uuid4().hex, Kinds(NETWORKS.registered(), OPTIMISERS.registered())
+    letters = {task: _Letters(task.reports) for task in tasks}
+    folders = {task.folder for task in tasks}
+    for folder in folders:
+        (folder / WORD).write_text(word)
+    futures: dict[Future[Report | None], Task] = {}
     try:
-        while waiting or running:
-            while waiting and len(running) < workers:
-                worker = _start(waiting.pop(0), folder)
-                running[worker.messages] = worker
-            for end in wait(list(running)):
-                worker = running[end]  # type: ignore[index]
-                try:
-                    kind, content = worker.messages.recv()
-                except EOFError:
-                    kind, content = "error", _death(worker, folder)
-                if kind == "report":
-                    seen(worker.job, content)
-                elif kind == "done":
-                    worker.process.join()
-                    del running[worker.messages]
-                    finished(worker.job, content)
-                else:
-                    raise content
+        for task in tasks:
+            sent = task.absolute() if resources.elsewhere else task
+            futures[resources.executor.submit(work, sent, word, kinds)] = task
+        waiting = set(futures)
+        while waiting:
+            done, waiting = concurrent.futures.wait(
+                waiting, POLL_S, concurrent.futures.FIRST_COMPLETED
+            )
+            for task, letter in letters.items():
+                for found in letter.new():
+                    seen(task, found)
+            for future in done:
+                finished(futures[future], _result(future, futures[future]))
+    except BaseException:
+        for future in futures:
+            future.cancel()
+        resources.abandon()
+        raise
     finally:
-        for worker in running.values():
-            worker.process.terminate()
-            worker.process.join()
-            worker.messages.close()
+        for folder in folders:
+            (folder / WORD).unlink(missing_ok=True)
+        for task in tasks:
+            task.reports.unlink(missing_ok=True)
 
 
-def _start(job: Job, folder: Path) -> _Worker:
-    context = multiprocessing.get_context("spawn")
-    receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(
-        target=work,
-        args=(job, folder, sender, os.getpid(), _kinds()),
-        daemon=True,
-        name=job.name,
-    )
-    process.start()
-    sender.close()  # so that the process's death shows as the end of the messages
-    return _Worker(job, process, receiver)
+def work(task: Task, word: str, kinds: Kinds) -> Report | None:
+    """Train one network, in whatever process an executor has.
 
-
-def work(job: Job, folder: Path, messages: Connection, parent: int, kinds: Kinds) -> None:
-    """One process: reports and the result go through the pipe."""
-    import logging
-    import signal
-    import sys
-
-    def leave(*_: object) -> None:
-        # reads of a store that are under way are dropped, of which nobody needs to be told
-        logging.getLogger("asyncio").disabled = True
-        sys.exit()
-
-    end_with(parent)  # after an interrupt the parent ends this process, which leaves in good order
-    signal.signal(signal.SIGTERM, leave)
+    Raises:
+      TwinError: what stopped it, as one that travels between processes.
+    """
     NETWORKS.adopt(kinds.networks)
     OPTIMISERS.adopt(kinds.optimisers)
     try:
-        last = train(job, folder, lambda report: messages.send(("report", report)))
+        with _ALONE, task.reports.open("a") as file:
+            file.write("\n")  # a worker that was lost may have left half a line
+
+            def report(found: Report) -> None:
+                if _word_of(task.folder) != word:
+                    raise TwinError(f"nobody waits for {task.job.name} in {task.folder} any more")
+                file.write(json.dumps(dataclasses.asdict(found)) + "\n")
+                file.flush()
+
+            return train(task.job, task.folder, report, resident=task.resident)
     except TwinError as error:
-        messages.send(("error", type(error)(*error.args)))
+        raise type(error)(*error.args) from None
     except Exception as error:  # carried to the parent, which alone may speak to the user
-        text = f"training of {job.name} failed: {type(error).__name__}: {error}"
-        messages.send(("error", TwinError(text)))
-    else:
-        messages.send(("done", last))
+        raise TwinError(
+            f"training of {task.job.name} failed: {type(error).__name__}: {error}"
+        ) from None
 
 
-def _death(worker: _Worker, folder: Path) -> TwinError:
-    worker.process.join()
-    return TwinError(
-        f"the process that trains {worker.job.name} ended with code {worker.process.exitcode} "
-        f"(out of memory?); continue with {resume_command(folder)}"
-    )
+def _word_of(folder: Path) -> str:
+    """Empty where the start that wrote it has ended."""
+    try:
+        return (folder / WORD).read_text()
+    except OSError:
+        return ""
+
+
+def _result(future: Future[Report | None], task: Task) -> Report | None:
+    try:
+        return future.result()
+    except BrokenProcessPool as error:
+        raise TwinError(
+            f"a process that trains ended abruptly, perhaps that of {task.job.name}; too little "
+            f"memory is the usual reason (see --memory). Continue with "
+            f"{resume_command(task.folder)}"
+        ) from error
+
+
+class _Letters:
+    """The reports in a file, each once."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._place = path, 0
+        path.unlink(missing_ok=True)  # of a start that was killed
+
+    def new(self) -> list[Report]:
+        """Those that were written since the last time."""
+        try:
+            with self._path.open("rb") as file:
+                file.seek(self._place)
+                text = file.read()
+        except FileNotFoundError:
+            return []
+        whole = text.rfind(b"\n") + 1
+        self._place += whole
+        found = []
+        for line in text[:whole].splitlines():
+            try:
+                found.append(Report(**json.loads(line)))
+            except ValueError:  # nothing, or what a lost worker did not finish
+                continue
+        return found

@@ -1,54 +1,192 @@
-"""The commands of docs/cluster.md run as they stand there."""
+"""The blocks of docs/cluster.md run as they stand there: a changed page is a changed test.
+
+What belongs to an installation is replaced by programs of the same name that stand in front of it:
+`sbatch` runs the tasks of an array here, `pip` only notes what it was asked for.
+"""
 
 from __future__ import annotations
 
 import os
 import re
-import shlex
+import shutil
+import signal
+import socket
 import subprocess
 import sys
+import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import xarray as xr
 from s3 import s3_server
+from trees import contents
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAMS = ("twin", "factory", "learn")
-SECONDS = 300.0
+PAGE = (ROOT / "docs/cluster.md").read_text(encoding="utf-8")
+PROGRAMS = Path(__file__).with_name("programs")
+SECONDS = 400.0
 
 
-def commands(section: str) -> list[list[str]]:
-    """Words of the page's commands below a heading, without those of shells and pip."""
-    text = (ROOT / "docs/cluster.md").read_text(encoding="utf-8").partition(f"\n## {section}\n")[2]
-    blocks = re.findall(r"^```sh\n(.*?)^```", text.partition("\n## ")[0], re.M | re.S)
-    lines = [shlex.split(line, comments=True) for block in blocks for line in block.splitlines()]
-    return [words for words in lines if words and words[0] in PROGRAMS]
+def blocks(section: str, language: str = "sh") -> list[str]:
+    """The page's blocks below a heading."""
+    text = PAGE.partition(f"\n## {section}\n")[2].partition("\n## ")[0]
+    found = re.findall(rf"^```{language}\n(.*?)^```", text, re.M | re.S)
+    assert found, f"no block of {language} below {section}"
+    return found
 
 
-def test_the_commands_of_s3_run(tmp_path: Path) -> None:
-    found = commands("S3")
-    assert {words[1] for words in found} >= {"generate", "info", "verify", "export", "fit"}
-    with s3_server() as environment:
-        for words in found:
-            done = subprocess.run(
-                [sys.executable, "-m", *words],
-                cwd=tmp_path,
-                env={**os.environ, **environment, "PYTHONPATH": str(ROOT)},
-                capture_output=True,
-                text=True,
-                timeout=SECONDS,
+class Machine:
+    """A folder with the programs in its path."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self.groups: list[int] = []
+        bin = folder / "bin"
+        bin.mkdir()
+        for name in ("factory", "learn", "twin", "dask"):
+            self._program(bin / name, f'exec "{sys.executable}" -m {name} "$@"')
+        self._program(bin / "pip", f'echo "$@" >> "{folder}/pip.log"')
+        self._program(bin / "python", 'mkdir -p "$3/bin"; touch "$3/bin/activate"')
+        for name in ("sbatch", "scancel"):
+            self._program(bin / name, f'exec "{sys.executable}" "{PROGRAMS}/{name}.py" "$@"')
+        self.environment = {
+            **{n: t for n, t in os.environ.items() if not n.startswith(("SLURM_", "AWS_"))},
+            "PATH": f"{bin}:{os.environ['PATH']}",
+            "PYTHONPATH": str(ROOT),
+            "SLURM_STATE": str(folder / "slurm"),
+        }
+
+    def _program(self, path: Path, line: str) -> None:
+        path.write_text(f"#!/bin/sh\n{line}\n")
+        path.chmod(0o755)
+
+    def run(self, *words: str, code: int = 0) -> str:
+        """What a command says; it must end with this code."""
+        # to a file: what a block leaves in the background would keep a pipe open
+        log = self.folder / "said.txt"
+        with log.open("w") as said:
+            process = subprocess.Popen(
+                words,
+                cwd=self.folder,
+                env=self.environment,
+                stdout=said,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
             )
-            assert done.returncode == 0, f"{shlex.join(words)}: {done.stderr}"
-    assert len(list((tmp_path / "og1").glob("*.nc"))) == 2
-    assert (tmp_path / "runs/small/report/index.html").is_file()
+            self.groups.append(process.pid)
+            assert process.wait(SECONDS) == code, f"{words[-1]}\n{log.read_text()}"
+        return log.read_text()
+
+    def shell(self, block: str) -> str:
+        """Run a block of the page."""
+        return self.run("bash", "-ec", block)
+
+    def python(self, block: str) -> str:
+        """Run a program of the page."""
+        (self.folder / "program.py").write_text(block)
+        return self.run(sys.executable, "program.py")
 
 
-def test_the_program_of_icechunk_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def machine(tmp_path: Path) -> Iterator[Machine]:
+    one = Machine(tmp_path)
+    yield one
+    for group in one.groups:  # a scheduler and its workers go on in the background
+        try:
+            os.killpg(group, signal.SIGKILL)
+        except ProcessLookupError:
+            continue
+
+
+def test_what_pip_is_asked_for_is_there() -> None:
+    """And every block of the page is run by one of the tests below."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = [e for found in re.findall(r"glider-twin\[([^]]+)\]", PAGE) for e in found.split(",")]
+    assert extras
+    assert set(extras) <= set(project["optional-dependencies"])
+    assert len(re.findall(r"^```\w+$", PAGE, re.M)) == 4 + 2 + 3 + 3 + 1
+
+
+def test_slurm(machine: Machine) -> None:
+    install, submit, look, again = blocks("Slurm")
+    machine.shell(install)
+    assert "glider-twin" in (machine.folder / "pip.log").read_text()
+    machine.environment["SLURM_LOST"] = "1,3"  # their nodes fail once
+    machine.shell(submit)
+    assert not (machine.folder / "big.zarr").exists(), "afterok ran although tasks were lost"
+    assert "missions" in machine.shell(look)
+    told = machine.run("factory", "finish", "big.zarr", code=2)
+    assert re.search(
+        r"missions of big\.zarr are missing; .* of 4 again: --array=1,3$", told.strip()
+    )
+    machine.shell(again)
+    machine.shell(again)  # complete: nothing is submitted
+    wanted = re.search(r"^factory (generate .*) --out big\.zarr$", submit, re.M)
+    assert wanted
+    machine.run("factory", *wanted[1].split(), "--out", "one.zarr")
+    assert contents(machine.folder / "big.zarr") == contents(machine.folder / "one.zarr")
+    assert "SLURM_ARRAY_TASK_ID" in PAGE
+
+
+def free_port() -> str:
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return str(found.getsockname()[1])
+
+
+def test_a_dask_cluster(machine: Machine) -> None:
+    pytest.importorskip("distributed", reason='needs pip install "glider-twin[cluster]"')
+    port = free_port()
+    start, resume = (block.replace("8786", port) for block in blocks("Dask"))
+    machine.shell(start)
+    assert "already complete" in machine.shell(resume)
+    machine.run("factory", "generate", "--hours", "2", "--out", "one.zarr")
+    assert contents(machine.folder / "dask.zarr") == contents(machine.folder / "one.zarr")
+
+
+def test_a_local_dask_cluster_in_python(machine: Machine) -> None:
+    pytest.importorskip("distributed", reason='needs pip install "glider-twin[cluster]"')
+    assert "times real time" in machine.python(blocks("Dask", "python")[0])
+    assert (machine.folder / "local.zarr/zarr.json").is_file()
+
+
+def test_dask_jobqueue(machine: Machine) -> None:
+    """Slurm's `sbatch` starts the workers that dask-jobqueue asks for."""
+    pytest.importorskip("dask_jobqueue", reason="needs pip install dask-jobqueue")
+    (machine.folder / "glider/bin").mkdir(parents=True)
+    (machine.folder / "glider/bin/activate").touch()
+    machine.python(blocks("Dask", "python")[1])
+    assert (machine.folder / "queue.zarr/zarr.json").is_file()
+
+
+def test_dask_kubernetes(machine: Machine) -> None:
+    """A cluster of this machine stands for the one of Kubernetes."""
+    pytest.importorskip("distributed", reason='needs pip install "glider-twin[cluster]"')
+    shutil.copytree(PROGRAMS / "dask_kubernetes", machine.folder / "dask_kubernetes")
+    with s3_server() as environment:
+        machine.environment |= environment
+        machine.python(blocks("Dask", "python")[2])
+        assert "preset     field" in machine.run("factory", "info", "s3://bucket/kubernetes.zarr")
+
+
+def test_s3(machine: Machine) -> None:
+    install, one, parts = blocks("S3")
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_REGION", "AWS_ENDPOINT_URL"):
+        assert f" {name}=" in install
+    machine.shell(install)
+    with s3_server() as environment:
+        machine.environment |= environment
+        machine.shell(one)
+        machine.shell(parts)
+    assert len(list((machine.folder / "og1").glob("*.nc"))) == 2
+    assert (machine.folder / "runs/small/report/index.html").is_file()
+
+
+def test_icechunk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("icechunk", reason='needs pip install "glider-twin[icechunk]"')
-    text = (ROOT / "docs/cluster.md").read_text(encoding="utf-8")
-    (program,) = re.findall(r"^```python\n(.*?)^```", text, re.M | re.S)
+    (program,) = blocks("Other zarr stores", "python")
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
     exec(program, names)

@@ -13,10 +13,10 @@ import torch
 from matplotlib.figure import Figure
 
 import learn
-from learn.navigation.baselines.base import Baseline, Estimate
 from learn.networks.onnx_export import StepModel
 from learn.report.figures.base import ReportFigure
 from twin.errors import InputError
+from twin.navigation.baselines.base import Baseline, Estimate
 
 ROOT = Path(__file__).parents[2]
 

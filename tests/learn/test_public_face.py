@@ -122,7 +122,16 @@ def test_predictions_are_what_the_evaluation_judges(run, flown_store):
     ("settings", "message"),
     [
         ({"network": "mlp", "delays": 3}, r"network 'mlp' has no --delays .*has: elman"),
-        ({"optimiser": "scg", "window": 64}, r"optimiser 'scg' has no --window"),
+        ({"network": "elman", "memories": (2.0,)}, r"network 'elman' has no --memories .*has: ema"),
+        ({"window": 64}, r"network 'ema' has no --window: .*take a network that has: elman, lstm"),
+        ({"network": "mlp", "washin": 4}, r"network 'mlp' has no --washin"),
+        ({"memories": (8.0, 2.0)}, r"memories must rise, not 8, 2"),
+        ({"memories": ()}, r"memories must be 1 to 64 times, not 0; .* is mlp"),
+        ({"memories": (0.0, 2.0)}, r"times above 0 and up to 86400 s, not 0.0"),
+        (
+            {"network": "elman", "optimiser": "scg", "window": 64},
+            r"optimiser 'scg' has no --window",
+        ),
         ({"optimiser": "sgd"}, r"unknown optimiser 'sgd'"),
         ({"inputs": "glidr"}, r"unknown set of inputs 'glidr': did you mean 'glider'"),
     ],

@@ -12,7 +12,6 @@ import pytest
 import torch
 
 import learn
-from learn.navigation.baselines.base import Baseline, Estimate, check_estimate
 from learn.networks.base import Network
 from learn.report.figures.base import SECTIONS, ReportFigure
 from learn.training.optimisers.base import (
@@ -23,6 +22,7 @@ from learn.training.optimisers.base import (
 )
 from learn.training.optimisers.scg import ScaledConjugateGradient
 from twin.errors import InputError
+from twin.navigation.baselines.base import Baseline, Estimate, check_estimate
 
 PAGE = (Path(__file__).parents[2] / "docs" / "learn.md").read_text(encoding="utf-8")
 REGISTRIES = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,7 @@ import tyro
 from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
+    from twin.navigation.settings import Navigation
     from twin.physics.scenario import Scenario
     from twin.physics.simulation import Simulation
     from twin.records.trajectory import Trajectory
@@ -23,8 +25,8 @@ class Simulate(JsonOption):
     """Fly one mission: summary table, and on request a store and a plot."""
 
     mission: Annotated[str | None, tyro.conf.Positional] = None
-    """shipped mission name, or the path of a mission TOML file; default: the shipped one that suits
-    the vehicle"""
+    """shipped mission name, or the path of a mission file, TOML or Slocum's .mi (docs/missions.md);
+    default: the shipped one that suits the vehicle"""
     vehicle: str = "glider"
     """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
     current: str = "none"
@@ -70,6 +72,10 @@ class Simulate(JsonOption):
     plots; docs/sensors.md lists all. Default: none"""
     seed: int = 0
     """of the sensors' random draws"""
+    navigate: str = "truth"
+    """what guidance sees: truth; or the estimate made on board of what --sensors (default then:
+    field) measure, by a velocity estimator: ekf, steady_flight, pitch_plus_alpha, dvl,
+    network:runs/NAME, or estimate for the vehicle's usual one. docs/navigation.md explains it"""
     out: Path | None = None
     """write the trajectory to this zarr store"""
     overwrite: bool = False
@@ -80,12 +86,15 @@ class Simulate(JsonOption):
     def run(self, console: Console) -> int:
         """Simulate, store, draw, summarise."""
         from twin.errors import SimulationUnstable
+        from twin.navigation.settings import Navigation
         from twin.physics.quiet import quiet_mujoco
         from twin.physics.simulation import Simulation
         from twin.records.store import check_target
 
-        scenario = self._scenario()
         suite = self._suite()
+        scenario = self._scenario(suite)
+        if isinstance(scenario.navigate, Navigation):
+            suite = scenario.navigate.suite
         check_plot_path(self.plot)
         if self.out is not None:
             check_target(self.out, overwrite=self.overwrite)
@@ -125,9 +134,19 @@ class Simulate(JsonOption):
             from twin.sensors import SensorSuite
 
             return SensorSuite.preset(self.sensors)
-        if self.seed != 0:
+        if self.seed != 0 and self.navigate == "truth":
             raise InputError("--seed is for the sensors: give --sensors too, such as field")
         return None
+
+    def _navigation(self, suite: SensorSuite | None) -> Navigation | None:
+        """What guidance sees; None for the truth."""
+        from twin.navigation.settings import Navigation
+
+        navigation = Navigation.of(self.navigate)
+        if navigation is None:
+            return None
+        sensors = navigation.suite if suite is None else suite
+        return dataclasses.replace(navigation, sensors=sensors, seed=self.seed)
 
     def _warn(self, console: Console, simulation: Simulation, trajectory: Trajectory) -> None:
         """Say when the mission was not flown, or left the gridded current's file."""
@@ -179,7 +198,7 @@ class Simulate(JsonOption):
                 "from there on the depth at its edge was used"
             )
 
-    def _scenario(self) -> Scenario:
+    def _scenario(self, suite: SensorSuite | None) -> Scenario:
         from twin.facade import in_water
         from twin.mission.shipped import load_mission_for
         from twin.physics.ballast import weighed
@@ -196,11 +215,12 @@ class Simulate(JsonOption):
             mass=self.mass,
             compressibility=self.compressibility,
         )
-        mission = load_mission_for(vehicle, self.mission)
+        mission = load_mission_for(vehicle, self.mission, above_floor=self.floor != "none")
         scenario = Scenario(
             vehicle=vehicle,
             ballast=ballast,
             plan=mission,
+            navigate=self._navigation(suite),
             duration=self.duration,
             start=None if self.start is None else parse_place(self.start),
             current=parse_current(self.current),
@@ -270,6 +290,7 @@ class Simulate(JsonOption):
                     f"{figures['mean_current_east_m_s']:z.3f} m/s"
                 ),
                 **_parts(scenario, trajectory),
+                **_believed(figures),
                 "energy": _energy(figures),
                 "samples": figures["samples"],
             },
@@ -286,6 +307,17 @@ def _parts(scenario: Scenario, trajectory: Trajectory) -> dict[str, str]:
     for part in scenario.vehicle.parts:
         rows |= part.told(trajectory.time, trajectory[f"true_{part.name}"])
     return rows
+
+
+def _believed(figures: dict[str, Any]) -> dict[str, str]:
+    """How far the position believed on board was off."""
+    if "onboard_error_end_m" not in figures:
+        return {}
+    return {
+        "error of the on-board position (end, largest)": (
+            f"{figures['onboard_error_end_m']:.1f}, {figures['onboard_error_max_m']:.1f} m"
+        )
+    }
 
 
 def _bottom(figures: dict[str, Any]) -> dict[str, str]:

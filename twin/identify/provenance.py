@@ -38,4 +38,8 @@ def provenance_of(found: Identification, store: str | Path) -> dict[str, Any]:
             }
             for e in found.estimates
         },
+        "correlation": {
+            "parameters": list(found.determined),
+            "matrix": [[short(value) for value in row] for row in found.correlation.tolist()],
+        },
     }

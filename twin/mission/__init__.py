@@ -12,6 +12,7 @@ from twin.mission.segments import (
     Spiral,
     Surface,
     Transect,
+    Waypoint,
 )
 from twin.mission.shipped import load_mission, mission_names
 
@@ -27,6 +28,7 @@ __all__ = [
     "SteadyGlide",
     "Surface",
     "Transect",
+    "Waypoint",
     "load_mission",
     "mission_names",
     "steady_glide",

@@ -44,6 +44,14 @@ class Observation:
     """position of each part by its name, in the part's unit"""
     altitude: float = math.inf
     """[m] of the CB above the sea floor; inf where there is none"""
+    north: float = math.nan
+    """[m] of the vehicle: what a fix at the surface says, or a navigator at any time; NaN: none"""
+    east: float = math.nan
+    """[m], likewise"""
+    current_north: float = math.nan
+    """[m/s] a navigator's estimate of the current; NaN: no navigator, guidance dead-reckons"""
+    current_east: float = math.nan
+    """[m/s], likewise"""
 
     def __getattr__(self, name: str) -> float:
         """A part's position by its name: `observation.pump`."""
@@ -143,6 +151,10 @@ class MissionController:
             o.yaw_rate,
             self._command,
             o.altitude,
+            o.north,
+            o.east,
+            o.current_north,
+            o.current_east,
         )
         return Command(**dict(zip(self._names, self._command.tolist(), strict=True)))
 

@@ -25,6 +25,7 @@ from twin.compiled import jit
 from twin.mission import table as g
 from twin.mission.loops import compass, pid, wrapped
 from twin.mission.phases import advance
+from twin.mission.reckoning import reckon
 
 Array = NDArray[np.float64]
 
@@ -217,6 +218,10 @@ def guidance_step(
     r: float,
     command: Array,
     altitude: float = math.inf,
+    north: float = math.nan,
+    east: float = math.nan,
+    current_north: float = math.nan,
+    current_east: float = math.nan,
 ) -> None:
     """One control tick: reads the vehicle's state, writes `command` and updates `state`.
 
@@ -226,11 +231,17 @@ def guidance_step(
       state: (GUIDANCE_STATE,) float64, zeros before the first tick; changed in place.
       t: [s] since the mission's start; call once per control period.
       depth: [m] of the CB, positive down.
-      roll, pitch, heading: [rad].
+      roll, pitch, heading: [rad]; the compass adds its offset to the heading.
       p, q, r: body rates [rad/s].
       command: (parts,) float64, out: the wanted position of each part.
       altitude: [m] of the CB above the sea floor, inf without one.
+      north, east: [m] of the vehicle: what a fix at the surface says; NaN: there are no fixes.
+      current_north, current_east: [m/s] estimate of a navigator, whose position north and east then
+        are, under water too; NaN: there is none, and guidance dead-reckons (`reckoning`).
     """
+    heading = compass(heading + gains[g.COMPASS_OFFSET])
+    row = table[min(max(int(state[g.SEGMENT]), 0), table.shape[0] - 1)]
+    reckon(row, state, t, depth, pitch, heading, north, east, current_north, current_east)
     advance(table, state, t, depth, altitude, heading)
     row = table[min(max(int(state[g.SEGMENT]), 0), table.shape[0] - 1)]
     phase = state[g.PHASE]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from twin.compiled import jit
 from twin.mission import table as g
+from twin.mission.reckoning import course, distance_left
 
 Array = NDArray[np.float64]
 
@@ -54,7 +55,7 @@ def _enter(
     elif kind == g.LEVEL:
         state[g.PHASE] = g.ON_LEVEL
         state[g.DEPTH_INTEGRAL] = 0.0
-    elif kind in (g.SAW_TOOTH, g.SPIRAL):
+    elif kind in (g.SAW_TOOTH, g.SPIRAL, g.WAYPOINT):
         climbing = previous == g.CLIMB and depth > table[index, g.MIN_DEPTH]
         if climbing or _at_bottom(table[index], depth, altitude):
             state[g.PHASE] = g.CLIMB
@@ -63,8 +64,49 @@ def _enter(
             state[g.PHASE] = g.DIVE
         if kind == g.SPIRAL:
             state[g.HEADING_SETPOINT] = np.nan
+        elif kind == g.WAYPOINT:
+            state[g.ARRIVED] = 0.0
+            first_north, first_east = (
+                table[index, g.FIRST_CURRENT_NORTH],
+                table[index, g.FIRST_CURRENT_EAST],
+            )
+            if state[g.CURRENT_KNOWN] == 0.0 and not math.isnan(first_north + first_east):
+                state[g.CURRENT_NORTH], state[g.CURRENT_EAST] = first_north, first_east
+            state[g.HEADING_SETPOINT] = course(table[index], state)
     else:
         state[g.PHASE] = g.SURFACING
+
+
+@jit
+def _surfaces(row: Array, state: Array, t: float, following: float) -> bool:
+    """Whether a flight to a waypoint goes up for a fix: time, yos, or it has arrived.
+
+    `following`: the phase that the turns at depth ask for.
+    """
+    if state[g.ARRIVED] != 0.0:
+        return bool(row[g.SURFACE_AT_TARGET] != 0.0)
+    if t - state[g.LAST_FIX] >= row[g.SURFACE_AFTER] - TIME_TOLERANCE:
+        return True
+    turned = state[g.PHASE] == g.CLIMB and following == g.DIVE
+    return bool(turned and state[g.YOS_UNDER] >= row[g.SURFACE_YOS])
+
+
+@jit
+def _to_waypoint(row: Array, state: Array, t: float, following: float) -> float:
+    """The phase of a flight to a waypoint: up for a fix, down again, steered to the target."""
+    phase = state[g.PHASE]
+    if distance_left(row, state) <= row[g.ARRIVAL_RADIUS]:
+        state[g.ARRIVED] = 1.0
+    if phase in (g.DIVE, g.CLIMB):
+        if _surfaces(row, state, t, following):
+            return g.SURFACING
+        if row[g.STEERS_ALWAYS] != 0.0 and state[g.ARRIVED] == 0.0:
+            state[g.HEADING_SETPOINT] = course(row, state)
+    elif phase == g.AT_SURFACE and t - state[g.ARRIVAL] >= row[g.STAY] - TIME_TOLERANCE:
+        state[g.HEADING_ERROR] = 0.0
+        state[g.HEADING_SETPOINT] = course(row, state)
+        return g.DIVE
+    return following
 
 
 @jit
@@ -87,14 +129,23 @@ def advance(
     if phase == g.DIVE and _at_bottom(table[index], depth, altitude):
         following = g.CLIMB
         state[g.YO_COUNT] += 0.5
+        state[g.YOS_UNDER] += 0.5
     elif phase == g.CLIMB and depth <= table[index, g.MIN_DEPTH]:
         following = g.DIVE
         state[g.YO_COUNT] += 0.5
+        state[g.YOS_UNDER] += 0.5
     elif phase == g.SURFACING and depth <= table[index, g.SURFACE_DEPTH]:
         following = g.AT_SURFACE
         state[g.ARRIVAL] = t
+        state[g.YOS_UNDER] = 0.0
         if index == end:
             state[g.DONE] = 1.0
+    there = False
+    if table[index, g.KIND] == g.WAYPOINT:
+        following = _to_waypoint(table[index], state, t, following)
+        there = state[g.ARRIVED] != 0.0 and following != g.SURFACING
+        # the stay for a fix comes before the next target
+        there = there and following != g.AT_SURFACE
 
     if index < end and state[g.DONE] == 0.0:
         duration = table[index, g.DURATION]
@@ -102,7 +153,7 @@ def advance(
             over = following == g.AT_SURFACE and t - state[g.ARRIVAL] >= duration - TIME_TOLERANCE
         else:
             over = t - state[g.SEGMENT_START] >= duration - TIME_TOLERANCE
-        over = over or state[g.YO_COUNT] >= table[index, g.YO_LIMIT]
+        over = over or there or state[g.YO_COUNT] >= table[index, g.YO_LIMIT]
         over = over or (depth - table[index, g.UNTIL_DEPTH]) * state[g.UNTIL_SIDE] >= 0.0
         if over and index + 1 == end and table[end, g.KIND] == g.END_HOLDING:
             state[g.DONE] = 1.0  # the last segment goes on without limits

@@ -152,9 +152,24 @@ class Mission:
         )
         return next(used, "")
 
+    @property
+    def needs_place(self) -> bool:
+        """Whether a target is a latitude and longitude: the start must be known on the Earth."""
+        return any(getattr(segment, "geographic", False) for segment in self.segments)
+
+    def placed(self, latitude: float, longitude: float) -> Mission:
+        """The mission with every target in metres from an origin [degree]."""
+        if not self.needs_place:
+            return self
+        segments = tuple(segment.placed(latitude, longitude) for segment in self.segments)
+        return dataclasses.replace(self, segments=segments)
+
     def check(self, vehicle: Vehicle) -> None:
         """Raise MissionError when `vehicle` cannot fly this: pump, rotation, pitch, trim."""
-        self.compile(vehicle)
+        for index, segment in enumerate(self.segments):
+            for part in segment.flown_as():
+                part.row(vehicle, self._label(index))
+        self.compile_end(vehicle)
 
     def compile(self, vehicle: Vehicle) -> tuple[Array, Array]:
         """Table (rows + 1, SEGMENT_COLUMNS + 3 parts) and gains (GAINS,) for guidance.
@@ -162,20 +177,30 @@ class Mission:
         A segment has one row, those that are made of others have several.
 
         Raises:
-          MissionError: a segment is beyond the vehicle.
+          MissionError: a segment is beyond the vehicle, or a target is in degrees: see `placed`.
         """
+        if self.needs_place:
+            raise MissionError(
+                f"mission {self.name!r} goes to places on the Earth, and nothing says where it "
+                'starts: give --start LAT,LON or start={"latitude": 49.0, "longitude": -16.0}; '
+                "without a scenario, compile Mission.placed(latitude, longitude)"
+            )
         rows = [
             part.row(vehicle, self._label(i))
             for i, segment in enumerate(self.segments)
             for part in segment.flown_as()
         ]
-        last = self._ascent().row(vehicle, f"mission {self.name!r}: ascent_")
-        last[g.KIND] = g.END_AT_SURFACE if self.at_end == "surface" else g.END_HOLDING
-        last[g.DURATION] = np.nan
-        table = np.array([*rows, last])
+        table = np.array([*rows, self.compile_end(vehicle)])
         if self.max_depth_m is not None:
             table[:, g.ABORT_DEPTH] = self.max_depth_m
         return table, _gains(vehicle)
+
+    def compile_end(self, vehicle: Vehicle) -> Array:
+        """The table's last row: what is flown after the segments; MissionError as `compile`."""
+        last = self._ascent().row(vehicle, f"mission {self.name!r}: ascent_")
+        last[g.KIND] = g.END_AT_SURFACE if self.at_end == "surface" else g.END_HOLDING
+        last[g.DURATION] = np.nan
+        return last
 
     def _ascent(self) -> Surface:
         return Surface(pitch_deg=self.ascent_pitch_deg)
@@ -188,10 +213,11 @@ class Mission:
         """
         if self.duration_s is not None:
             return float(self.duration_s)
-        depth, total = self.start_depth_m, 0.0
+        depth, total, place = self.start_depth_m, 0.0, (0.0, 0.0)
         for index, segment in enumerate(self.segments):
-            time, depth = segment.expected(vehicle, depth, self._label(index))
-            total += time
+            begun = segment.begun_at(place)
+            time, depth = begun.expected(vehicle, depth, self._label(index))
+            total, place = total + time, segment.ends_at(place)
         if self.at_end == "surface":
             total += self._ascent().expected(vehicle, depth, f"mission {self.name!r}")[0]
         return math.ceil(total)
@@ -223,8 +249,16 @@ def _plain(data: Mapping[str, Any]) -> dict[str, Any]:
             if value:
                 plain[key] = _plain(value)
         elif value is not None:
-            plain[key] = value if isinstance(value, str | list) else float(value)
+            plain[key] = _plain_value(value)
     return plain
+
+
+def _plain_value(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return _plain(value)
+    if isinstance(value, list | tuple):
+        return [_plain_value(item) for item in value]
+    return value if isinstance(value, str | bool) else float(value)
 
 
 def _gains(vehicle: Vehicle) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,8 +22,15 @@ def mission_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in _FOLDER.glob("*.toml")))
 
 
-def load_mission(mission: str | Path = "default") -> Mission:
-    """A shipped mission by name, or any mission by the path of its TOML file.
+def load_mission(
+    mission: str | Path = "default", vehicle: Vehicle | None = None, *, above_floor: bool = False
+) -> Mission:
+    """A shipped mission by name, or any mission by the path of its TOML or Slocum file (.mi).
+
+    Warns of everything in a Slocum file that is not flown, one line each.
+
+    Args:
+      vehicle, above_floor: of Slocum files, as `twin.mission.slocum.read_slocum` takes them.
 
     Raises:
       MissionError: unknown name (the nearest is offered), unreadable or impossible mission.
@@ -31,9 +39,18 @@ def load_mission(mission: str | Path = "default") -> Mission:
     if text in mission_names():
         return Mission.from_toml(_FOLDER / f"{text}.toml")
     path = Path(text)
+    if path.suffix.lower() in (".mi", ".ma"):
+        from twin.mission.slocum import read_slocum
+
+        reading = read_slocum(path, vehicle, above_floor=above_floor)
+        for note in reading.notes:
+            warnings.warn(note, stacklevel=2)
+        return reading.mission
     if path.suffix == ".toml" or path.is_file():
         return Mission.from_toml(path)
-    raise MissionError(unknown_name("mission", text, mission_names()) + " or a path to a .toml")
+    raise MissionError(
+        unknown_name("mission", text, mission_names()) + " or a path to a .toml or .mi"
+    )
 
 
 def usual_mission(vehicle: Vehicle) -> str:
@@ -42,7 +59,9 @@ def usual_mission(vehicle: Vehicle) -> str:
     return vehicle.usual_mission or by_parts
 
 
-def load_mission_for(vehicle: Vehicle, mission: str | Path | None = None) -> Mission:
+def load_mission_for(
+    vehicle: Vehicle, mission: str | Path | None = None, *, above_floor: bool = False
+) -> Mission:
     """As `load_mission`, checked for a vehicle; None: the shipped one that suits it.
 
     Raises:
@@ -51,7 +70,7 @@ def load_mission_for(vehicle: Vehicle, mission: str | Path | None = None) -> Mis
     """
     usual = usual_mission(vehicle)
     mission = usual if mission is None else mission
-    loaded = load_mission(mission)
+    loaded = load_mission(mission, vehicle, above_floor=above_floor)
     try:
         loaded.check(vehicle)
     except MissionError as error:

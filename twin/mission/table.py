@@ -23,7 +23,21 @@ MIN_ALTITUDE = 16  # [m] above the sea floor at which a dive turns and level way
 DEPTH, ALTITUDE = 17, 18  # [m] that a level way or a hover holds, NaN: none; one of them
 LEVEL_PITCH = 19  # [rad] at which a level way keeps its depth
 TURN_RATE = 20  # [rad/s] of the wanted heading on a level way, 0: straight
-SEGMENT_COLUMNS = 21
+# horizontal speed through the water of both ways [m/s], and angle of attack [rad], NaN: the
+# speed is the propeller's; dead reckoning uses them
+DIVE_SPEED, CLIMB_SPEED, DIVE_ATTACK, CLIMB_ATTACK = 21, 22, 23, 24
+LEVEL_SPEED, LEVEL_ATTACK = DIVE_SPEED, DIVE_ATTACK
+TARGET_NORTH, TARGET_EAST = 25, 26  # [m] of a waypoint
+ARRIVAL_RADIUS = 27  # [m]
+YO_SPEED = 28  # [m/s] horizontal through the water, mean of a dive and its climb
+SURFACE_AFTER, SURFACE_YOS = 29, 30  # [s] under water and yos after which it surfaces, NaN: none
+STAY = 31  # [s] at the surface for a fix
+SURFACE_AT_TARGET = 32  # 1: it surfaces on arrival
+STEERS_ALWAYS = 33  # 1: the course is renewed at every tick, 0: at surfacings
+SEES_TRUTH = 34  # 1: the position is known under water, 0: it is dead-reckoned
+USES_CURRENT = 35  # 0: dead reckoning and course leave the estimated current out
+FIRST_CURRENT_NORTH, FIRST_CURRENT_EAST = 36, 37  # [m/s] believed before the first estimate
+SEGMENT_COLUMNS = 38
 # then three commands, each of the width of the vehicle: what its parts do in a dive or on a level
 # way, in a climb, and in a hold, a hover or at the surface. The loops start from the position of
 # their part in it.
@@ -31,6 +45,7 @@ DIVE_COMMAND, CLIMB_COMMAND, REST_COMMAND = 0, 1, 2
 LEVEL_COMMAND, LEVEL_TURN = DIVE_COMMAND, DIVE_TURN
 
 SAW_TOOTH, SPIRAL, SURFACE, HOLD, LEVEL, HOVER = 1.0, 2.0, 3.0, 4.0, 7.0, 8.0
+WAYPOINT = 9.0
 END_AT_SURFACE, END_HOLDING = 5.0, 6.0  # kinds of the last row
 
 # --- gains ------------------------------------------------------------------------------------
@@ -45,7 +60,8 @@ TRIM_PART, TRIM_SENSE, TRIM_LOW, TRIM_HIGH = 16, 17, 18, 19  # likewise, and its
 BUOYANCY_KP, BUOYANCY_KI, BUOYANCY_KD = 20, 21, 22  # [cm3] less per depth [m], [m s], [m/s]
 BUOYANCY_PART, BUOYANCY_LOW, BUOYANCY_HIGH = 23, 24, 25  # the pump, likewise
 PITCHES_AT_REST = 26  # 1: the pitching part is a battery, which needs no flow
-GAINS = 27
+COMPASS_OFFSET = 27  # [rad] that the compass reads beyond the true heading
+GAINS = 28
 
 # --- state: all zeros before the first step ---------------------------------------------------
 SEGMENT = 0  # index of the row being flown
@@ -65,7 +81,17 @@ LEVEL_INTEGRAL, LEVEL_TURN_INTEGRAL = 15, 16  # of pitch and heading on level wa
 TRIM_INTEGRAL = 17  # of pitch in a hover [rad s]
 DEPTH_INTEGRAL, BUOYANCY_INTEGRAL = 18, 19  # of depth [m s]
 LAST_DEPTH = 20  # [m] at the last tick
-GUIDANCE_STATE = 21
+RECKONED_NORTH, RECKONED_EAST = 21, 22  # [m] position by dead reckoning since the last fix
+SEEN_NORTH, SEEN_EAST = 23, 24  # [m] position that the course to a waypoint starts from
+CURRENT_NORTH, CURRENT_EAST = 25, 26  # [m/s] estimate; 0 before the first
+CURRENT_KNOWN = 27  # 1 once there is one
+DRIFT_NORTH, DRIFT_EAST = 28, 29  # [m] by the estimate, in RECKONED since the last fix
+LAST_TIME = 30  # [s] of the last tick
+LAST_FIX = 31  # [s] at the surface, or of the mission's start
+FIXED = 32  # 1 while fixes come in
+YOS_UNDER = 33  # yos since the last surfacing, in halves
+ARRIVED = 34  # 1 once the waypoint being flown to has been reached
+GUIDANCE_STATE = 35
 
 NOT_STARTED, DIVE, CLIMB, SURFACING, AT_SURFACE, HOLDING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 ON_LEVEL, HOVERING = 6.0, 7.0

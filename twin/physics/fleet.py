@@ -28,6 +28,11 @@ class Fleet:
         if not scenarios:
             raise InputError("a fleet needs at least one scenario")
         _check_alike(scenarios)
+        if any(scenario.navigate is not None for scenario in scenarios):
+            raise InputError(
+                "a fleet is stepped natively, and what is known on board is worked out in Python: "
+                "fly navigated scenarios with simulate_many"
+            )
         tables = [tables_of(scenario, scenario.run_time()) for scenario in scenarios]
         largest = max(table.words for table in tables)
         self.simulations = [

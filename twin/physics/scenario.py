@@ -8,11 +8,12 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 from types import NoneType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from twin.errors import FloorError, InputError, MissionError
 from twin.mission import Mission
 from twin.mission.schedule import Schedule
+from twin.navigation.settings import Navigation, navigation_from_dict
 from twin.numbers import number
 from twin.physics.ballast import Ballast
 from twin.physics.start import Start
@@ -21,6 +22,9 @@ from twin.water.current.base import Current, current_from_dict
 from twin.water.current.origin import FORMER_DEFAULT, Origin
 from twin.water.density import DensityProfile
 from twin.water.floor import Floor, floor_from_dict
+
+if TYPE_CHECKING:
+    from twin.navigation.estimator import VelocityEstimator
 
 SAMPLE_PERIOD = 0.5
 """[s], the paper's 2 Hz"""
@@ -38,8 +42,14 @@ class Scenario:
     """How the vehicle was weighed; None: neutral in water of the reference density."""
     encoder_zeros: Mapping[str, float] = dataclasses.field(default_factory=dict)
     """Position of a part when its encoder says 0, by name and in the part's unit; 0 if left out."""
+    compass_offset: float = 0.0
+    """What the compass of guidance reads beyond the true heading [rad]."""
     plan: Mission | Schedule | None = None
     """Closed-loop mission, open-loop schedule, or None (commands come from a controller)."""
+    navigate: Navigation | VelocityEstimator | str | None = None
+    """What guidance sees: the truth (None or "truth"), or an on-board estimate: "estimate", the
+    name of a velocity estimator such as "network:runs/mine", an estimator, or a Navigation, which
+    says the sensors and their seed too."""
     duration: float | None = None
     """[s]; None takes the mission's own."""
     start: Start | Mapping[str, Any] | None = None
@@ -67,6 +77,7 @@ class Scenario:
             object.__setattr__(self, "vehicle", load_vehicle(self.vehicle))
         if self.origin == Origin():
             object.__setattr__(self, "origin", None)  # it says what nothing says
+        object.__setattr__(self, "navigate", Navigation.of(self.navigate))
         if isinstance(self.start, Mapping):
             object.__setattr__(self, "start", Start.of(self.start, self.usual_start()))
         for name, kinds in (
@@ -98,6 +109,14 @@ class Scenario:
             raise InputError(
                 f"scenario: believed vehicle {self.believed.name!r} has other parts than "
                 f"{self.vehicle.name!r}: {', '.join(self.believed.part_names)}"
+            )
+        if not math.isfinite(number(self.compass_offset, "scenario: compass_offset")):
+            raise InputError(f"scenario: compass_offset {self.compass_offset} must be finite")
+        if isinstance(self.plan, Mission) and self.plan.needs_place and not self.has_place:
+            raise MissionError(
+                f"mission {self.plan.name!r} goes to places on the Earth, and nothing says where "
+                "it starts: give --start LAT,LON, or "
+                'start={"latitude": 49.0, "longitude": -16.0}'
             )
         if self.start is not None:
             self.begin.positions(self.vehicle.part_names, self.vehicle.rest)
@@ -177,6 +196,16 @@ class Scenario:
         """
         return self.begin.origin(self.origin)
 
+    def mission_in_metres(self) -> Mission:
+        """The mission that is flown, its targets in metres from `place`.
+
+        Raises:
+          InputError: the plan is not a mission.
+        """
+        if not isinstance(self.plan, Mission):
+            raise InputError("the scenario's plan is not a mission")
+        return self.plan.placed(self.place.latitude_deg, self.place.longitude_deg)
+
     @property
     def has_place(self) -> bool:
         """True when the scenario says where on Earth it is flown; else `place` is the default."""
@@ -191,7 +220,7 @@ class Scenario:
         """Longest duration [s]; raises InputError when neither scenario nor mission gives one."""
         duration = self.duration
         if duration is None and isinstance(self.plan, Mission):
-            duration = self.plan.time_limit_s(self.believed_vehicle)
+            duration = self.mission_in_metres().time_limit_s(self.believed_vehicle)
         if duration is None:
             raise InputError("give a duration: neither the scenario nor its plan has one")
         if not (math.isfinite(duration) and duration > 0):
@@ -224,7 +253,9 @@ class Scenario:
             "believed": None if self.believed is None else self.believed.changes(),
             "ballast": None if self.ballast is None else dataclasses.asdict(self.ballast),
             "encoder_zeros": dict(self.encoder_zeros),
+            "compass_offset": self.compass_offset,
             "plan": plan,
+            "navigate": self.navigate.describe() if isinstance(self.navigate, Navigation) else None,
             "duration": self.duration,
             "start": None if self.start is None else dataclasses.asdict(self.begin),
             "current": current,
@@ -252,6 +283,7 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
         plan = Mission.from_dict(fields) if mission else Schedule(**fields)
     current = data["current"]
     believed, ballast = data.get("believed"), data.get("ballast")
+    navigate = data.get("navigate")
     start = None if data["start"] is None else Start(**data["start"])
     # where the start has a place, the description's origin repeats it
     origin = None if start is not None and start.latitude is not None else data["origin"]
@@ -262,7 +294,9 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
         believed=None if believed is None else vehicle.with_changes(believed),
         ballast=None if ballast is None else Ballast(**ballast),
         encoder_zeros=data.get("encoder_zeros", {}),
+        compass_offset=data.get("compass_offset", 0.0),
         plan=plan,
+        navigate=None if navigate is None else navigation_from_dict(navigate),
         duration=data["duration"],
         start=start,
         current=None if current is None else current_from_dict(current),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import concurrent.futures
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -32,6 +32,9 @@ from twin.physics.start import Start
 from twin.physics.tables import Tables, tables_of
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from twin.physics.navigated import OnBoard
 
 Array = NDArray[np.float64]
 
@@ -93,6 +96,8 @@ class Simulation:
         self._write_header()
         self._nominal = (model.qpos0.copy(), float(header(model)["neutral_volume"]))
         self.data = mujoco.MjData(model)
+        self.on_board: OnBoard | None = None
+        """What was known on board, of a navigated run."""
         self.reset()
 
     def _check_integration(self) -> None:
@@ -223,6 +228,7 @@ class Simulation:
             stagger(self.model, self.data)
         apply_real_vehicle(self.model, self.scenario)
         self._count = 0
+        self.on_board = None
 
     def _current_at_start(self) -> Array:
         program, start = self.tables.current, self.start()
@@ -246,7 +252,9 @@ class Simulation:
         Raises:
           SimulationUnstable: with the trajectory up to that time as `partial`.
         """
-        if controller is not None:
+        if self.scenario.navigate is not None:
+            self._run_navigated(controller)
+        elif controller is not None:
             if self.scenario.plan is not None:
                 raise InputError(
                     "the scenario has a plan and the run a controller: only one of them can "
@@ -278,6 +286,52 @@ class Simulation:
             self.step(count)
             done += count
 
+    def _run_navigated(self, controller: Controller | None) -> None:
+        """Guidance, or a controller, by what is known on board; see `twin.physics.navigated`."""
+        from twin.physics.live_truth import LiveTruth
+        from twin.physics.navigated import OnBoard, guidance_of
+
+        scenario, timestep = self.scenario, self.model.opt.timestep
+        guidance = guidance_of(scenario)
+        if (guidance is None) == (controller is None):
+            raise InputError(
+                "a navigated run is commanded by the scenario's mission or by a controller: give "
+                "one of them"
+            )
+        truth = LiveTruth(
+            scenario.vehicle, self._row, half_step=self.half_step, floor=self.tables.floor
+        )
+        self.on_board = OnBoard(
+            scenario, truth.names, self._samples(), floor=self.tables.floor,
+            current=self.tables.current,
+        )  # fmt: skip
+        command = controller or guidance
+        assert command is not None
+        per_sample = max(1, round(scenario.sample_period / timestep))
+        per_tick = max(1, round(scenario.vehicle.control_period / timestep))
+        done = 0
+        while done < self.steps and not self.failed and not self.flown:
+            # a sample is complete, and a command is due, a step after its time
+            due = min(-(-done // n) * n + 1 for n in (per_sample, per_tick))
+            count = min(max(due - done, 1), self.steps - done)
+            self.step(count)
+            done += count
+            at = done - 1
+            if at % per_sample == 0 and at // per_sample < self._samples():
+                row = self._collected[at // per_sample]
+                change = (self.data.qvel[:6] - row["qvel"][:6]) / timestep
+                self.on_board.take(truth.sample(row, change))
+            if at % per_tick == 0:
+                wanted = command(self.on_board.observe(at * timestep))
+                self.data.ctrl[:] = wanted.as_array(scenario.vehicle)
+                if guidance is not None:
+                    state(self.data)["guidance"][:] = guidance.state
+
+    @property
+    def half_step(self) -> float:
+        """[s] by which the stored velocities are older than their samples."""
+        return 0.5 * float(header(self.model)["centred"]) * float(self.model.opt.timestep)
+
     @property
     def flown(self) -> bool:
         """True when an open-ended mission has been flown to its end."""
@@ -296,7 +350,10 @@ class Simulation:
           SimulationUnstable: the run went unstable; `partial` holds the finite samples.
         """
         self.collect(self.data.userdata)
-        return trajectory_of(self.scenario, self.model, self.collected, state(self.data), mission)
+        found = trajectory_of(self.scenario, self.model, self.collected, state(self.data), mission)
+        if self.on_board is not None:
+            found.signals.update(self.on_board.signals())
+        return found
 
 
 def stagger(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -369,6 +426,8 @@ def observe(data: mujoco.MjData, vehicle: Vehicle, floor: Array) -> Observation:
         roll_rate=float(p),
         pitch_rate=float(q),
         yaw_rate=float(r),
+        north=float(data.qpos[0]),
+        east=float(-data.qpos[1]),
         parts=dict(zip(vehicle.part_names, data.act.tolist(), strict=True)),
     )
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from twin.errors import FloorError
 from twin.mission import Mission
 from twin.mission.schedule import Schedule
+from twin.mission.table import COMPASS_OFFSET
 from twin.physics.native import block as b
 
 if TYPE_CHECKING:
@@ -59,8 +60,11 @@ def tables_of(scenario: Scenario, duration: float) -> Tables:
       MissionError, CurrentError, FloorError: the plan, the current or the sea floor does not do.
     """
     plan, control, gains = np.zeros((0, 0)), b.CONTROL_NONE, None
-    if isinstance(scenario.plan, Mission):
-        plan, gains = scenario.plan.compile(scenario.believed_vehicle)
+    if scenario.navigate is not None:
+        pass  # its guidance sees what Python knows on board
+    elif isinstance(scenario.plan, Mission):
+        plan, gains = scenario.mission_in_metres().compile(scenario.believed_vehicle)
+        gains[COMPASS_OFFSET] = scenario.compass_offset
         control = b.CONTROL_MISSION
     elif isinstance(scenario.plan, Schedule):
         scenario.plan.check(scenario.vehicle)

@@ -1,30 +1,19 @@
-"""Object files: those of an object storage, such as s3://bucket/missions.zarr, through obstore.
-
-Who may read and write, and where the storage is, say the environment variables that the storage's
-own tools read: AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION, AWS_ENDPOINT_URL and so on.
-"""
+"""Object files: those of an object storage, such as s3://bucket/missions.zarr, through obstore."""
 
 from __future__ import annotations
 
 import contextlib
-import datetime
-import errno
 import functools
 import hashlib
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from twin.errors import InputError
 from twin.extras import require
 from twin.records.files import Files, FileSum, LocalFiles
+from twin.records.object_storage import explained, open_objects
 from twin.records.store_path import StorePath, Url, store_path
 
-RETRIES = 8
-"""Times that a request is repeated when the storage does not answer or says that it is busy"""
-RETRY_S = 60
-"""[s] after which a request is given up"""
 LISTED = 1000
 """Keys that a storage tells at a time"""
 
@@ -43,14 +32,7 @@ class ObjectFiles(Files):
     @functools.cached_property
     def _objects(self) -> Any:
         """obstore's view of the place."""
-        from obstore.exceptions import BaseError
-        from obstore.store import from_url
-
-        retry: Any = {"max_retries": RETRIES, "retry_timeout": datetime.timedelta(seconds=RETRY_S)}
-        try:
-            return from_url(str(self.url), retry_config=retry)
-        except (BaseError, ValueError) as error:
-            raise InputError(f"{self.url} cannot be used: {_reason(error)}") from error
+        return open_objects(self.url)
 
     @property
     def name(self) -> str:
@@ -175,10 +157,10 @@ class ObjectFiles(Files):
         place = f"{self.url}/{key}" if key else str(self.url)
         try:
             yield
-        except FileNotFoundError as error:
-            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), place) from error
-        except (BaseError, PermissionError, TimeoutError) as error:
-            raise OSError(errno.EIO, _reason(error), place) from error
+        except (BaseError, OSError) as error:
+            if isinstance(error, OSError) and error.errno is not None:
+                raise  # of this machine's disk, or explained already
+            raise explained(error, place) from error
 
 
 def files_at(place: str | StorePath) -> Files:
@@ -189,8 +171,3 @@ def files_at(place: str | StorePath) -> Files:
     """
     path = store_path(place)
     return ObjectFiles(path) if isinstance(path, Url) else LocalFiles(path)
-
-
-def _reason(error: BaseException) -> str:
-    """The first line of what obstore says: its others are its own inner workings."""
-    return " ".join((str(error).splitlines() or [type(error).__name__])[0].split())

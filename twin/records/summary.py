@@ -50,6 +50,20 @@ def summarise(trajectory: Trajectory) -> dict[str, Any]:
             for part in t.actuators
         },
         **_energy(t, float(horizontal)),
+        **_onboard(t),
+    }
+
+
+def _onboard(trajectory: Trajectory) -> dict[str, float]:
+    """How far the on-board position was off [m], where a vehicle reckoned one."""
+    if "measured_onboard_north" not in trajectory:
+        return {}
+    error = np.hypot(
+        *(trajectory[f"measured_onboard_{n}"] - trajectory[f"true_{n}"] for n in ("north", "east"))
+    )
+    return {
+        "onboard_error_end_m": float(error[-1]),
+        "onboard_error_max_m": float(np.nanmax(error)),
     }
 
 

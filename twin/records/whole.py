@@ -33,6 +33,7 @@ from twin.records.disk import (
     temporaries,
     temporary_name,
 )
+from twin.records.store_path import Url, store_path
 
 REPLACED = ".replaced"
 """Where in the hidden folder the old content waits while the new one takes its name."""
@@ -162,7 +163,16 @@ def recover(path: str | Path) -> None:
 
 
 def _target(path: str | Path) -> Path:
-    """What is to be written: a link stays, and what it points to is replaced."""
+    """What is to be written: a link stays, and what it points to is replaced.
+
+    Raises:
+      WriteError: it is the address of an object storage.
+    """
+    if isinstance(address := store_path(path), Url):
+        raise WriteError(
+            f"{address} is in an object storage, where only `factory generate` writes: give a path "
+            "of this machine and copy what is there"
+        )
     return Path(os.path.realpath(path))
 
 

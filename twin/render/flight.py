@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.frames import flip_quaternion as flip
 from twin.frames import flip_vector, quaternion_to_euler
 from twin.physics.log_signals import from_log
@@ -71,6 +72,11 @@ class Live:
     """A closed-loop simulation that is stepped as it is watched."""
 
     def __init__(self, scenario: Scenario):
+        if scenario.navigate is not None:
+            raise InputError(
+                "a live view flies by the truth: fly the navigated scenario first and show its "
+                "trajectory"
+            )
         with quiet_mujoco():
             self._simulation = Simulation(scenario)
         self._seen = (0.0, np.zeros(len(scenario.vehicle.parts)))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.records.schema import Variable, variables
-from twin.sensors.base import NOWHERE, Sensor, Surroundings
+from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
 from twin.sensors.checks import (
     Drawn,
     Signals,
@@ -109,32 +109,30 @@ class Altimeter(Sensor):
         """The mission's relative error of the range [1]."""
         return {"altimeter_scale": float(self.scale * rng.standard_normal())}
 
-    def measure(
+    def begin(
         self,
-        signals: Signals,
+        samples: int,
+        signals: Iterable[str],
         *,
         dt: float,
         drawn: Drawn,
         rng: np.random.Generator,
         surroundings: Surroundings = NOWHERE,
-    ) -> dict[str, NDArray[Any]]:
+    ) -> AltimeterRun:
         """measured_altitude [m]; NaN between pings, out of range and without an echo."""
-        height = np.full(np.shape(signals["true_altitude"])[0], np.nan)
-        if self.fitted:
-            at = np.arange(0, height.size, max(1, round(self.ping_period / dt)))
-            toward = self._beam(*(signal(signals, f"true_{n}")[at] for n in ANGLES))
-            length = self._lengths(signals, at, toward, surroundings)
-            length *= 1.0 + drawn_value(drawn, "altimeter_scale")
-            length += self.noise * normals(rng, at.size)
-            lost = rng.random(at.size) < self.lost_share
-            lost |= (length < self.min_range) | ~(length <= self.max_range)
-            lost |= toward[:, 2] < math.cos(math.radians(self.max_beam_angle_deg))
-            tilted = (signal(signals, f"measured_{n}")[at] for n in ANGLES[:2])
-            believed = self._beam(*tilted, np.zeros(at.size))
-            height[at] = np.where(lost, np.nan, length * believed[:, 2])
-        return {"measured_altitude": height}
+        stride = max(1, round(self.ping_period / dt))
+        pings = len(range(0, samples, stride)) if self.fitted else 0
+        noise = self.noise * normals(rng, pings).astype(float)
+        return AltimeterRun(
+            altimeter=self,
+            stride=stride,
+            noise=noise,
+            lost=rng.random(pings) < self.lost_share,
+            scale=1.0 + drawn_value(drawn, "altimeter_scale"),
+            floor=surroundings.floor,
+        )
 
-    def _beam(self, *angles: Array) -> Array:
+    def beam(self, *angles: Array) -> Array:
         """Unit vectors of the beam NED, shape (n, 3), at a roll, pitch and heading [deg]."""
         from twin.frames import euler_to_matrix
 
@@ -142,16 +140,47 @@ class Altimeter(Sensor):
         to_ned = euler_to_matrix(*(np.deg2rad(angle) for angle in angles))
         return np.asarray(to_ned @ np.array([math.sin(tilt), 0.0, math.cos(tilt)]))
 
-    def _lengths(
-        self, signals: Signals, at: NDArray[np.int64], toward: Array, surroundings: Surroundings
-    ) -> Array:
+
+@dataclasses.dataclass
+class AltimeterRun(SensorRun):
+    """An altimeter in one mission."""
+
+    altimeter: Altimeter
+    stride: int
+    """samples from ping to ping"""
+    noise: Array
+    """[m], a value per ping"""
+    lost: NDArray[np.bool_]
+    """which pings have no usable echo"""
+    scale: float
+    floor: Array | None
+
+    def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
+        """See `SensorRun`."""
+        its = self.altimeter
+        height = np.full(last - first, np.nan)
+        at = np.arange(-(-first // self.stride) * self.stride, last, self.stride)
+        if its.fitted and at.size:
+            ping = at // self.stride
+            toward = its.beam(*(signal(signals, f"true_{n}")[at] for n in ANGLES))
+            length = self._lengths(signals, at, toward)
+            length *= self.scale
+            length += self.noise[ping]
+            lost = self.lost[ping] | (length < its.min_range) | ~(length <= its.max_range)
+            lost |= toward[:, 2] < math.cos(math.radians(its.max_beam_angle_deg))
+            tilted = (signal(signals, f"measured_{n}")[at] for n in ANGLES[:2])
+            believed = its.beam(*tilted, np.zeros(at.size))
+            height[at - first] = np.where(lost, np.nan, length * believed[:, 2])
+        return {"measured_altitude": height}
+
+    def _lengths(self, signals: Signals, at: NDArray[np.int64], toward: Array) -> Array:
         """Ranges [m] along the beams to the sea floor, inf out of reach, shape (pings,)."""
-        if surroundings.floor is None:  # level as far as the beam goes
+        if self.floor is None:  # level as far as the beam goes
             with np.errstate(divide="ignore"):
                 below = signal(signals, "true_altitude")[at] / np.maximum(toward[:, 2], 0.0)
             return np.maximum(below, 0.0)
         from twin.water.floor.lookup import beam_lengths
 
         place = [signal(signals, f"true_{name}")[at] for name in ("north", "east", "depth")]
-        reach = 1.1 * self.max_range  # noise may bring a longer one back within it
-        return beam_lengths(surroundings.floor, *place, toward, reach, MARCH)
+        reach = 1.1 * self.altimeter.max_range  # noise may bring a longer one back within it
+        return beam_lengths(self.floor, *place, toward, reach, MARCH)

@@ -13,14 +13,14 @@ b_a / g, and a gyro bias b_g adds time_constant b_g: attitude is no second measu
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.records.schema import variables
-from twin.sensors.base import NOWHERE, Sensor, Surroundings
+from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
 from twin.sensors.checks import (
     Drawn,
     Signals,
@@ -31,6 +31,7 @@ from twin.sensors.checks import (
 )
 from twin.sensors.noise import gauss_markov
 
+ANGLES = ("roll", "pitch")
 RATES = ("roll_rate", "pitch_rate", "yaw_rate")
 FORCES = ("specific_force_x", "specific_force_y", "specific_force_z")
 
@@ -72,47 +73,74 @@ class Attitude(Sensor):
         """No error at all."""
         return cls(rms_deg=0.0, time_constant=0.0)
 
-    def measure(
+    def begin(
         self,
-        signals: Signals,
+        samples: int,
+        signals: Iterable[str],
         *,
         dt: float,
         drawn: Drawn,
         rng: np.random.Generator,
         surroundings: Surroundings = NOWHERE,
-    ) -> dict[str, NDArray[Any]]:
+    ) -> AttitudeRun:
         """measured_roll in [-180, 180) and measured_pitch in [-90, 90] [degree]."""
-        true = [signal(signals, f"true_{name}") for name in ("roll", "pitch")]
-        out = {}
-        for angle, filtered, name in zip(
-            true, self._errors(signals, true, dt), ("roll", "pitch"), strict=True
-        ):
-            error = gauss_markov(
-                rng, angle.shape[0], std=self.rms_deg, dt=dt, correlation_time=self.correlation_time
+        own = np.stack(
+            [
+                gauss_markov(
+                    rng, samples, std=self.rms_deg, dt=dt, correlation_time=self.correlation_time
+                )
+                for _ in ANGLES
+            ]
+        )
+        return AttitudeRun(self.time_constant, dt, own)
+
+
+@dataclasses.dataclass
+class AttitudeRun(SensorRun):
+    """The filter in one mission."""
+
+    time_constant: float
+    dt: float
+    own: NDArray[np.float64]
+    """error of its own [degree], (2, n)"""
+    carried: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.full(2, np.nan))
+    """errors of roll and pitch by gyros and accelerometers [degree]"""
+
+    def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
+        """See `SensorRun`."""
+        true = [signal(signals, f"true_{name}")[first:last] for name in ANGLES]
+        filtered = self._errors(signals, true, slice(first, last))
+        out = {
+            f"measured_{name}": own + angle + error
+            for name, own, angle, error in zip(
+                ANGLES, self.own[:, first:last], true, filtered, strict=True
             )
-            error += angle
-            error += filtered
-            out[f"measured_{name}"] = error
+        }
         np.clip(out["measured_pitch"], -90.0, 90.0, out=out["measured_pitch"])
         beyond = np.abs(out["measured_roll"]) > 180.0
-        out["measured_roll"][beyond] = (out["measured_roll"][beyond] + 180.0) % 360.0 - 180.0
+        if beyond.any():
+            out["measured_roll"][beyond] = (out["measured_roll"][beyond] + 180.0) % 360.0 - 180.0
         return out
 
     def _errors(
-        self, signals: Signals, true: list[NDArray[np.float64]], dt: float
+        self, signals: Signals, true: list[NDArray[np.float64]], span: slice
     ) -> NDArray[np.float64]:
-        """What gyros and accelerometers make of roll and pitch [degree], shape (2, n)."""
+        """What gyros and accelerometers make of roll and pitch [degree], shape (2, stretch)."""
         from twin.sensors.kernels import complementary_kernel, tilt_kernel
 
-        errors = np.zeros((2, true[0].shape[0]))
+        errors = np.zeros((2, len(true[0])))
         if self.time_constant == 0.0:
             return errors
-        gyro = np.stack(
-            [signal(signals, f"measured_{n}") - signal(signals, f"true_{n}") for n in RATES]
-        )
-        force = np.stack([signal(signals, f"measured_{name}") for name in FORCES])
-        rate, reference = np.empty_like(errors), np.empty_like(errors)
-        tilt_kernel(*true, force, gyro, rate, reference)
+        gyro = np.empty((3, errors.shape[1]))
+        for i, name in enumerate(RATES):
+            measured, rate = (signal(signals, f"{kind}_{name}") for kind in ("measured", "true"))
+            np.subtract(measured[span], rate[span], out=gyro[i])
+        force = np.stack([signal(signals, f"measured_{name}")[span] for name in FORCES])
+        rates, reference = np.empty_like(errors), np.empty_like(errors)
+        tilt_kernel(*true, force, gyro, rates, reference)
         for i in range(2):
-            complementary_kernel(rate[i], reference[i], dt, self.time_constant, errors[i])
+            complementary_kernel(
+                rates[i], reference[i], self.dt, self.time_constant, self.carried[i : i + 1],
+                errors[i],
+            )  # fmt: skip
         return errors

@@ -3,6 +3,10 @@
 A sensor is one file with one frozen dataclass: its fields are the settings, its class attributes
 say what it reads, writes and draws, and `measure` is its model. `register` makes it known; then
 suites, stores, limits, figures and tables take it from there.
+
+A sensor that can also measure sample by sample, in a simulation that it steers, gives `begin`
+instead: a run, which measures one stretch of a mission after the other, all of it at once or a
+sample at a time, to the same readings.
 """
 
 from __future__ import annotations
@@ -14,6 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from twin.errors import InputError
 from twin.records.schema import Variable
 from twin.sensors.checks import Drawn, Signals
 
@@ -41,6 +46,37 @@ class Surroundings:
 
 NOWHERE = Surroundings()
 """The defaults of all of them"""
+
+
+class SensorRun:
+    """A sensor at work in one mission, a stretch of samples after the other."""
+
+    delay = 0
+    """Samples that have to be known beyond those that are measured, as when readings are means over
+    an interval around the sample."""
+    carried: NDArray[np.float64] = np.zeros(0)
+    """What later readings depend on, beside the signals and what `begin` drew."""
+
+    def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
+        """Readings of the samples first to last - 1, of shape (last - first,), by channel.
+
+        Args:
+          signals: arrays of the whole mission, shape (n,), known up to sample last - 1 + `delay`.
+          first: where the stretch before ended, 0 at first.
+        """
+        raise NotImplementedError
+
+    def finish(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
+        """`measure` for the last stretch of a mission that ended after `last` samples."""
+        return self.measure(signals, first, last)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """What later readings depend on, as arrays by name."""
+        return {"carried": self.carried.copy()}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from where `state` was called."""
+        self.carried = np.array(state["carried"], np.float64)
 
 
 class Sensor:
@@ -88,6 +124,31 @@ class Sensor:
         """The constants of one mission, by name as in `draws`."""
         return {}
 
+    def begin(
+        self,
+        samples: int,
+        signals: Iterable[str],
+        *,
+        dt: float,
+        drawn: Drawn,
+        rng: np.random.Generator,
+        surroundings: Surroundings = NOWHERE,
+    ) -> SensorRun:
+        """Begin to measure one mission, sample by sample or all at once.
+
+        Args:
+          samples: of the mission at most, n; its random numbers are drawn for so many.
+          signals: names of what the vehicle has.
+          dt, drawn, rng, surroundings: as in `measure`.
+
+        Raises:
+          InputError: it measures whole missions only.
+        """
+        raise InputError(
+            f"sensor {self.name!r} measures whole missions only, and here one is measured sample "
+            "by sample: give it a method `begin` (docs/sensors.md), or leave it out of the suite"
+        )
+
     def measure(
         self,
         signals: Signals,
@@ -97,7 +158,7 @@ class Sensor:
         rng: np.random.Generator,
         surroundings: Surroundings = NOWHERE,
     ) -> dict[str, NDArray[Any]]:
-        """Measure one mission.
+        """Measure one mission: what `begin` gives, over all samples at once.
 
         Args:
           signals: what `inputs` names, arrays of shape (n,) every `dt` [s], not to be changed.
@@ -107,7 +168,9 @@ class Sensor:
         Returns:
           An array of shape (n,) for each of `channels`, in its unit.
         """
-        raise NotImplementedError
+        n = len(signals[self.inputs(signals)[0]])
+        run = self.begin(n, signals, dt=dt, drawn=drawn, rng=rng, surroundings=surroundings)
+        return run.measure(signals, 0, n)
 
     @classmethod
     def observed(cls, name: str, signals: Signals) -> NDArray[Any] | None:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
 from twin.records.schema import variables
-from twin.sensors.base import NOWHERE, Sensor, Surroundings
+from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
 from twin.sensors.checks import (
     Drawn,
     Signals,
@@ -131,50 +131,87 @@ class Compass(Sensor):
         spread = (self.offset_deg, hard, hard, hard, soft, soft, battery, battery, battery)
         return self.draw_normal(rng, spread)
 
-    def measure(
+    def begin(
         self,
-        signals: Signals,
+        samples: int,
+        signals: Iterable[str],
         *,
         dt: float,
         drawn: Drawn,
         rng: np.random.Generator,
         surroundings: Surroundings = NOWHERE,
-    ) -> dict[str, NDArray[Any]]:
+    ) -> CompassRun:
         """measured_heading [degree] in [0, 360)."""
-        from twin.sensors.kernels import compass_kernel, complementary_kernel, turn_kernel
-
-        heading = signal(signals, "true_heading")
-        shift, rotation = (
-            signal(signals, f"true_{part}") if f"true_{part}" in signals else np.zeros_like(heading)
-            for part in (self.battery_shift_part, self.battery_rotation_part)
-        )
         iron = {key: drawn_value(drawn, f"compass_{key}_deg") * DEG for key in IRON}
         soft = np.zeros((3, 3))
         soft[:2, :2] = [[-iron["d"], -iron["e"]], [-iron["e"], iron["d"]]]
         error = gauss_markov(
-            rng, heading.shape[0], std=self.noise_deg, dt=dt,
-            correlation_time=self.noise_correlation_time,
-        )  # fmt: skip
-        roll, pitch = signal(signals, "true_roll"), signal(signals, "true_pitch")
-        level = (roll, pitch)
-        if self.time_constant > 0.0:
-            level = (signal(signals, "measured_roll"), signal(signals, "measured_pitch"))
+            rng, samples, std=self.noise_deg, dt=dt, correlation_time=self.noise_correlation_time
+        )
+        there = set(signals)
+        return CompassRun(
+            compass=self,
+            dt=dt,
+            error=error,
+            parts=tuple(
+                f"true_{part}" if f"true_{part}" in there else None
+                for part in (self.battery_shift_part, self.battery_rotation_part)
+            ),
+            hard=np.array([-iron["b"], -iron["c"], iron["vertical"]]),
+            soft=soft,
+            battery=np.array([iron["battery_x"], iron["battery_y"], iron["battery_z"]]),
+            offset=iron["a0"],
+        )
+
+
+@dataclasses.dataclass
+class CompassRun(SensorRun):
+    """A compass in one mission."""
+
+    compass: Compass
+    dt: float
+    error: NDArray[np.float64]
+    """of the filter [degree], (n,)"""
+    parts: tuple[str | None, ...]
+    """signals of what slides and what turns the battery"""
+    hard: NDArray[np.float64]
+    soft: NDArray[np.float64]
+    battery: NDArray[np.float64]
+    offset: float
+    """[rad]"""
+    carried: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.full(1, np.nan))
+    """error of the filter by gyros and magnetic field [degree]"""
+
+    def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
+        """See `SensorRun`."""
+        from twin.sensors.kernels import compass_kernel, complementary_kernel, turn_kernel
+
+        span, its = slice(first, last), self.compass
+        heading = signal(signals, "true_heading")[span]
+        shift, rotation = (
+            np.zeros_like(heading) if part is None else signal(signals, part)[span]
+            for part in self.parts
+        )
+        roll, pitch = (signal(signals, f"true_{name}")[span] for name in ("roll", "pitch"))
+        level: tuple[NDArray[np.float64], ...] = (roll, pitch)
+        if its.time_constant > 0.0:
+            level = tuple(signal(signals, f"measured_{n}")[span] for n in ("roll", "pitch"))
         deviation = np.empty_like(heading)
         compass_kernel(
-            roll, pitch, heading, *level, shift, rotation,
-            np.array([-iron["b"], -iron["c"], iron["vertical"]]), soft,
-            np.array([iron["battery_x"], iron["battery_y"], iron["battery_z"]]),
-            self.battery_distance, math.tan(self.dip_deg * DEG), iron["a0"], deviation,
+            roll, pitch, heading, *level, shift, rotation, self.hard, self.soft, self.battery,
+            its.battery_distance, math.tan(its.dip_deg * DEG), self.offset, deviation,
         )  # fmt: skip
-        if self.time_constant > 0.0:
+        if its.time_constant > 0.0:
             gyro = (
-                signal(signals, f"measured_{name}") - signal(signals, f"true_{name}")
+                signal(signals, f"measured_{name}")[span] - signal(signals, f"true_{name}")[span]
                 for name in ("pitch_rate", "yaw_rate")
             )
             rate = np.empty_like(heading)
             turn_kernel(roll, pitch, *gyro, rate)
-            complementary_kernel(rate, deviation.copy(), dt, self.time_constant, deviation)
-        out = np.mod(heading + deviation + error, 360.0)
+            complementary_kernel(
+                rate, deviation.copy(), self.dt, its.time_constant, self.carried, deviation
+            )
+        out = np.mod(heading + deviation + self.error[span], 360.0)
         out[out == 360.0] = 0.0  # the remainder of a tiny negative number
         return {"measured_heading": out}
 

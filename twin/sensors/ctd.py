@@ -17,14 +17,14 @@ Thermal mass: the SBE-41CP (Johnson, Toole and Larson, 2007), from which that CT
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.records.schema import Variable, variables
-from twin.sensors.base import NOWHERE, Sensor, Surroundings
+from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
 from twin.sensors.checks import (
     Drawn,
     Signals,
@@ -96,38 +96,77 @@ class Ctd(Sensor):
         rng: np.random.Generator,
         surroundings: Surroundings = NOWHERE,
     ) -> dict[str, NDArray[Any]]:
-        """measured_temperature [degree_Celsius], measured_salinity [1], measured_density [kg m-3],
-        measured_conductivity [S m-1].
-
-        Nothing where the signals have no temperature and salinity.
-        """
+        """See `begin`; nothing where the signals have no temperature and salinity."""
         if not self.channels(signals):
             return {}
-        import gsw
+        return super().measure(signals, dt=dt, drawn=drawn, rng=rng, surroundings=surroundings)
 
-        from twin.sensors.kernels import thermal_kernel
+    def begin(
+        self,
+        samples: int,
+        signals: Iterable[str],
+        *,
+        dt: float,
+        drawn: Drawn,
+        rng: np.random.Generator,
+        surroundings: Surroundings = NOWHERE,
+    ) -> CtdRun:
+        """measured_temperature [degree_Celsius], measured_salinity [1], measured_density [kg m-3],
+        measured_conductivity [S m-1].
+        """
         from twin.water.density import DensityProfile
 
         water = surroundings.density or DensityProfile.constant()
-        temperature, salinity = (signal(signals, name) for name in self.reads_if_there[:2])
-        latitude = surroundings.latitude
-        pressure = water.pressure(signal(signals, "true_depth"), latitude=latitude)
+        return CtdRun(
+            ctd=self,
+            dt=dt,
+            offsets=tuple(drawn_value(drawn, name) for name in self.draws),
+            pressure=water.pressure_integral(surroundings.latitude),
+            latitude=surroundings.latitude,
+            longitude=surroundings.longitude,
+        )
+
+
+@dataclasses.dataclass
+class CtdRun(SensorRun):
+    """A CTD in one mission."""
+
+    ctd: Ctd
+    dt: float
+    offsets: tuple[float, ...]
+    """of temperature [degree_Celsius] and conductivity [S/m]"""
+    pressure: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    """[dbar] at a depth [m]"""
+    latitude: float
+    longitude: float
+    carried: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.full(3, np.nan))
+    """water, thermistor and the cell's anomaly [degree_Celsius]"""
+
+    def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
+        """See `SensorRun`."""
+        import gsw
+
+        from twin.sensors.kernels import thermal_kernel
+
+        its, span = self.ctd, slice(first, last)
+        temperature, salinity = (signal(signals, name)[span] for name in its.reads_if_there[:2])
+        pressure = self.pressure(signal(signals, "true_depth")[span])
         thermistor, cell = np.empty_like(temperature), np.empty_like(temperature)
         thermal_kernel(
-            temperature, dt, self.temperature_lag, self.thermal_amplitude, self.thermal_time,
-            thermistor, cell,
+            temperature, self.dt, its.temperature_lag, its.thermal_amplitude, its.thermal_time,
+            self.carried, thermistor, cell,
         )  # fmt: skip
-        thermistor += drawn_value(drawn, "ctd_temperature_offset")
+        thermistor += self.offsets[0]
         conductivity = gsw.C_from_SP(salinity, cell, pressure) / MILLISIEMENS_PER_CM
-        conductivity += drawn_value(drawn, "ctd_conductivity_offset")
-        shown = _rounded(thermistor, self.temperature_resolution)
-        conductivity = _rounded(conductivity, self.conductivity_resolution)
-        gauge = signal(signals, "measured_pressure")
+        conductivity += self.offsets[1]
+        shown = _rounded(thermistor, its.temperature_resolution)
+        conductivity = _rounded(conductivity, its.conductivity_resolution)
+        gauge = signal(signals, "measured_pressure")[span]
         practical = gsw.SP_from_C(conductivity * MILLISIEMENS_PER_CM, shown, gauge)
-        absolute = gsw.SA_from_SP(practical, gauge, surroundings.longitude, latitude)
+        absolute = gsw.SA_from_SP(practical, gauge, self.longitude, self.latitude)
         density = gsw.rho_t_exact(absolute, shown, gauge)
         made = (shown, practical, density, conductivity)
-        return dict(zip((v.name for v in self.writes), made, strict=True))
+        return dict(zip((v.name for v in its.writes), made, strict=True))
 
 
 def _rounded(values: NDArray[np.float64], step: float) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.records.schema import variables
-from twin.sensors.base import NOWHERE, Sensor, Surroundings
+from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
 from twin.sensors.checks import (
     Drawn,
     Signals,
@@ -52,8 +52,8 @@ MODES = {"none": 0, "bottom": 1, "water": 2}
 """measured_dvl_mode; the record of the instrument flags them the same way"""
 CELL_SAMPLES = 3
 """depths across the cell layer at which the current is averaged"""
-CELL_PERIOD = 5.0
-"""[s] between evaluations of the current below; the layer is 40 m thick and changes slowly"""
+CELL_PERIOD = 2.0
+"""[s] for which the current below holds: the layer is 40 m thick and changes slowly"""
 MARCH = 2.0
 """[m] steps in which a beam looks for the floor, as the altimeter's"""
 BODY_RATES = ("roll_rate", "pitch_rate", "yaw_rate")
@@ -199,97 +199,39 @@ class Dvl(Sensor):
         spread = (self.scale, self.sound_speed, turn, turn, turn)
         return self.draw_normal(rng, spread)
 
-    def measure(
+    def begin(
         self,
-        signals: Signals,
+        samples: int,
+        signals: Iterable[str],
         *,
         dt: float,
         drawn: Drawn,
         rng: np.random.Generator,
         surroundings: Surroundings = NOWHERE,
-    ) -> dict[str, NDArray[Any]]:
+    ) -> DvlRun:
         """measured_dvl_surge/_sway/_heave [m/s] at the CB and measured_dvl_mode.
 
         The measured body rates remove the lever arm. The current of the surroundings is evaluated
         at the cell layer.
         """
-        n = np.shape(signals["true_depth"])[0]
-        velocity = np.empty((3, n))
-        mode = np.zeros(n)
-        if not self.fitted:
-            velocity[:] = np.nan
-        else:
-            self._measure(signals, dt, drawn, rng, surroundings, velocity, mode)
-        return dict(zip(OUTPUTS, velocity, strict=True)) | {"measured_dvl_mode": mode}
-
-    def _measure(
-        self, truth: Signals, dt: float, drawn: Drawn, rng: np.random.Generator,
-        surroundings: Surroundings, velocity: Array, mode: Array,
-    ) -> None:  # fmt: skip
-        from twin.sensors.kernels import body_kernel, dvl_kernel
-
-        current = surroundings.current
-        n = mode.shape[0]
-        angles = [signal(truth, f"true_{name}") for name in ("roll", "pitch", "heading")]
-        over_ground = [signal(truth, f"true_velocity_{name}") for name in ("north", "east", "down")]
-        plumb = np.empty((3, n))
-        if self.exact:
-            body_kernel(*angles, *over_ground, velocity, plumb)
-            mode[:] = MODES["bottom"]
-            return
-        ground = np.empty((3, n))
-        body_kernel(*angles, *over_ground, ground, plumb)
-        if current is None:
-            water = np.stack([signal(truth, f"true_{name}") for name in ("surge", "sway", "heave")])
-        else:
-            below = self._cell_current(truth, dt, plumb[2], current)
-            through = [v - c for v, c in zip(over_ground, below, strict=True)]
-            water = np.empty((3, n))
-            body_kernel(*angles, *through, water, np.empty((3, n)))
-        rates = np.stack([signal(truth, f"true_{name}") for name in BODY_RATES])
-        depth = signal(truth, "true_depth")
+        if not self.fitted or self.exact:
+            return DvlRun(dvl=self, dt=dt, samples=samples)
         ping_dt = 1.0 / self.ping_rate
-        pings = max(1, math.ceil((n - 0.5) * dt * self.ping_rate))
-        tilt = self.tilt_deg * DEG
+        pings = max(1, math.ceil((samples - 0.5) * dt * self.ping_rate))
         outlier, outlier_beam = self._outliers(rng, pings)
         mount = rotation(np.array([drawn_value(drawn, f"dvl_misalignment_{a}") for a in "xyz"]))
-        beams = beam_directions(tilt) @ mount.T
-        cell_reach = self.cell_max / math.cos(tilt)
-        slant = self._slant(truth, angles, plumb, beams, cell_reach, surroundings)
-        factor = 1.0 + drawn_value(drawn, "dvl_scale") + drawn_value(drawn, "dvl_sound_speed")
-        dvl_kernel(
-            ground, water, rates, plumb, depth, slant, np.array(self.lever_arm, float),
-            beams, beam_solutions(tilt), ping_dt / dt,
-            self._locked(rng, pings, ping_dt), factor, self.bottom_noise, self.water_noise,
-            normals(rng, n, 4), outlier, outlier_beam, self.min_range, self.max_range,
-            math.cos(self.max_beam_angle_deg * DEG), cell_reach, velocity, mode,
-        )  # fmt: skip
-        x, y, z = self.lever_arm
-        p, q, r = (signal(truth, f"measured_{name}") for name in BODY_RATES)
-        velocity[0] -= q * z - r * y
-        velocity[1] -= r * x - p * z
-        velocity[2] -= p * y - q * x
-
-    def _slant(
-        self, truth: Signals, angles: list[Array], plumb: Array, beams: Array, cell_reach: float,
-        surroundings: Surroundings,
-    ) -> Array:  # fmt: skip
-        """Distances [m] along the beams to the bottom, shape (4, n); inf where there is none."""
-        from twin.sensors.kernels import level_slant_kernel, slant_kernel
-
-        depth = signal(truth, "true_depth")
-        slant = np.full((len(beams), depth.shape[0]), np.inf)
-        lever = np.array(self.lever_arm, float)
-        if surroundings.floor is not None:
-            place = [signal(truth, f"true_{name}") for name in ("north", "east")]
-            farthest = max(self.max_range, cell_reach)
-            slant_kernel(
-                surroundings.floor, *place, depth, *angles, lever, beams, farthest, MARCH, slant
-            )
-        elif surroundings.bottom_depth is not None:
-            bottom = np.full(depth.shape[0], np.asarray(surroundings.bottom_depth, float))
-            level_slant_kernel(plumb, depth, bottom, lever, beams, slant)
-        return slant
+        return DvlRun(
+            dvl=self,
+            dt=dt,
+            samples=samples,
+            locked=self._locked(rng, pings, ping_dt),
+            white=normals(rng, samples, 4),
+            outlier=outlier,
+            outlier_beam=outlier_beam,
+            beams=beam_directions(self.tilt_deg * DEG) @ mount.T,
+            factor=1.0 + drawn_value(drawn, "dvl_scale") + drawn_value(drawn, "dvl_sound_speed"),
+            surroundings=surroundings,
+        )
 
     @classmethod
     def observed(cls, name: str, signals: Signals) -> NDArray[Any] | None:
@@ -307,27 +249,6 @@ class Dvl(Sensor):
         body = np.einsum("tji,tj->ti", euler_to_matrix(*angles), velocity)
         ground = body[:, ("surge", "sway", "heave").index(axis)]
         return np.where(mode == MODES["water"], through_water, ground)
-
-    def _cell_current(
-        self, truth: Signals, dt: float, plumb_z: Array, current: Array
-    ) -> tuple[Array, Array, Array]:
-        """Current [m/s] north, east, down averaged over the cell layer, each of shape (n,)."""
-        from twin.water.current.sampler import sample_track
-
-        n = plumb_z.shape[0]
-        at = np.arange(0, n, max(1, round(CELL_PERIOD / dt)))
-        t = at * dt
-        north, east, depth = (
-            signal(truth, f"true_{name}")[at] for name in ("north", "east", "depth")
-        )
-        still = np.zeros(at.size)
-        total = np.zeros((at.size, 3))
-        for cell in np.linspace(self.cell_min, self.cell_max, CELL_SAMPLES):
-            down = depth + cell * plumb_z[at]
-            total += sample_track(current, t, north, east, down, still, still, still)[:, :3]
-        total /= CELL_SAMPLES
-        index = np.arange(n)
-        return tuple(np.interp(index, at, total[:, i]) for i in range(3))  # type: ignore[return-value]
 
     def _locked(self, rng: np.random.Generator, pings: int, ping_dt: float) -> NDArray[np.bool_]:
         """Which pings have lock: alternating exponential stays of the two-state chain."""
@@ -357,3 +278,147 @@ class Dvl(Sensor):
         size[where[rng.random(count) < self.wrong_beam_share]] = np.nan
         beam[where] = rng.integers(4, size=count)
         return size, beam
+
+
+@dataclasses.dataclass(kw_only=True)
+class DvlRun(SensorRun):
+    """A Doppler log in one mission; of its fields the later ones are of one that pings."""
+
+    delay = 1  # readings are means over an interval centred on the sample
+
+    dvl: Dvl
+    dt: float
+    samples: int
+    locked: NDArray[np.bool_] = dataclasses.field(default_factory=lambda: np.zeros(0, bool))
+    """per ping"""
+    white: NDArray[np.float32] = dataclasses.field(default_factory=lambda: np.zeros((0, 4), "f4"))
+    """standard normals, (n, 4)"""
+    outlier: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
+    """[m/s] per ping"""
+    outlier_beam: NDArray[np.int64] = dataclasses.field(
+        default_factory=lambda: np.zeros(0, np.int64)
+    )
+    beams: Array = dataclasses.field(default_factory=lambda: np.zeros((4, 3)))
+    """directions as mounted"""
+    factor: float = 1.0
+    surroundings: Surroundings = NOWHERE
+
+    def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
+        """See `SensorRun`."""
+        velocity, mode = np.empty((3, last - first)), np.zeros(last - first)
+        if not self.dvl.fitted:
+            velocity[:] = np.nan
+        elif self.dvl.exact:
+            from twin.sensors.kernels import body_kernel
+
+            span = slice(first, last)
+            body_kernel(
+                *self._angles(signals, span), *self._over_ground(signals, span), velocity,
+                np.empty_like(velocity),
+            )  # fmt: skip
+            mode[:] = MODES["bottom"]
+        else:
+            # a ping between two samples needs both of them
+            begin, stop = max(first - 1, 0), min(last + 1, self.samples)
+            velocity, mode = self._pinged(signals, slice(begin, stop), first - begin, last - begin)
+            x, y, z = self.dvl.lever_arm
+            p, q, r = (signal(signals, f"measured_{name}")[first:last] for name in BODY_RATES)
+            velocity[0] -= q * z - r * y
+            velocity[1] -= r * x - p * z
+            velocity[2] -= p * y - q * x
+        return dict(zip(OUTPUTS, velocity, strict=True)) | {"measured_dvl_mode": mode}
+
+    def finish(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
+        """See `SensorRun`."""
+        kept, self.samples = self.samples, last
+        try:
+            return self.measure(signals, first, last)
+        finally:
+            self.samples = kept
+
+    @staticmethod
+    def _angles(truth: Signals, span: slice) -> list[Array]:
+        return [signal(truth, f"true_{name}")[span] for name in ("roll", "pitch", "heading")]
+
+    @staticmethod
+    def _over_ground(truth: Signals, span: slice) -> list[Array]:
+        names = ("north", "east", "down")
+        return [signal(truth, f"true_velocity_{name}")[span] for name in names]
+
+    def _pinged(self, truth: Signals, span: slice, begin: int, end: int) -> tuple[Array, Array]:
+        """Velocity at the instrument [m/s], (3, end - begin), and mode of these places of `span`.
+
+        `span` has a sample more on either side, where the mission has.
+        """
+        from twin.sensors.kernels import body_kernel, dvl_kernel
+
+        its, current = self.dvl, self.surroundings.current
+        angles, over_ground = self._angles(truth, span), self._over_ground(truth, span)
+        n = len(angles[0])
+        ground, plumb = np.empty((3, n)), np.empty((3, n))
+        body_kernel(*angles, *over_ground, ground, plumb)
+        if current is None:
+            names = ("surge", "sway", "heave")
+            water = np.stack([signal(truth, f"true_{name}")[span] for name in names])
+        else:
+            below = self._cell_current(truth, span, current)
+            through = [v - c for v, c in zip(over_ground, below, strict=True)]
+            water = np.empty((3, n))
+            body_kernel(*angles, *through, water, np.empty((3, n)))
+        rates = np.stack([signal(truth, f"true_{name}")[span] for name in BODY_RATES])
+        depth = signal(truth, "true_depth")[span]
+        tilt = its.tilt_deg * DEG
+        cell_reach = its.cell_max / math.cos(tilt)
+        slant = self._slant(truth, span, angles, plumb, cell_reach)
+        velocity, mode = np.empty((3, n)), np.zeros(n)
+        dvl_kernel(
+            ground, water, rates, plumb, depth, slant, np.array(its.lever_arm, float),
+            self.beams, beam_solutions(tilt), 1.0 / its.ping_rate / self.dt,
+            self.locked, self.factor, its.bottom_noise, its.water_noise,
+            self.white, self.outlier, self.outlier_beam, its.min_range, its.max_range,
+            math.cos(its.max_beam_angle_deg * DEG), cell_reach, span.start, begin, end,
+            velocity, mode,
+        )  # fmt: skip
+        return velocity[:, begin:end], mode[begin:end]
+
+    def _slant(
+        self, truth: Signals, span: slice, angles: list[Array], plumb: Array, cell_reach: float
+    ) -> Array:
+        """Distances [m] along the beams to the bottom, shape (4, n); inf where there is none."""
+        from twin.sensors.kernels import level_slant_kernel, slant_kernel
+
+        its, around = self.dvl, self.surroundings
+        depth = signal(truth, "true_depth")[span]
+        slant = np.full((len(self.beams), depth.shape[0]), np.inf)
+        lever = np.array(its.lever_arm, float)
+        if around.floor is not None:
+            place = [signal(truth, f"true_{name}")[span] for name in ("north", "east")]
+            farthest = max(its.max_range, cell_reach)
+            slant_kernel(
+                around.floor, *place, depth, *angles, lever, self.beams, farthest, MARCH, slant
+            )
+        elif around.bottom_depth is not None:
+            bottom = np.asarray(around.bottom_depth, float)
+            bottom = bottom[span] if bottom.shape else np.full(depth.shape[0], bottom)
+            level_slant_kernel(plumb, depth, bottom, lever, self.beams, slant)
+        return slant
+
+    def _cell_current(self, truth: Signals, span: slice, current: Array) -> list[Array]:
+        """Current [m/s] north, east, down averaged over the cell layer, each of shape (n,)."""
+        from twin.water.current.sampler import sample_track
+
+        stride = max(1, round(CELL_PERIOD / self.dt))
+        at = np.arange(span.start // stride * stride, span.stop, stride)
+        north, east, depth, roll, pitch = (
+            signal(truth, f"true_{name}")[at]
+            for name in ("north", "east", "depth", "roll", "pitch")
+        )
+        plumb = np.cos(np.deg2rad(roll)) * np.cos(np.deg2rad(pitch))
+        still = np.zeros(at.size)
+        total = np.zeros((at.size, 3))
+        for cell in np.linspace(self.dvl.cell_min, self.dvl.cell_max, CELL_SAMPLES):
+            down = depth + cell * plumb
+            total += sample_track(current, at * self.dt, north, east, down, *[still] * 3)[:, :3]
+        total /= CELL_SAMPLES
+        held = np.arange(span.start, span.stop) // stride - at[0] // stride
+        return [total[held, i] for i in range(3)]

@@ -14,7 +14,7 @@ from twin.errors import InputError, UnknownName
 from twin.numbers import number
 from twin.records.schema import Variable, declare, variable
 from twin.records.trajectory import actuator_names
-from twin.sensors.base import NOWHERE, Sensor, Surroundings
+from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
 from twin.sensors.checks import Drawn, Signals, require_non_negative, signal
 
 
@@ -68,15 +68,16 @@ class Encoders(Sensor):
         """A reading of each part, in the unit of its position."""
         return tuple(_reading(part) for part in actuator_names(signals))
 
-    def measure(
+    def begin(
         self,
-        signals: Signals,
+        samples: int,
+        signals: Iterable[str],
         *,
         dt: float,
         drawn: Drawn,
         rng: np.random.Generator,
         surroundings: Surroundings = NOWHERE,
-    ) -> dict[str, NDArray[Any]]:
+    ) -> EncodersRun:
         """measured_PART in the unit of true_PART, for each part.
 
         Raises:
@@ -91,10 +92,26 @@ class Encoders(Sensor):
             "degree": self.rotation_resolution_deg,
             "cm3": self.pump_resolution,
         }
+        return EncodersRun(
+            {
+                part: self.resolutions.get(part, by_unit.get(variable(f"true_{part}").units, 0.0))
+                for part in parts
+            }
+        )
+
+
+@dataclasses.dataclass
+class EncodersRun(SensorRun):
+    """Encoders of one vehicle."""
+
+    steps: dict[str, float]
+    """resolution of each part"""
+
+    def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
+        """See `SensorRun`."""
         out = {}
-        for part in parts:
-            true = signal(signals, f"true_{part}")
-            step = self.resolutions.get(part, by_unit.get(variable(f"true_{part}").units, 0.0))
+        for part, step in self.steps.items():
+            true = signal(signals, f"true_{part}")[first:last]
             if step > 0.0:
                 reading = np.rint(true * (1.0 / step))
                 reading *= step

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.records.schema import variables
-from twin.sensors.base import NOWHERE, Sensor, Surroundings
+from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
 from twin.sensors.checks import (
     Drawn,
     Signals,
@@ -22,7 +22,7 @@ from twin.sensors.checks import (
     require_positive,
     signal,
 )
-from twin.sensors.noise import gauss_markov
+from twin.sensors.noise import gauss_markov_knots, normals
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -97,49 +97,141 @@ class Gps(Sensor):
         below = -np.sin(pitch) * x + np.cos(pitch) * (np.sin(roll) * y + np.cos(roll) * z)
         return signal(truth, "true_depth") + below < 0.0
 
-    def measure(
+    def begin(
         self,
-        signals: Signals,
+        samples: int,
+        signals: Iterable[str],
         *,
         dt: float,
         drawn: Drawn,
         rng: np.random.Generator,
         surroundings: Surroundings = NOWHERE,
-    ) -> dict[str, NDArray[Any]]:
-        """measured_gps_north and measured_gps_east [m] about the mission's origin; NaN: no fix."""
-        north, east = signal(signals, "true_north"), signal(signals, "true_east")
-        n = north.shape[0]
-        fixes_north, fixes_east = np.full(n, np.nan), np.full(n, np.nan)
-        sigma = drawn_value(drawn, "gps_sigma")
-        stride = max(1, round(self.fix_interval / dt))
-        dry = self.at_surface(signals)
-        for start, stop in self._surfacings(dry, dt):
-            wait = rng.uniform(self.first_fix_min, self.first_fix_max)
-            if start == 0 and self.tracking_at_start:
-                wait = 0.0
-            fixes = np.arange(start + math.ceil(wait / dt), stop, stride)
-            if fixes.size == 0:
-                continue
-            for out, true in ((fixes_north, north), (fixes_east, east)):
-                out[fixes] = true[fixes] + gauss_markov(
-                    rng, fixes.size, std=sigma, dt=stride * dt,
-                    correlation_time=self.correlation_time,
-                )  # fmt: skip
-        fixes_north[~dry] = fixes_east[~dry] = np.nan
-        return {"measured_gps_north": fixes_north, "measured_gps_east": fixes_east}
+    ) -> GpsRun:
+        """measured_gps_north and measured_gps_east [m] about the mission's origin; NaN: no fix.
+
+        Nothing of a surfacing is drawn before it has come.
+        """
+        return GpsRun(gps=self, dt=dt, rng=rng, sigma=drawn_value(drawn, "gps_sigma"))
+
+    def wait(self, rng: np.random.Generator, start: int, dt: float) -> int:
+        """Samples from the begin of a surfacing, at sample `start`, to its first fix."""
+        wait = rng.uniform(self.first_fix_min, self.first_fix_max)
+        if start == 0 and self.tracking_at_start:
+            wait = 0.0
+        return math.ceil(wait / dt)
+
+    def wander(self, rng: np.random.Generator, sigma: float, dt: float) -> Wander:
+        """Errors of the fixes of one surfacing, one every `dt` [s]."""
+        std, decay, stride = gauss_markov_knots(sigma, dt, self.correlation_time)
+        return Wander(rng=rng, std=std, decay=decay, stride=stride)
 
     @classmethod
     def observed(cls, name: str, signals: Signals) -> NDArray[Any] | None:
         """The true position."""
         return signals.get(f"true_{name.removeprefix('gps_')}")
 
-    def _surfacings(self, dry: NDArray[np.bool_], dt: float) -> list[tuple[int, int]]:
-        """Start and end (exclusive) of each stay at the surface, short dips bridged."""
-        edges = np.flatnonzero(np.diff(dry, prepend=False, append=False))
-        stays: list[tuple[int, int]] = []
-        for start, stop in edges.reshape(-1, 2).tolist():
-            if stays and (start - stays[-1][1]) * dt <= self.dip_tolerance:
-                stays[-1] = (stays[-1][0], stop)
-            else:
-                stays.append((start, stop))
-        return stays
+
+@dataclasses.dataclass
+class Wander:
+    """Two Gauss-Markov processes, north and east [m], as `twin.sensors.noise.gauss_markov`.
+
+    Knots are drawn when they are needed, so that no one has to know how long it goes on.
+    """
+
+    rng: np.random.Generator
+    std: float
+    decay: float
+    stride: int
+    count: int = 0
+    knot: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.zeros(2))
+    following: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.zeros(2))
+
+    def next(self) -> NDArray[np.float64]:
+        """The next errors, shape (2,)."""
+        if self.count == 0:
+            self.following = self.std * normals(self.rng, 2).astype(float)
+        place = self.count % self.stride
+        if place == 0:
+            step = self.std * math.sqrt(1.0 - self.decay**2)
+            self.knot = self.following
+            self.following = self.decay * self.knot + step * normals(self.rng, 2)
+        self.count += 1
+        return self.knot + (self.following - self.knot) * (place / self.stride)
+
+
+@dataclasses.dataclass
+class GpsRun(SensorRun):
+    """A receiver in one mission."""
+
+    gps: Gps
+    dt: float
+    rng: np.random.Generator
+    sigma: float
+    wander: Wander | None = None
+    """of this surfacing, once it has had a fix"""
+    next_fix: int = 0
+    """sample"""
+    last_dry: int = -(10**9)
+    """sample at which the antenna was last out of the water"""
+
+    def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
+        """See `SensorRun`."""
+        out = np.full((2, last - first), np.nan)
+        names = [name for name in self.gps.reads if name in signals]
+        dry = self.gps.at_surface({name: signals[name][first:last] for name in names})
+        for k in np.flatnonzero(dry) + first:
+            error = self._fix(int(k))
+            if error is not None:
+                out[0, k - first] = signals["true_north"][k] + error[0]
+                out[1, k - first] = signals["true_east"][k] + error[1]
+        return {"measured_gps_north": out[0], "measured_gps_east": out[1]}
+
+    def _fix(self, k: int) -> NDArray[np.float64] | None:
+        """Error [m] of the fix of a sample at the surface, (2,); None: there is no fix."""
+        its = self.gps
+        stride = max(1, round(its.fix_interval / self.dt))
+        if (k - self.last_dry - 1) * self.dt > its.dip_tolerance:
+            self.wander = None
+            self.next_fix = k + its.wait(self.rng, k, self.dt)
+        self.last_dry = k
+        error = None
+        while self.next_fix <= k:  # the process went on while the antenna was under
+            if self.wander is None:
+                self.wander = its.wander(self.rng, self.sigma, stride * self.dt)
+            value = self.wander.next()
+            if self.next_fix == k:
+                error = value
+            self.next_fix += stride
+        return error
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """See `SensorRun`."""
+        found: dict[str, Any] = self.rng.bit_generator.state  # type: ignore[assignment]
+        words = [found["has_uint32"], found["uinteger"], *found["state"]["state"]]
+        one = self.wander
+        return {
+            "generator": np.array(words, np.uint64),
+            "surfacing": np.array([self.next_fix, self.last_dry], np.int64),
+            "wander": np.zeros(0)
+            if one is None
+            else np.array([one.count, *one.knot, *one.following], np.float64),
+        }
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """See `SensorRun`."""
+        words = np.asarray(state["generator"], np.uint64)
+        found: dict[str, Any] = self.rng.bit_generator.state  # type: ignore[assignment]
+        self.rng.bit_generator.state = {
+            **found,
+            "has_uint32": int(words[0]),
+            "uinteger": int(words[1]),
+            "state": {"state": words[2:].copy()},
+        }
+        self.next_fix, self.last_dry = (int(value) for value in state["surfacing"])
+        self.wander = None
+        if len(state["wander"]):
+            stride = max(1, round(self.gps.fix_interval / self.dt))
+            self.wander = self.gps.wander(self.rng, self.sigma, stride * self.dt)
+            values = np.asarray(state["wander"], np.float64)
+            self.wander.count = int(values[0])
+            self.wander.knot, self.wander.following = values[1:3], values[3:5]

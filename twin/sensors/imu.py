@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
 from twin.records.schema import variables
-from twin.sensors.base import NOWHERE, Sensor, Surroundings
+from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
 from twin.sensors.checks import (
     Drawn,
     Signals,
@@ -133,31 +134,32 @@ class Imu(Sensor):
             for j, axis in enumerate(AXES)
         }
 
-    def measure(
+    def begin(
         self,
-        signals: Signals,
+        samples: int,
+        signals: Iterable[str],
         *,
         dt: float,
         drawn: Drawn,
         rng: np.random.Generator,
         surroundings: Surroundings = NOWHERE,
-    ) -> dict[str, NDArray[Any]]:
-        """measured rates [rad/s] and specific force [m/s2] at the IMU site, body FRD."""
-        rates = self._triad(
-            signals, GYRO_SIGNALS, "gyro", dt, drawn, rng,
+    ) -> ImuRun:
+        """Rates [rad/s] and specific force [m/s2] at the IMU site, body FRD."""
+        gyro = self._triad(
+            samples, GYRO_SIGNALS, "gyro", dt, drawn, rng,
             self.gyro_noise_density, self.gyro_bias_instability, self.gyro_rate_random_walk,
         )  # fmt: skip
         force = self._triad(
-            signals, FORCE_SIGNALS, "accel", dt, drawn, rng,
+            samples, FORCE_SIGNALS, "accel", dt, drawn, rng,
             self.accel_noise_density, self.accel_bias_instability, self.accel_rate_random_walk,
         )  # fmt: skip
-        return rates | force
+        return ImuRun(gyro, force)
 
     def _triad(
-        self, truth: Signals, names: tuple[str, ...], triad: str, dt: float, drawn: Drawn,
+        self, n: int, names: tuple[str, ...], triad: str, dt: float, drawn: Drawn,
         rng: np.random.Generator, density: float, instability: float, walk: float,
-    ) -> dict[str, NDArray[np.float64]]:  # fmt: skip
-        from twin.sensors.kernels import triad_kernel
+    ) -> TriadRun:  # fmt: skip
+        from twin.sensors.kernels import slow_kernel
 
         bias, scale, turn = (
             np.array([drawn_value(drawn, f"{triad}_{what}_{axis}") for axis in AXES])
@@ -167,18 +169,53 @@ class Imu(Sensor):
         matrix = np.diag(1.0 + scale) + np.array(
             [[0.0, turn[2], -turn[1]], [-turn[2], 0.0, turn[0]], [turn[1], -turn[0], 0.0]]
         )
-        true = [signal(truth, f"true_{name}") for name in names]
-        n = true[0].shape[0]
         std, decay, stride = gauss_markov_knots(
             instability / GAUSS_MARKOV_PEAK, dt, self.correlation_time
         )
-        out = np.empty((3, n))
+        white = normals(rng, 3, n)
+        knots = normals(rng, 3, 2, knot_count(n, stride))
+        slow = np.empty((3, knots.shape[2]))
+        slow_kernel(bias, knots, std, decay, walk * math.sqrt(stride * dt), slow)
+        return TriadRun(names, matrix, white, density / math.sqrt(dt), slow, stride)
+
+
+@dataclasses.dataclass
+class TriadRun(SensorRun):
+    """Three axes of one kind."""
+
+    names: tuple[str, ...]
+    matrix: NDArray[np.float64]
+    """scale factors and misalignment, (3, 3)"""
+    white: NDArray[np.float32]
+    """standard normals, (3, n)"""
+    white_std: float
+    slow: NDArray[np.float64]
+    """bias and what wanders, at its knots, (3, m)"""
+    stride: int
+    """samples from knot to knot"""
+
+    def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
+        """See `SensorRun`."""
+        from twin.sensors.kernels import triad_kernel
+
+        out = np.empty((3, last - first))
         triad_kernel(
-            *true, matrix, bias, normals(rng, 3, n), density / math.sqrt(dt),
-            normals(rng, 3, 2, knot_count(n, stride)), std, decay, walk * math.sqrt(stride * dt),
-            stride, out,
+            *(signal(signals, f"true_{name}")[first:last] for name in self.names), self.matrix,
+            self.white, self.white_std, self.slow, self.stride, first, out,
         )  # fmt: skip
-        return {f"measured_{name}": out[i] for i, name in enumerate(names)}
+        return {f"measured_{name}": out[i] for i, name in enumerate(self.names)}
+
+
+@dataclasses.dataclass
+class ImuRun(SensorRun):
+    """Gyroscope and accelerometer."""
+
+    gyro: TriadRun
+    force: TriadRun
+
+    def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
+        """See `SensorRun`."""
+        return self.gyro.measure(signals, first, last) | self.force.measure(signals, first, last)
 
 
 IMU_PRESETS: dict[str, Imu] = {

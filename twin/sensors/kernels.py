@@ -41,50 +41,59 @@ def gauss_markov_kernel(white, std, decay, stride, out):  # type: ignore[no-unty
 
 
 @jit
-def triad_kernel(  # type: ignore[no-untyped-def]
-    x, y, z, matrix, bias, white, white_std, knots, bias_std, decay, walk_step, stride, out
-):
-    """out[i] = matrix[i] @ (x, y, z) + bias[i] + white noise + Gauss-Markov bias + random walk.
+def slow_kernel(bias, knots, bias_std, decay, walk_step, slow):  # type: ignore[no-untyped-def]
+    """slow = bias[i] + Gauss-Markov process + random walk at the knots, (3, m).
 
-    white: standard normals (3, n). knots: standard normals (3, 2, m) that drive the two slow
-    processes with a knot every `stride` samples, linear in between. out: (3, n).
+    knots: standard normals (3, 2, m) that drive the two processes.
     """
-    n = x.shape[0]
     step = bias_std * math.sqrt(1.0 - decay * decay)
     for i in range(3):
-        a, b, c = matrix[i, 0], matrix[i, 1], matrix[i, 2]
         state = bias_std * knots[i, 0, 0]
         walk = bias[i]
-        for j in range(knots.shape[2] - 1):
-            state_next = decay * state + step * knots[i, 0, j + 1]
-            walk_next = walk + walk_step * knots[i, 1, j + 1]
-            slow = state + walk
-            slope = (state_next + walk_next - slow) / stride
-            first = j * stride
-            for k in range(first, min(first + stride, n)):
-                out[i, k] = (
-                    a * x[k] + b * y[k] + c * z[k]
-                    + slow + slope * (k - first) + white_std * white[i, k]
-                )  # fmt: skip
-            state = state_next
-            walk = walk_next
+        slow[i, 0] = state + walk
+        for j in range(1, knots.shape[2]):
+            state = decay * state + step * knots[i, 0, j]
+            walk = walk + walk_step * knots[i, 1, j]
+            slow[i, j] = state + walk
 
 
 @jit
-def complementary_kernel(rate, reference, dt, time_constant, out):  # type: ignore[no-untyped-def]
+def triad_kernel(x, y, z, matrix, white, white_std, slow, stride, begin, out):  # type: ignore[no-untyped-def]
+    """out[i] = matrix[i] @ (x, y, z) + slow errors + white noise, (3, stretch).
+
+    x, y, z: of the samples from `begin` on. white: standard normals (3, n) and slow: the slow
+    errors with a knot every `stride` samples, linear in between, of the whole mission.
+    """
+    n = x.shape[0]
+    for i in range(3):
+        a, b, c = matrix[i, 0], matrix[i, 1], matrix[i, 2]
+        for j in range(begin // stride, (begin + n - 1) // stride + 1):
+            slope = (slow[i, j + 1] - slow[i, j]) / stride
+            first = j * stride
+            for k in range(max(first, begin), min(first + stride, begin + n)):
+                m = k - begin
+                out[i, m] = (
+                    a * x[m] + b * y[m] + c * z[m]
+                    + slow[i, j] + slope * (k - first) + white_std * white[i, k]
+                )  # fmt: skip
+
+
+@jit
+def complementary_kernel(rate, reference, dt, time_constant, carried, out):  # type: ignore[no-untyped-def]
     """out = error of a complementary filter: out' = rate - (out - reference) / time_constant.
 
     rate: error of the angle's rate that the gyros give; reference: error of the angle that
-    gravity or the compass gives, shape (n,). Backward Euler, stable for every step; it has settled
-    on the gyros' mean error at the first sample.
+    gravity or the compass gives, shape (n,). Backward Euler, stable for every step. carried: (1,)
+    error at the sample before, NaN at the first one, on whose rate it has settled.
     """
-    n = out.shape[0]
-    settled = min(n, max(1, int(time_constant / dt)))
-    error = reference[0] + time_constant * rate[:settled].mean()
+    error = carried[0]
+    if error != error:
+        error = reference[0] + time_constant * rate[0]
     share = dt / time_constant
-    for k in range(n):
+    for k in range(out.shape[0]):
         error = (error + dt * rate[k] + share * reference[k]) / (1.0 + share)
         out[k] = error
+    carried[0] = error
 
 
 @jit
@@ -118,23 +127,29 @@ def turn_kernel(roll, pitch, gyro_y, gyro_z, rate):  # type: ignore[no-untyped-d
 
 
 @jit
-def thermal_kernel(temperature, dt, lag, amplitude, time_constant, thermistor, cell):  # type: ignore[no-untyped-def]
+def thermal_kernel(  # type: ignore[no-untyped-def]
+    temperature, dt, lag, amplitude, time_constant, carried, thermistor, cell
+):
     """What a CTD's thermistor shows and how warm the water in its conductivity cell is.
 
     thermistor: first-order lag [s] of the water's temperature. cell: temperature less the anomaly
     that the cell's wall makes, by the recursion of Lueck and Picklo (1990). All (n,) [deg C].
+    carried: (3,) water, thermistor and anomaly at the sample before, NaN at the first one.
     """
     kept = math.exp(-dt / lag) if lag > 0.0 else 0.0
     a = 2.0 * amplitude * time_constant / dt / (1.0 + 2.0 * time_constant / dt)
     b = 1.0 - 2.0 * a / amplitude if amplitude > 0.0 else 0.0
-    shown = temperature[0]
-    anomaly = 0.0
+    before, shown, anomaly = carried[0], carried[1], carried[2]
     for k in range(temperature.shape[0]):
-        if k > 0:
+        if before != before:
+            shown, anomaly = temperature[k], 0.0
+        else:
             shown = kept * shown + (1.0 - kept) * temperature[k]
-            anomaly = a * (temperature[k] - temperature[k - 1]) - b * anomaly
+            anomaly = a * (temperature[k] - before) - b * anomaly
+        before = temperature[k]
         thermistor[k] = shown
-        cell[k] = temperature[k] - anomaly
+        cell[k] = before - anomaly
+    carried[0], carried[1], carried[2] = before, shown, anomaly
 
 
 @jit
@@ -257,23 +272,27 @@ def slant_kernel(  # type: ignore[no-untyped-def]
 def dvl_kernel(  # type: ignore[no-untyped-def]
     ground, water, rates, plumb, depth, slant, lever, beams, solve, ping_step, locked,
     factor, bottom_std, water_std, white, outlier, outlier_beam, min_range, max_range, min_cosine,
-    cell_reach, velocity, mode,
+    cell_reach, first, begin, end, velocity, mode,
 ):  # fmt: skip
-    """Velocity at the instrument [m/s], body FRD, (3, n), and mode (n,), from single pings.
+    """Velocity at the instrument [m/s], body FRD, (3, m), and mode (m,), from single pings.
 
-    ground, water, rates, plumb: (3, n) body velocity over ground and through the cell layer,
-    angular velocity and the plumb line. depth (n,) [m]; slant (4, n) [m] from the instrument to
-    the bottom along each beam. beams: (4, 3) unit vectors; solve: (16, 3, 4) least-squares
-    inverses by the set of beams. ping_step: samples from ping to ping. Per ping: locked (m,) bool,
-    outlier (m,) [m/s]: 0 none, NaN the beam reports its neighbour's velocity, outlier_beam (m,).
-    white: standard normals (n, 4). cell_reach [m] is the slant range of the farthest water cell.
+    ground, water, rates, plumb: (3, m) body velocity over ground and through the cell layer,
+    angular velocity and the plumb line. depth (m,) [m]; slant (4, m) [m] from the instrument to
+    the bottom along each beam. These are of the mission's samples from `first` on, and the places
+    begin to end - 1 of them are measured. beams: (4, 3) unit vectors; solve: (16, 3, 4)
+    least-squares inverses by the set of beams. ping_step: samples from ping to ping. Per ping of
+    the mission: locked, bool, outlier [m/s]: 0 none, NaN the beam reports its neighbour's velocity,
+    and outlier_beam. white: standard normals (n, 4) of the mission. cell_reach [m] is the slant
+    range of the farthest water cell.
     The lock is decided at each sample; the sample is the mean over its pings.
     """
     n = depth.shape[0]
     pings = locked.shape[0]
     radial = np.empty(BEAMS)
-    ping = 0
-    for k in range(n):
+    ping = max(0, int((first + begin - 0.5) / ping_step) - 1)
+    while ping < pings and ping * ping_step < first + begin - 0.5:
+        ping += 1
+    for k in range(begin, end):
         # Which beams see the bottom, and which have their cells in the water.
         z = depth[k]
         for i in range(3):
@@ -310,14 +329,14 @@ def dvl_kernel(  # type: ignore[no-untyped-def]
         sum_y = 0.0
         sum_z = 0.0
         radial[:] = 0.0
-        while ping < pings and ping * ping_step < k + 0.5:
+        while ping < pings and ping * ping_step < first + k + 0.5:
             now = ping
             ping += 1
             if kind == NO_LOCK or not locked[now]:
                 continue
             # Between samples the body-frame vectors are linear in time.
-            a = min(int(now * ping_step), n - 1)
-            f = now * ping_step - a
+            a = min(int(now * ping_step) - first, n - 1)
+            f = now * ping_step - first - a
             b = min(a + 1, n - 1)
             wx = rates[0, a] + f * (rates[0, b] - rates[0, a])
             wy = rates[1, a] + f * (rates[1, b] - rates[1, a])
@@ -346,7 +365,7 @@ def dvl_kernel(  # type: ignore[no-untyped-def]
             std /= math.sqrt(count)
             for i in range(BEAMS):
                 along = beams[i, 0] * sum_x + beams[i, 1] * sum_y + beams[i, 2] * sum_z
-                radial[i] = (along * factor + radial[i]) / count + std * white[k, i]
+                radial[i] = (along * factor + radial[i]) / count + std * white[first + k, i]
             for i in range(3):
                 total = 0.0
                 for m in range(BEAMS):
@@ -360,19 +379,17 @@ def dvl_kernel(  # type: ignore[no-untyped-def]
 @jit
 def onboard_kernel(  # type: ignore[no-untyped-def]
     depth, pitch, heading, gps_north, gps_east, dt, window, angle_of_attack, min_pitch,
-    surface_depth, max_speed, min_dive_time, use_current, out,
+    surface_depth, max_speed, min_dive_time, use_current, carried, begin, out,
 ):  # fmt: skip
-    """Dead reckoning as in `twin.sensors.onboard`; out: (4, n) north, east, current n, e.
+    """Dead reckoning as in `twin.sensors.onboard`; out: (4, m) north, east, current n, e.
 
-    Measured depth [m], pitch and heading [deg], GPS [m] with NaN where there is no fix;
-    window in samples; angles of the settings [rad], speeds [m/s], times [s].
+    Measured depth [m], pitch and heading [deg], GPS [m] with NaN where there is no fix, (n,);
+    window in samples; angles of the settings [rad], speeds [m/s], times [s]. out is of the samples
+    from `begin` on; carried: (7,), zeros at the first one.
     """
-    north, east = 0.0, 0.0
-    current_n, current_e = 0.0, 0.0
-    speed = 0.0
-    since_fix = 0.0
-    pitch_sum = 0.0
-    for k in range(depth.shape[0]):
+    north, east, current_n, current_e = carried[0], carried[1], carried[2], carried[3]
+    speed, since_fix, pitch_sum = carried[4], carried[5], carried[6]
+    for k in range(begin, begin + out.shape[1]):
         if k > 0:
             since_fix += dt
         pitch_sum += pitch[k]
@@ -401,33 +418,34 @@ def onboard_kernel(  # type: ignore[no-untyped-def]
                 current_e = drift_e + (gps_east[k] - east) / since_fix
             north, east = gps_north[k], gps_east[k]
             since_fix = 0.0
-        out[0, k] = north
-        out[1, k] = east
-        out[2, k] = current_n
-        out[3, k] = current_e
+        out[0, k - begin] = north
+        out[1, k - begin] = east
+        out[2, k - begin] = current_n
+        out[3, k - begin] = current_e
+    carried[0], carried[1], carried[2], carried[3] = north, east, current_n, current_e
+    carried[4], carried[5], carried[6] = speed, since_fix, pitch_sum
 
 
 @jit
 def dvl_track_kernel(  # type: ignore[no-untyped-def]
-    velocity_north, velocity_east, mode, gps_north, gps_east, dt, min_dive_time, use_current, out
-):
-    """Dead reckoning by a Doppler log, `twin.sensors.onboard`; out: (4, n) as `onboard_kernel`.
+    velocity_north, velocity_east, mode, gps_north, gps_east, dt, min_dive_time, use_current,
+    carried, begin, out,
+):  # fmt: skip
+    """Dead reckoning by a Doppler log, `twin.sensors.onboard`; out: (4, m) as `onboard_kernel`.
 
-    Measured velocity [m/s] NED and mode of its lock, (n,), GPS [m] with NaN where there is no fix.
+    Measured velocity [m/s] NED and mode of its lock, (m,), GPS [m] with NaN where there is no fix,
+    of the samples from `begin` on; carried: (8,), zeros at the first one.
     """
-    north, east = 0.0, 0.0
-    current_n, current_e = 0.0, 0.0
-    speed_n, speed_e = 0.0, 0.0
-    in_water = False
-    water_time = 0.0
+    north, east, current_n, current_e = carried[0], carried[1], carried[2], carried[3]
+    speed_n, speed_e, water_time, in_water = carried[4], carried[5], carried[6], carried[7]
     for k in range(mode.shape[0]):
         if mode[k] != NO_LOCK:
             speed_n, speed_e = velocity_north[k], velocity_east[k]
-            in_water = mode[k] == WATER_LOCK
-        if k > 0:
+            in_water = 1.0 if mode[k] == WATER_LOCK else 0.0
+        if begin + k > 0:
             north += speed_n * dt
             east += speed_e * dt
-            if in_water:
+            if in_water != 0.0:
                 water_time += dt
                 if use_current:
                     north += current_n * dt
@@ -444,3 +462,5 @@ def dvl_track_kernel(  # type: ignore[no-untyped-def]
         out[1, k] = east
         out[2, k] = current_n
         out[3, k] = current_e
+    carried[0], carried[1], carried[2], carried[3] = north, east, current_n, current_e
+    carried[4], carried[5], carried[6], carried[7] = speed_n, speed_e, water_time, in_water

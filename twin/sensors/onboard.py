@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
 from twin.records.schema import variables
-from twin.sensors.base import NOWHERE, Sensor, Surroundings
+from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
 from twin.sensors.checks import Drawn, Signals, require_non_negative, require_positive, signal
 
 Array = NDArray[np.float64]
@@ -118,46 +118,69 @@ class Onboard(Sensor):
 
     def track(self, measured: Signals, *, dt: float) -> OnboardTrack:
         """The track from measured depth, pitch, heading and GPS on one time grid of step dt [s]."""
-        from twin.sensors.kernels import onboard_kernel
+        n = signal(measured, "measured_depth").shape[0]
+        return OnboardTrack(*OnboardRun(self, dt).rows(measured, 0, n))
 
-        depth = signal(measured, "measured_depth")
-        out = np.empty((4, depth.shape[0]))
-        if self.speed_by == DVL:
-            self._by_dvl(measured, dt, out)
-            return OnboardTrack(*out)
-        onboard_kernel(
-            depth, signal(measured, "measured_pitch"), signal(measured, "measured_heading"),
-            signal(measured, "measured_gps_north"), signal(measured, "measured_gps_east"), dt,
-            max(1, round(self.window / dt)), math.radians(self.angle_of_attack_deg),
-            math.radians(self.min_pitch_deg), self.surface_depth, self.max_speed,
-            self.min_dive_time, self.use_current, out,
-        )  # fmt: skip
-        return OnboardTrack(*out)
-
-    def _by_dvl(self, measured: Signals, dt: float, out: Array) -> None:
-        """The rows of the track, shape (4, n)."""
-        from twin.frames import euler_to_matrix
-        from twin.sensors.kernels import dvl_track_kernel
-
-        angles = (signal(measured, f"measured_{n}") for n in ("roll", "pitch", "heading"))
-        to_ned = euler_to_matrix(*(np.deg2rad(angle) for angle in angles))
-        body = np.stack([signal(measured, name) for name in DVL_READS[1:4]], axis=-1)
-        velocity = np.einsum("tij,tj->it", to_ned, body)
-        dvl_track_kernel(
-            velocity[0], velocity[1], signal(measured, "measured_dvl_mode"),
-            signal(measured, "measured_gps_north"), signal(measured, "measured_gps_east"), dt,
-            self.min_dive_time, self.use_current, out,
-        )  # fmt: skip
-
-    def measure(
+    def begin(
         self,
-        signals: Signals,
+        samples: int,
+        signals: Iterable[str],
         *,
         dt: float,
         drawn: Drawn,
         rng: np.random.Generator,
         surroundings: Surroundings = NOWHERE,
-    ) -> dict[str, NDArray[Any]]:
+    ) -> OnboardRun:
         """measured_onboard_north and measured_onboard_east [m]."""
-        track = self.track(signals, dt=dt)
-        return {"measured_onboard_north": track.north, "measured_onboard_east": track.east}
+        return OnboardRun(self, dt)
+
+
+@dataclasses.dataclass
+class OnboardRun(SensorRun):
+    """Dead reckoning under way."""
+
+    onboard: Onboard
+    dt: float
+    carried: Array = dataclasses.field(default_factory=lambda: np.zeros(8))
+    """position, current, speed and times, as the kernels have them"""
+
+    def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
+        """See `SensorRun`."""
+        rows = self.rows(signals, first, last)
+        return {"measured_onboard_north": rows[0], "measured_onboard_east": rows[1]}
+
+    def rows(self, measured: Signals, first: int, last: int) -> Array:
+        """The fields of `OnboardTrack` for a stretch of samples, shape (4, stretch)."""
+        from twin.sensors.kernels import onboard_kernel
+
+        its, dt = self.onboard, self.dt
+        out = np.empty((4, last - first))
+        if its.speed_by == DVL:
+            self._by_dvl(measured, first, last, out)
+            return out
+        onboard_kernel(
+            signal(measured, "measured_depth"), signal(measured, "measured_pitch"),
+            signal(measured, "measured_heading"), signal(measured, "measured_gps_north"),
+            signal(measured, "measured_gps_east"), dt, max(1, round(its.window / dt)),
+            math.radians(its.angle_of_attack_deg), math.radians(its.min_pitch_deg),
+            its.surface_depth, its.max_speed, its.min_dive_time, its.use_current, self.carried,
+            first, out,
+        )  # fmt: skip
+        return out
+
+    def _by_dvl(self, measured: Signals, first: int, last: int, out: Array) -> None:
+        from twin.frames import euler_to_matrix
+        from twin.sensors.kernels import dvl_track_kernel
+
+        span = slice(first, last)
+        angles = (signal(measured, f"measured_{n}")[span] for n in ("roll", "pitch", "heading"))
+        to_ned = euler_to_matrix(*(np.deg2rad(angle) for angle in angles))
+        body = np.stack([signal(measured, name)[span] for name in DVL_READS[1:4]], axis=-1)
+        velocity = np.einsum("tij,tj->it", to_ned, body)
+        dvl_track_kernel(
+            velocity[0], velocity[1],
+            *(signal(measured, name)[span] for name in (
+                "measured_dvl_mode", "measured_gps_north", "measured_gps_east"
+            )),
+            self.dt, self.onboard.min_dive_time, self.onboard.use_current, self.carried, first, out,
+        )  # fmt: skip

@@ -12,8 +12,9 @@ one gravity of its file.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Any, ClassVar
+import functools
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +22,12 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.numbers import number
 from twin.records.schema import variables
-from twin.sensors.base import NOWHERE, Sensor, Surroundings
+from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
 from twin.sensors.checks import Drawn, Signals, drawn_value, require_non_negative, signal
 from twin.sensors.noise import normals
+
+if TYPE_CHECKING:
+    from twin.water.density import DensityProfile
 
 STANDARD_OCEAN = "standard ocean"
 """Of 0 degC and 35 g/kg"""
@@ -81,43 +85,70 @@ class Pressure(Sensor):
             "pressure_gain": float(self.gain * unit[1]),
         }
 
-    def measure(
+    def begin(
         self,
-        signals: Signals,
+        samples: int,
+        signals: Iterable[str],
         *,
         dt: float,
         drawn: Drawn,
         rng: np.random.Generator,
         surroundings: Surroundings = NOWHERE,
-    ) -> dict[str, NDArray[Any]]:
+    ) -> PressureRun:
         """measured_pressure [dbar] (gauge) and measured_depth [m]."""
-        from twin.water.density import PASCAL_PER_DBAR, DensityProfile, gravity
+        from twin.water.density import DensityProfile
 
-        density, latitude = surroundings.density, surroundings.latitude
-        if density is None:
-            density = DensityProfile.constant()
-        depth = signal(signals, "true_depth")
-        pressure = density.pressure(depth, latitude=latitude)
+        density = surroundings.density
         offset, gain = (
             drawn_value(drawn, "pressure_offset_dbar"),
             drawn_value(drawn, "pressure_gain"),
         )
-        if self.noise == 0.0 and offset == 0.0 and gain == 0.0:
-            measured = pressure
-        else:
-            measured = pressure * (1.0 + gain) + offset
-            measured += self.noise * normals(rng, depth.shape[0])
-        if isinstance(self.vehicle_density, str):
+        exact = self.noise == 0.0 and offset == 0.0 and gain == 0.0
+        return PressureRun(
+            gauge=self,
+            density=DensityProfile.constant() if density is None else density,
+            latitude=surroundings.latitude,
+            offset=offset,
+            gain=gain,
+            white=None if exact else normals(rng, samples),
+        )
+
+
+@dataclasses.dataclass
+class PressureRun(SensorRun):
+    """A gauge in one mission."""
+
+    gauge: Pressure
+    density: DensityProfile
+    latitude: float
+    offset: float
+    gain: float
+    white: NDArray[np.float32] | None
+    """standard normals, (n,); None: the gauge is exact"""
+
+    @functools.cached_property
+    def _pressure(self) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+        return self.density.pressure_integral(self.latitude)
+
+    def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
+        """See `SensorRun`."""
+        from twin.water.density import PASCAL_PER_DBAR, gravity
+
+        depth = signal(signals, "true_depth")[first:last]
+        pressure = measured = self._pressure(depth)
+        if self.white is not None:
+            measured = pressure * (1.0 + self.gain) + self.offset
+            measured += self.gauge.noise * self.white[first:last]
+        density = self.gauge.vehicle_density
+        if isinstance(density, str):
             import gsw
 
-            metres = -gsw.z_from_p(measured, latitude)
-        elif self.vehicle_density is not None:
-            metres = measured * (
-                PASCAL_PER_DBAR / (self.vehicle_density * float(gravity(latitude)))
-            )
+            metres = -gsw.z_from_p(measured, self.latitude)
+        elif density is not None:
+            metres = measured * (PASCAL_PER_DBAR / (density * float(gravity(self.latitude))))
         elif measured is pressure:
             metres = depth
         else:
-            weight = density.density(depth) * gravity(latitude, depth)
+            weight = self.density.density(depth) * gravity(self.latitude, depth)
             metres = depth + (measured - pressure) * PASCAL_PER_DBAR / weight
         return {"measured_pressure": measured, "measured_depth": metres}

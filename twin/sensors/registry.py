@@ -48,8 +48,8 @@ def check_sensor(name: str, sensor: Any) -> type[Sensor]:
     for field in dataclasses.fields(cast(Any, sensor)):
         if field.default is field.default_factory is dataclasses.MISSING:
             raise half(f"its field {field.name!r} needs a default")
-    if sensor.measure is Sensor.measure:
-        raise half("it needs a method `measure`")
+    if sensor.measure is Sensor.measure and sensor.begin is Sensor.begin:
+        raise half("it needs a method `measure` or `begin`")
     if not sensor.reads and sensor.inputs is Sensor.inputs:
         raise half("`reads` must name the signals that it needs, such as true_depth")
     for signal in (*sensor.reads, *sensor.reads_if_there):

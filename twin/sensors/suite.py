@@ -189,6 +189,7 @@ class SensorSuite(Mapping[str, Sensor]):
         density: DensityProfile | None = None,
         current: NDArray[np.float64] | None = None,
         floor: NDArray[np.float64] | None = None,
+        measured: Signals | None = None,
     ) -> dict[str, NDArray[Any]]:
         """Every array of `writes`, shape (n,), from the truth of one mission.
 
@@ -198,7 +199,8 @@ class SensorSuite(Mapping[str, Sensor]):
         [m]: a number or shape (n,); None puts the bottom out of the DVL's reach. latitude,
         longitude [deg].
         density: default constant. current: compiled current field for the DVL's water cells.
-        floor: compiled sea floor for the altimeter's beam.
+        floor: compiled sea floor for the altimeter's beam. measured: what was measured under way
+        (`LiveSuite`); only sensors without a signal in it are measured, by these and the truth.
         Raises InputError for a missing or misshapen signal, for a wrong dt, latitude or bottom,
         and for a sensor that does not return what it says.
         """
@@ -216,9 +218,13 @@ class SensorSuite(Mapping[str, Sensor]):
         out: dict[str, NDArray[Any]] = {}
         for name, sensor in self.items():
             channels = [entry.name for entry in sensor.channels(truth)]
+            if channels and set(channels) <= set(measured or ()):
+                for channel in channels:
+                    out[channel] = signals[channel] = np.asarray((measured or {})[channel])
+                continue
             if not channels:  # nothing that this vehicle and this sea let it measure
                 continue
-            known = _truths(channels, truth) if _exact(sensor, drawn) else {}
+            known = _truths(channels, truth) if is_exact(sensor, drawn) else {}
             made = known
             if len(known) < len(channels):  # what has no truth, such as conductivity, is measured
                 made = sensor.measure(
@@ -272,7 +278,7 @@ def _truths(channels: list[str], truth: Signals) -> dict[str, NDArray[Any]]:
     return {c: np.asarray(truth[name]) for c, name in behind.items() if name in truth}
 
 
-def _exact(sensor: Sensor, drawn: Mapping[str, float]) -> bool:
+def is_exact(sensor: Sensor, drawn: Mapping[str, float]) -> bool:
     """Whether the sensor passes the truth on: no errors, and no constant given by hand."""
     if not sensor.ideal_is_truth or sensor != type(sensor).ideal():
         return False

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -265,7 +266,10 @@ class DensityProfile:
 
         Exact for the table's straight segments with gravity at the segment's mean depth.
         """
-        z = np.ascontiguousarray(depth, dtype=np.float64)
+        return self.pressure_integral(latitude)(depth)
+
+    def pressure_integral(self, latitude: float) -> Callable[[ArrayLike], Array]:
+        """`pressure` as a function of the depth, for who asks again and again."""
         # A row at the surface turns the clamped end above the first row into a segment.
         top = np.concatenate([[0.0], self.depth[self.depth > 0.0]])
         values = self.density(top)
@@ -273,9 +277,14 @@ class DensityProfile:
         slab = 0.5 * (values[1:] + values[:-1]) * np.diff(top)
         slab *= surface * (1.0 + GRAVITY_DEPTH_RATE * 0.5 * (top[1:] + top[:-1]))
         above = np.concatenate([[0.0], np.cumsum(slab)])
-        out = np.empty(z.size)
-        _pressure_kernel(top, values, above, surface, z.ravel(), out)
-        return out.reshape(np.shape(depth))
+
+        def pressure(depth: ArrayLike) -> Array:
+            z = np.ascontiguousarray(depth, dtype=np.float64)
+            out = np.empty(z.size)
+            _pressure_kernel(top, values, above, surface, z.ravel(), out)
+            return out.reshape(np.shape(depth))
+
+        return pressure
 
     def describe(self) -> dict[str, list[float]]:
         """JSON-able form; `DensityProfile(**form)` is equal."""

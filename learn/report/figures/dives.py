@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from learn.evaluation.evaluation import Evaluation
-from learn.navigation.dead_reckoning import Array
-from learn.navigation.dives import KNOWLEDGE
 from learn.report.contents import Contents
 from learn.report.figures.base import ReportFigure
 from learn.report.figures.dots import dots, explain, plain_decades
 from learn.report.names import KNOWLEDGE_TITLES, colour_of, title_of
+from twin.navigation.dead_reckoning import Array
+from twin.navigation.dives import KNOWLEDGE
 from twin.plot import style
 
 LABEL_SIZE = 8.0

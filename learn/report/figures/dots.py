@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from learn.navigation.dead_reckoning import Array
+from twin.navigation.dead_reckoning import Array
 from twin.plot import style
 
 FEW_DECADES = 2.0

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from learn.data.labels import BOTTOM, MODE
+from learn.data.labels import MODE
 from learn.evaluation.evaluation import DVL, FLOOR, NETWORK
-from learn.navigation.baselines.registry import BASELINES
-from learn.navigation.dead_reckoning import Array
 from learn.report.names import colour_of, title_of
 from learn.report.shown import Shown
+from twin.navigation.baselines.registry import BASELINES
+from twin.navigation.dead_reckoning import Array
+from twin.navigation.dvl_cleaning import BOTTOM
 from twin.plot import style
 
 DASHES = ((0, (6, 2)), (0, (1, 1.4)), (0, (6, 2, 1, 2)), (0, (3, 1.5)))

@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from learn.navigation.dead_reckoning import Array
 from learn.report.contents import Contents
 from learn.report.figures.base import ReportFigure
 from learn.report.figures.lines import MARKS, drawn_methods, look, water_lines
 from learn.report.names import colour_of, title_of
 from learn.report.shown import Shown
+from twin.navigation.dead_reckoning import Array
 from twin.plot import style
 
 LEAST_DISTANCE_M = 0.01

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from learn.navigation.dead_reckoning import Array
 from learn.report.contents import Contents
 from learn.report.figures.base import ReportFigure
 from learn.report.figures.lines import MARKS, drawn_methods, look, water_lines
 from learn.report.shown import Shown
+from twin.navigation.dead_reckoning import Array
 from twin.plot import style
 from twin.plot.space import LEGEND, space_axes
 

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from learn.data.dataset import Mission
-from learn.navigation.dead_reckoning import sample_times
 from learn.report.contents import Contents
 from learn.report.figures.base import ReportFigure
+from twin.navigation.dead_reckoning import sample_times
 from twin.plot import style
 
 TRAINING_PANELS = (

@@ -7,10 +7,10 @@ from matplotlib.figure import Figure
 
 from learn.evaluation.evaluation import NETWORK
 from learn.evaluation.score import LAUNCH_S
-from learn.navigation.dead_reckoning import Array
 from learn.report.contents import Contents
 from learn.report.figures.base import ReportFigure
 from learn.report.shown import Shown
+from twin.navigation.dead_reckoning import Array
 from twin.plot import style
 
 MILLIMETRES_PER_METRE = 1e3

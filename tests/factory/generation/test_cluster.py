@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-import socket
-import subprocess
-import sys
+import concurrent.futures
+import contextlib
+import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from clusters import dask_cluster, free_port, worker
 from trees import contents
 
+import factory
+from factory.generation import cluster
+from factory.generation.block import fly_block
 from factory.generation.cluster import dask_executor
 from factory.generation.generate import generate
+from factory.generation.job import Job
+from factory.generation.site import Site
 from factory.inspect.info import unfinished
 from factory.recipe.recipe import Recipe
-from twin.errors import InputError
+from twin.errors import InputError, StoreError, TwinError
 
 pytest.importorskip("distributed", reason='needs pip install "glider-twin[cluster]"')
 
@@ -24,35 +30,10 @@ Recipes = Callable[..., Recipe]
 WAIT_S = 60.0
 
 
-def free_port() -> int:
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        return int(found.getsockname()[1])
-
-
-def start(*words: str) -> subprocess.Popen[bytes]:
-    return subprocess.Popen(
-        [sys.executable, "-m", *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-
-
-def worker(address: str) -> subprocess.Popen[bytes]:
-    return start(
-        *("distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"),
-        "--no-nanny",
-    )
-
-
 @pytest.fixture
 def address() -> Iterator[str]:
-    port = free_port()
-    scheduler = start(
-        *("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(port)),
-        "--no-dashboard",
-    )
-    yield f"tcp://127.0.0.1:{port}"
-    scheduler.kill()
-    scheduler.wait()
+    with dask_cluster() as found:
+        yield found
 
 
 def test_a_lost_worker_and_one_that_joins_change_no_byte(
@@ -92,3 +73,48 @@ def test_nobody_at_the_address_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         ):
             pass
     assert time.monotonic() - begun < WAIT_S
+
+
+def test_a_task_that_ends_its_workers_is_told() -> None:
+    """Too little memory does so."""
+    allowed = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"}
+    with (
+        dask_cluster(1, allowed) as address,
+        pytest.raises(TwinError, match=r"the cluster was lost \(.*--resume goes on") as told,
+        dask_executor(address) as executor,
+    ):
+        executor.submit(os._exit, 1).result(WAIT_S)
+    assert "\n" not in str(told.value)
+
+
+def test_a_scheduler_that_ends_is_told() -> None:
+    def work() -> None:
+        with contextlib.ExitStack() as cluster:
+            address = cluster.enter_context(dask_cluster(1))
+            with dask_executor(address) as executor:
+                future = executor.submit(time.sleep, 10 * WAIT_S)
+                cluster.close()
+                concurrent.futures.wait([future], WAIT_S)
+                future.result(0)
+
+    with pytest.raises(TwinError, match=r"the cluster was lost \(its scheduler is gone\)"):
+        work()
+
+
+def test_workers_of_another_version_are_told_before_they_fly(
+    address: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(cluster, "WORKERS_S", 0.1)
+    monkeypatch.setattr(cluster, "__version__", "99.0")
+    with (
+        pytest.warns(UserWarning, match="has no workers yet"),
+        pytest.raises(InputError, match=r"needs glider-twin 99\.0 .*: the scheduler has \(\d"),
+    ):
+        factory.generate(tmp_path / "missions.zarr", scheduler=address)
+
+
+def test_a_worker_that_does_not_see_the_folder_says_so(recipe: Recipes, tmp_path: Path) -> None:
+    made = recipe()
+    with pytest.raises(StoreError, match=r"does not see .*missions\.zarr\.generating"):
+        fly_block(Job(made, Site(tmp_path / "missions.zarr", made.digest)), 0)
+    assert not list(tmp_path.iterdir())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -11,16 +12,21 @@ import pytest
 import xarray as xr
 from zarr.storage import MemoryStore
 
+import factory
 from factory.generation.into_store import generate_into
 from factory.recipe.recipe import Recipe
-from twin.errors import StoreError
+from twin.errors import InputError, StoreError
 
 Recipes = Callable[..., Recipe]
 
 
 def test_a_store_in_memory_has_every_byte(recipe: Recipes, paper_store: Path) -> None:
     kept: dict = {}
-    generate_into(recipe(), MemoryStore(kept), workers=1)
+    store = MemoryStore(kept)
+    made = recipe()
+    summary = factory.generate(store=store, hours=made.plan.hours, changes=made.changes, workers=1)
+    assert summary.store is store
+    assert summary.missions == len(made.plan)
     assert {key: value.to_bytes() for key, value in kept.items()} == {
         path.relative_to(paper_store).as_posix(): path.read_bytes()
         for path in paper_store.rglob("*")
@@ -30,6 +36,16 @@ def test_a_store_in_memory_has_every_byte(recipe: Recipes, paper_store: Path) ->
         generate_into(recipe(), MemoryStore(kept), workers=1)
     with pytest.raises(StoreError, match="is read-only"):
         generate_into(recipe(), MemoryStore(read_only=True), workers=1)
+
+
+def test_a_store_and_a_path_exclude_each_other(tmp_path: Path) -> None:
+    for settings in ({}, {"out": tmp_path / "a.zarr", "store": MemoryStore()}):
+        with pytest.raises(InputError, match="give either out, a path or an address, or store"):
+            factory.generate(**settings)
+    with pytest.raises(InputError, match="a zarr store must be empty"):
+        factory.generate(store=MemoryStore(), resume=True)
+    with pytest.raises(InputError, match="either a scheduler or an executor"):
+        factory.generate(store=MemoryStore(), scheduler="tcp://x", executor=ThreadPoolExecutor())
 
 
 def test_icechunk_keeps_it_in_one_commit(recipe: Recipes, paper_store: Path) -> None:

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from clusters import dask_cluster
 from s3 import s3_server
 
 from factory.__main__ import main
+from factory.generation.cluster import dask_executor
 from factory.generation.generate import generate
 from factory.generation.parts import Part, finish, generate_part
 from factory.generation.repair import repair
@@ -19,11 +21,12 @@ from factory.inspect.verify import check_files
 from factory.recipe.recipe import Recipe
 from factory.stores.generated import GeneratedStore
 from learn.data.dataset import load_missions
-from twin.errors import InputError, StoreError
+from twin.errors import InputError, StoreError, WriteError
 from twin.records.content import content_hash, store_hash
 from twin.records.object_files import ObjectFiles, files_at
 from twin.records.store import open_store
 from twin.records.store_path import Url, store_path
+from twin.records.whole import check_folder_target
 
 Recipes = Callable[..., Recipe]
 
@@ -95,6 +98,17 @@ def test_the_metadata_of_the_store_come_last_and_a_kill_before_loses_nothing(
     assert contents(store) == contents(paper_store)
 
 
+def test_workers_of_a_dask_cluster_write_there(
+    server: None, recipe: Recipes, paper_store: Path
+) -> None:
+    pytest.importorskip("distributed", reason='needs pip install "glider-twin[cluster]"')
+    store = "s3://bucket/cluster/missions.zarr"
+    with dask_cluster(2) as address, dask_executor(address) as executor:
+        summary = generate(recipe(), store, executor=executor)
+    assert summary.flown == summary.missions
+    assert contents(store) == contents(paper_store)
+
+
 def test_nothing_is_replaced(stored: str, recipe: Recipes) -> None:
     with pytest.raises(StoreError, match="already exists"):
         generate(recipe(), stored)
@@ -149,17 +163,33 @@ def test_commands_keep_the_address(
     assert len(list((tmp_path / "og1").glob("*.nc"))) == len(GeneratedStore(stored))
 
 
+def test_what_cannot_be_written_there_is_refused(
+    stored: str, paper_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for out in ("s3://bucket/og1", Path("s3://bucket/og1")):
+        with pytest.raises(
+            WriteError, match=r"s3://bucket/og1 is in an object storage, where only"
+        ):
+            check_folder_target(out)
+    assert main_with(["export", str(paper_store), "--to", "og1", "--out", "s3://bucket/og1"]) == 2
+    assert main_with(["plot", stored, "--out", "s3://bucket/page.png"]) == 2
+    assert not list(tmp_path.iterdir())
+    assert main_with(["plot", stored]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["missions.png"]
+
+
 def main_with(words: list[str]) -> int:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sys.argv", ["factory", *words])
         return main()
 
 
-def test_what_cannot_be_reached_is_told(server: None) -> None:
+def test_what_cannot_be_reached_is_told(server: None, recipe: Recipes) -> None:
     with pytest.raises(StoreError, match=r"no store at s3://bucket/none\.zarr"):
         open_store("s3://bucket/none.zarr")
-    with pytest.raises(FileNotFoundError):
-        files_at("s3://absent/none.zarr").read("zarr.json")
+    with pytest.raises(StoreError, match=r"^cannot write s3://absent: the storage has no bucket"):
+        generate(recipe(), "s3://absent/none.zarr", workers=1)
     with pytest.raises(InputError, match=r"unknown kind of address 's4': did you mean 's3'"):
         open_store("s4://bucket/none.zarr")
     with pytest.raises(InputError, match=r"s3://bucket names no store"):

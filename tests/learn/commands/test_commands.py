@@ -12,13 +12,14 @@ from navigation import add_fixes, trimmed_mission, write_store
 from factory.commands.generate import DEFAULT_OUT
 from learn.__main__ import PROGRAM
 from learn.files import SEAL, write_json, write_sealed
-from learn.navigation.baselines.registry import BASELINES
 from learn.networks.config import NetworkConfig
 from learn.runs.run import DEFAULT_STORE, newest_run, open_run
 from learn.training.fitting import fit
+from learn.training.resources import training_resources
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError, WriteError
+from twin.navigation.baselines.registry import BASELINES
 
 PAGE = Path(__file__).parents[3] / "docs" / "learn.md"
 SMALL = {"epochs": 1, "hidden": 6, "layers": 1, "members": 1, "workers": 1}
@@ -77,6 +78,7 @@ def test_fit_writes_everything_a_run_needs(here):
     folder = here / "runs" / "first"
     assert {p.name for p in folder.iterdir()} == {
         *("run.json", "metrics.jsonl", "evaluation.json", "README.md", "report"),
+        "checksums.json",
         *(f"{target}-0{end}" for target in ("surge", "sway") for end in (".json", ".safetensors")),
     }
     run = open_run(folder)
@@ -151,7 +153,8 @@ def test_two_processes_train_the_same_networks_as_one(here):
         network=NetworkConfig(**settings["network"]),
         training=TrainingConfig(**settings["training"]),
     )
-    run = fit(config, here / "runs" / "aside", workers=2)
+    with training_resources(2) as resources:
+        run = fit(config, here / "runs" / "aside", resources)
     assert_same_networks(run.folder, here / "runs" / "first")
     assert {row["network"] for row in run.metrics()} == {"surge-0", "sway-0"}
 
@@ -160,8 +163,11 @@ def test_an_error_in_a_process_reaches_the_caller(here, tmp_path):
     store = small_store(tmp_path / "s.zarr", splits=(2, 2))
     quick = TrainingConfig(epochs=1, seconds=0)
     config = FitConfig(store=str(store), features=("sin_pitch",), training=quick)
-    with pytest.raises(StoreError, match="no missions for training"):
-        fit(config, tmp_path / "run", workers=2)
+    with (
+        training_resources(2) as resources,
+        pytest.raises(StoreError, match="no missions for training"),
+    ):
+        fit(config, tmp_path / "run", resources)
 
 
 def test_members_have_a_spread_and_the_papers_division_is_labelled_as_leaking(here, capsys):
@@ -190,6 +196,7 @@ def test_ablation_trains_without_each_group(here, capsys):
     assert set(json.loads((folder / "ablation.json").read_text())) == {
         "without imu",
         "without controls",
+        "sha256",
     }
     assert "Ablation" in (folder / "report" / "index.html").read_text()
 
@@ -227,6 +234,11 @@ def test_compare_and_export(here, capsys, tmp_path):
     models = json.loads(out)["models"]
     assert set(models) == {"surge-0", "sway-0"}
     assert all(model["largest"] <= 1e-5 for model in models.values())
+    if shutil.which("cc"):
+        code, out, err = call(capsys, "export", "first", "--to", "c", "--out", tmp_path / "c")
+        assert code == 0, err
+        assert "a sample holds: measured_roll, measured_pitch" in out
+        assert [place.name for place in (tmp_path / "c").iterdir()] == ["glider_velocity.h"]
     code, out, err = call(capsys, "compare", "first", "--store", DEFAULT_STORE, "--split", "all")
     assert code == 0, err
     assert "steady flight" in out
@@ -262,7 +274,7 @@ def test_the_help_of_fit_names_the_defaults_that_apply(here, capsys):
         (("fit", "--name", "a/b"), "must be a plain name"),
         (("fit", "--name", ""), "must be a plain name"),
         (("fit", "--resume"), "needs the --name"),
-        (("fit", "--network", "rnn"), "(allowed: elman, gru, lstm, mlp, tcn)"),
+        (("fit", "--network", "rnn"), "(allowed: elman, ema, gru, lstm, mlp, tcn)"),
         (("fit", "--device", "cud"), "did you mean 'cuda'"),
         (("evaluate", "first", "--tracks", "data"), "the ending must be one of"),
         (("evaluate", "first", "--out", "data/missions.zarr/zarr.json"), "is a file, not a folder"),

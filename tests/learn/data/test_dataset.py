@@ -6,17 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from learn_missions import synthetic_mission, write_dataset, write_synthetic_store
 
-from learn.data.dataset import (
-    Sequences,
-    batches,
-    cut_windows,
-    load_missions,
-    pack_windows,
-    sample_split,
-)
-from learn.data.features import channels_of, select_features
-from learn.data.preparation import prepare
+from learn.data.dataset import load_missions
+from learn.data.preparation import SampleDivision, prepare
+from learn.data.sequences import Sequences
+from learn.data.windows import batches, cut_windows, pack_windows
 from twin.errors import InputError, StoreError
+from twin.navigation.features import channels_of, select_features
 
 CHANNELS = (*channels_of(select_features()), "true_surge")
 
@@ -78,8 +73,11 @@ def test_the_papers_division_counts_every_sample_once(small_store):
     assert not (train * validation).any()
     assert train.mean() == pytest.approx(0.7, abs=0.02)
     assert validation.mean() == pytest.approx(0.15, abs=0.02)
-    total = sum(np.concatenate(part) for part in sample_split([5, 70, 300], 1))
+    division = SampleDivision(np.array([5, 70, 300]), 1)
+    total = sum(division.weights(2, part) for part in ("train", "validation", "test"))
     assert (total == 1.0).all()
+    drawn = np.random.default_rng(1).random(375)[75:]
+    assert np.array_equal(division.weights(2, "train"), drawn < 0.7)
 
 
 @given(

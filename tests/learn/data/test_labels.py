@@ -8,7 +8,6 @@ from navigation import PERIOD, steady_mission, write_store
 
 from learn.api import fit_settings
 from learn.data.dataset import Mission
-from learn.data.features import select_features
 from learn.data.labels import (
     STORE_CURRENT,
     LabelConfig,
@@ -16,13 +15,15 @@ from learn.data.labels import (
     label_config,
     measured,
 )
-from learn.data.preparation import few_labels, few_missions, labels_in, prepare
+from learn.data.preparation import prepare
+from learn.data.store_checks import few_labels, few_missions, labels_in
 from learn.networks.config import NetworkConfig
 from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError
 from twin.frames import euler_to_matrix
+from twin.navigation.features import select_features
 
 CURRENT = (0.12, -0.2)
 LOCK = np.repeat([1.0, 2.0, 0.0, 1.0], [300, 200, 50, 450])
@@ -177,7 +178,7 @@ def test_a_training_tells_its_warnings(tmp_path):
         labels=LabelConfig(source="dvl"),
     )
     told = []
-    fit(config, tmp_path / "run", workers=1, warn=told.append)
+    fit(config, tmp_path / "run", warn=told.append)
     assert len(told) == 2
     assert "one mission for training" in told[0]
     assert "labels in 100 of 2000" in told[1]

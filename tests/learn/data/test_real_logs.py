@@ -15,19 +15,20 @@ import learn
 from factory.importing import import_logs
 from factory.importing.dives.dive_rows import blocks
 from learn.data.dataset import Mission, load_missions
-from learn.data.features import INPUT_SETS, select_features
 from learn.data.labels import LabelConfig
 from learn.data.logs import filled, nearest
 from learn.data.preparation import prepare
 from learn.evaluation.log_score import LogReference, score_row
-from learn.navigation.baselines.base import Estimate
 from learn.networks.config import NetworkConfig
 from learn.report.origin import Origin
 from learn.studies.folds import folds_with_labels, leave_out_each
 from learn.training.fitting import fit
+from learn.training.resources import Resources
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError
+from twin.navigation.baselines.base import Estimate
+from twin.navigation.features import INPUT_SETS, select_features
 from twin.records.logs import LogRow
 from twin.records.store import open_store, write_store
 from twin.vehicle.vehicle import load_vehicle
@@ -110,9 +111,9 @@ def test_a_log_without_truth_cannot_be_learned_from(
         raise AssertionError("read or trained for nothing")
 
     monkeypatch.setattr("learn.training.fitting.load_missions", started)
-    monkeypatch.setattr("learn.training.fitting.train_in_workers", started)
+    monkeypatch.setattr("learn.training.fitting.train_tasks", started)
     with pytest.raises(StoreError, match=r"no truth to learn surge from.*plain.zarr`"):
-        fit(config(store), tmp_path / "run", workers=2)
+        fit(config(store), tmp_path / "run")
 
 
 def test_a_missing_channel_says_what_to_type(store: Path) -> None:
@@ -150,12 +151,12 @@ def test_sparse_truth_survives_thinning() -> None:
 
 
 def test_training_goes_on_from_a_run(store: Path, tmp_path: Path) -> None:
-    first = fit(config(store, period=8.0), tmp_path / "first", workers=1)
+    first = fit(config(store, period=8.0), tmp_path / "first")
     assert first.period == 8.0
     # no step: what comes out is what went in
     still = dataclasses.replace(SHORT, epochs=1, rate=1e-12)
     go_on = config(store, period=8.0, start=str(first.folder), training=still)
-    second = fit(go_on, tmp_path / "second", workers=1)
+    second = fit(go_on, tmp_path / "second")
     missions = load_missions(
         store, [c for c in open_store(store).data_vars if c.startswith("measured_")], period=8.0
     )
@@ -166,10 +167,10 @@ def test_training_goes_on_from_a_run(store: Path, tmp_path: Path) -> None:
     assert scales[0] == scales[1]
     other_inputs = dataclasses.replace(go_on, features=("depth_rate",))
     with pytest.raises(InputError, match="other inputs"):
-        fit(other_inputs, tmp_path / "x", workers=1)
+        fit(other_inputs, tmp_path / "x")
     wrong = dataclasses.replace(go_on, network=NetworkConfig(kind="mlp", hidden=9, layers=1))
     with pytest.raises(InputError, match="another kind, size or inputs"):
-        fit(wrong, tmp_path / "y", workers=1)
+        fit(wrong, tmp_path / "y")
 
 
 def test_a_dive_that_is_left_out_is_seen_by_no_network(store: Path, tmp_path: Path) -> None:
@@ -177,9 +178,9 @@ def test_a_dive_that_is_left_out_is_seen_by_no_network(store: Path, tmp_path: Pa
     assert folds_with_labels(settings, "dive") == {str(k): (k,) for k in range(6)}
     held = prepare(store, target="surge", features=INPUTS, held_out=(2,))
     assert len(held.train.inputs) + len(held.validation.inputs) == 5
-    run = fit(settings, tmp_path / "run", workers=1)
+    run = fit(settings, tmp_path / "run")
     chosen = {"0": (0,), "2": (2,)}
-    found = leave_out_each(run, settings, chosen, unit="dive", workers=1)
+    found = leave_out_each(run, settings, chosen, Resources(), unit="dive")
     assert [fold.rows for fold in found.folds] == [(0,), (2,)]
     assert 0.0 < found.rmse("surge") < 1.0
     # no constant is better than the mean of what is judged

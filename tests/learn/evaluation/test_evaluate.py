@@ -12,10 +12,10 @@ from learn.evaluation.evaluation import evaluate, visible
 from learn.evaluation.score import Reference, score_mission, summarise_scores
 from learn.evaluation.tracks import TrackCollector
 from learn.evaluation.uncertainty import Coverage, ErrorModel, fit_error_model
-from learn.navigation.baselines.base import Estimate
-from learn.navigation.baselines.registry import BASELINES
 from twin.cli.console import to_json
 from twin.errors import InputError, StoreError
+from twin.navigation.baselines.base import Estimate
+from twin.navigation.baselines.registry import BASELINES
 from twin.records.reader import MissionStore
 from twin.records.tracks import read_tracks
 from twin.vehicle.vehicle import load_vehicle

@@ -11,7 +11,7 @@ from navigation import PERIOD, steady_mission
 from learn.data.dataset import Mission
 from learn.evaluation.score import Reference
 from learn.evaluation.uncertainty import COMPASS_SD, ErrorModel, network_position_sd, position_sd
-from learn.navigation.baselines.base import Estimate
+from twin.navigation.baselines.base import Estimate
 
 SAMPLES = 1200
 STILL = {"velocity_sd": 0.0, "heading_sd": 0.0, "current_sd": 0.0, "fix_sd": 0.0}

@@ -32,7 +32,8 @@ FEATURES = ("sin_roll", "sin_pitch", "cos_pitch", "depth_rate", "pump")
 
 def predictor(kind="elman", **sizes) -> Predictor:
     torch.manual_seed(3)
-    config = NetworkConfig(kind=kind, inputs=len(FEATURES), **{"hidden": 7, "layers": 2, **sizes})
+    sizes = {"hidden": 7, "layers": 2, **sizes}
+    config = NetworkConfig(kind=kind, inputs=len(FEATURES), period=PERIOD, **sizes)
     scales = Normalisation(
         features=FEATURES,
         mean=(0.0, -0.1, 0.9, 0.05, -50.0),

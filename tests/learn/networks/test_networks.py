@@ -13,7 +13,9 @@ KINDS = sorted(NETWORKS)
 
 def network_of(kind, **changes):
     torch.manual_seed(1)
-    return build_network(NetworkConfig(kind=kind, inputs=6, hidden=10, layers=3, **changes))
+    return build_network(
+        NetworkConfig(kind=kind, inputs=6, period=0.5, hidden=10, layers=3, **changes)
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -64,7 +66,7 @@ def test_every_parameter_gets_a_gradient(kind):
 
 
 def test_the_papers_network_has_its_size():
-    network = build_network(NetworkConfig(inputs=12))
+    network = build_network(NetworkConfig(kind="elman", inputs=12))
     first = 50 * 12 + 50 * 250 + 50
     other = 50 * 50 + 50 * 250 + 50
     assert sum(p.numel() for p in network.parameters()) == first + 2 * other + 51

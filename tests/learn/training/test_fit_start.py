@@ -1,7 +1,6 @@
 """The start of a fit: what it checks and leaves when it fails, and how a run is gone on with."""
 
 import json
-import multiprocessing
 import shutil
 import signal
 import subprocess
@@ -12,7 +11,6 @@ from pathlib import Path
 import pytest
 from learn_missions import write_synthetic_store
 
-import learn.training.fitting
 import learn.training.workers
 from learn.__main__ import PROGRAM
 from learn.commands.fit import Fit
@@ -52,7 +50,7 @@ def place(tmp_path_factory):
     store = write_synthetic_store(folder / "s.zarr", [300, 280, 260], [0, 0, 1])
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        fit(small_config("s.zarr"), folder / "runs" / "done", workers=1)
+        fit(small_config("s.zarr"), folder / "runs" / "done")
     assert store.exists()
     return folder
 
@@ -86,11 +84,21 @@ def contents(folder):
         (("s.zarr", "--period", "-1"), "period must be a finite number"),
         (("s.zarr", "--seconds", "nan"), "seconds must be a finite number, not nan"),
         (("s.zarr", "--seconds", "inf"), "seconds must be a finite number, not inf"),
-        (("s.zarr", "--window", "1000000"), "the longest, mission 0, has 300 samples"),
+        (
+            ("s.zarr", "--network", "elman", "--window", "1000000"),
+            "the longest, mission 0, has 300 samples",
+        ),
         (("s.zarr", "--hidden", "99999999"), "hidden must be at most 4096"),
         (("s.zarr", "--layers", "99999999"), "layers must be at most 64"),
         (("s.zarr", "--delays", "99999999"), "delays must be at most 256"),
-        (("s.zarr", "--hidden", "4096", "--delays", "256"), "take fewer units"),
+        (
+            ("s.zarr", "--network", "elman", "--hidden", "4096", "--delays", "256"),
+            "take fewer units",
+        ),
+        (("s.zarr", "--memory", "0"), "--memory 0 must be a number of GB above 0"),
+        (("s.zarr", "--memory", "0.0001"), "streaming the training data takes 0.11 GB"),
+        (("s.zarr", "--buffer", "0"), "training buffer must be at least 1"),
+        (("s.zarr", "--seeds", "0"), "--seeds 0 must be at least 1"),
         (("s.zarr", "--leave-out-each-dive"), "leaving one out needs at least"),
     ],
 )
@@ -135,10 +143,10 @@ def test_a_start_that_ends_before_training_leaves_the_old_run(here, monkeypatch,
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr("learn.training.fitting.train", fail)
+    monkeypatch.setattr("learn.training.workers.train", fail)
     before = contents(here)
     with pytest.raises(type(error) if isinstance(error, Exception) else error) as caught:
-        fit(small_config("s.zarr"), here / "runs" / "done", replace=True, workers=1)
+        fit(small_config("s.zarr"), here / "runs" / "done", replace=True)
     assert contents(here) == before
     assert [p.name for p in (here / "runs").iterdir()] == ["done"]
     if error is KeyboardInterrupt:
@@ -162,21 +170,21 @@ def test_a_name_stays_free_when_nothing_was_trained(here, capsys):
 
 def interrupted_in_sway(monkeypatch):
     """Ends a fit after surge is trained."""
-    real = learn.training.fitting.train
+    real = learn.training.workers.train
 
-    def train(job, folder, report):
+    def train(job, folder, report, **options):
         if job.target == "sway":
             raise KeyboardInterrupt
-        return real(job, folder, report)
+        return real(job, folder, report, **options)
 
-    monkeypatch.setattr("learn.training.fitting.train", train)
+    monkeypatch.setattr("learn.training.workers.train", train)
 
 
 def test_an_interrupt_after_training_began_keeps_what_is_trained(here, monkeypatch):
     with monkeypatch.context() as patch:
         interrupted_in_sway(patch)
         with pytest.raises(KeyboardInterrupt, match="`learn fit --name new --resume`"):
-            fit(small_config("s.zarr"), here / "runs" / "new", workers=1)
+            fit(small_config("s.zarr"), here / "runs" / "new")
     assert (here / "runs" / "new" / "surge-0.json").is_file()
     with pytest.raises(StoreError, match="`learn fit --name new --resume`"):
         open_run("new")
@@ -189,7 +197,7 @@ def test_the_old_run_stays_until_its_replacement_is_trained(here, capsys, monkey
     with monkeypatch.context() as patch:
         interrupted_in_sway(patch)
         with pytest.raises(KeyboardInterrupt, match="`learn fit --name done --overwrite --resume`"):
-            fit(small_config("s.zarr", members=2), folder, replace=True, workers=1)
+            fit(small_config("s.zarr", members=2), folder, replace=True)
     assert contents(folder) == before
     assert newest_run().folder.name == "done"
     surge = (training_folder(folder, replace=True) / "surge-0.safetensors").read_bytes()
@@ -206,8 +214,8 @@ def test_a_replacement_that_is_started_again_forgets_the_first(here, monkeypatch
     with monkeypatch.context() as patch:
         interrupted_in_sway(patch)
         with pytest.raises(KeyboardInterrupt):
-            fit(small_config("s.zarr", members=2), folder, replace=True, workers=1)
-    fit(small_config("s.zarr"), folder, replace=True, workers=1)
+            fit(small_config("s.zarr", members=2), folder, replace=True)
+    fit(small_config("s.zarr"), folder, replace=True)
     assert sorted(p.stem for p in folder.glob("*.safetensors")) == ["surge-0", "sway-0"]
 
 
@@ -221,9 +229,9 @@ def test_a_kill_between_training_and_saving_costs_nothing(here, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr("learn.networks.predictor.Predictor.save", fail)
         with pytest.raises(KeyboardInterrupt):
-            fit(small_config("s.zarr"), folder, workers=1)
+            fit(small_config("s.zarr"), folder)
     lines = (folder / METRICS).read_bytes()
-    fit(small_config("s.zarr"), folder, resume=True, workers=1)
+    fit(small_config("s.zarr"), folder, resume=True)
     assert b'"surge-0"' not in (folder / METRICS).read_bytes()[len(lines) :]
     assert (folder / "surge-0.safetensors").is_file()
     assert not list(folder.glob("*.checkpoint"))
@@ -232,12 +240,12 @@ def test_a_kill_between_training_and_saving_costs_nothing(here, monkeypatch):
 def test_two_fits_of_one_run_at_once_are_refused(here, monkeypatch):
     def second(*_, **__):
         with pytest.raises(InputError, match="another `learn fit` trains run"):
-            fit(small_config("s.zarr"), here / "runs" / "new", resume=True, workers=1)
+            fit(small_config("s.zarr"), here / "runs" / "new", resume=True)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("learn.training.fitting.train", second)
+    monkeypatch.setattr("learn.training.workers.train", second)
     with pytest.raises(KeyboardInterrupt):
-        fit(small_config("s.zarr"), here / "runs" / "new", workers=1)
+        fit(small_config("s.zarr"), here / "runs" / "new")
 
 
 # --- going on ------------------------------------------------------------------------------------
@@ -299,7 +307,7 @@ def test_half_a_line_of_metrics_is_left_out_and_taken_out_by_the_next_fit(here):
     run = Run(folder, read_description(folder))
     assert len(run.metrics()) == len(whole.splitlines())
     unfinish(folder)
-    fit(small_config("s.zarr"), folder, resume=True, workers=1)
+    fit(small_config("s.zarr"), folder, resume=True)
     assert path.read_bytes().startswith(whole + b'{"network": "sway-0"')
     path.write_bytes(b"{\n" + whole)
     with pytest.raises(StoreError, match=rf"{METRICS} is damaged in line 1"):
@@ -341,23 +349,11 @@ def alive(pid):
     return text.rpartition(")")[2].split()[0] != "Z"
 
 
-def test_trainers_watch_their_parent(here, monkeypatch):
-    watched = []
-    monkeypatch.setattr("learn.training.workers.end_with", watched.append)
-    monkeypatch.setattr("signal.signal", lambda *_: None)
-    monkeypatch.setattr("learn.training.workers.train", lambda *_: None)
-    receiver, sender = multiprocessing.Pipe(duplex=False)
-    (job, _) = small_config("s.zarr").jobs()
-    learn.training.workers.work(job, here, sender, 123, learn.training.workers.Kinds({}, {}))
-    assert watched == [123]
-    assert receiver.recv() == ("done", None)
-
-
 def test_what_a_kill_left_of_a_replacement_is_no_run(here):
     """It was being removed when its description was gone."""
     left = training_folder(here / "runs" / "done", replace=True)
     left.mkdir(parents=True)
     (left / "surge-0.safetensors").touch()
-    run = fit(small_config("s.zarr"), here / "runs" / "done", replace=True, resume=True, workers=1)
+    run = fit(small_config("s.zarr"), here / "runs" / "done", replace=True, resume=True)
     assert run.networks()
     assert not left.parent.exists()

@@ -13,15 +13,16 @@ from logs import SENTINEL, sailfish_columns, write_csv
 
 import learn
 from factory.importing import import_logs
-from learn.data.features import select_features
 from learn.data.labels import LabelConfig
 from learn.networks.config import NetworkConfig
 from learn.studies.finishing import finish
 from learn.studies.folds import folds_with_labels, leave_out_each, read_folds
 from learn.training.fitting import fit
+from learn.training.resources import Resources
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError
+from twin.navigation.features import select_features
 from twin.records.store import write_store
 
 RUNS = ("20220701_0_0", "20220702_0_0")
@@ -59,8 +60,8 @@ def test_each_run_is_judged_by_networks_of_the_other(store: Path, tmp_path: Path
     folds = folds_with_labels(settings, "deployment")
     assert tuple(folds) == RUNS
     assert sum(len(rows) for rows in folds.values()) == 6
-    run = fit(settings, tmp_path / "run", workers=1)
-    found = leave_out_each(run, settings, folds, unit="deployment", workers=1)
+    run = fit(settings, tmp_path / "run")
+    found = leave_out_each(run, settings, folds, Resources(), unit="deployment")
     # the mean of one run misses the other by the difference of their speeds, its own by nothing
     gap = SPEEDS[1] - SPEEDS[0]
     assert found.rmse("surge", "training_mean") == pytest.approx(gap, abs=1e-3)

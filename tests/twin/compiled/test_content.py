@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[3]
 FLY = """
 import json
 import numpy as np
-from learn.navigation.baselines.ekf import Ekf
+from twin.navigation.baselines.ekf import Ekf
 from twin.identify.translation import fly
 from twin.vehicle.vehicle import load_vehicle
 
@@ -74,7 +74,7 @@ def test_an_edited_force_law_reaches_the_ekf_and_the_identification(tmp_path):
     kept = {path.name for path in (tmp_path / "twin" / "__pycache__" / "compiled").iterdir()}
     assert versions < kept
     assert {name.partition("-")[0] for name in kept - versions} >= {
-        "learn.navigation.baselines.ekf",
+        "twin.navigation.baselines.ekf",
         "twin.identify.translation",
     }
     assert run(before) == first

@@ -18,12 +18,13 @@ def blocks(language):
 
 
 def test_toml_example_can_be_flown(tmp_path):
-    (text,) = blocks("toml")
-    path = tmp_path / "example.toml"
-    path.write_text(text, encoding="utf-8")
-    mission = Mission.from_toml(path)
-    mission.check(load_vehicle("glider"))
-    assert [segment.kind for segment in mission.segments] == ["saw-tooth", "spiral", "surface"]
+    texts, kinds = blocks("toml"), [["saw-tooth", "spiral", "surface"], ["waypoint"]]
+    for text, expected in zip(texts, kinds, strict=True):
+        path = tmp_path / "example.toml"
+        path.write_text(text, encoding="utf-8")
+        mission = Mission.from_toml(path)
+        mission.check(load_vehicle("glider"))
+        assert [segment.kind for segment in mission.segments] == expected
 
 
 def test_python_examples_run():

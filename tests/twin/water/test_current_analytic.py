@@ -17,9 +17,11 @@ from twin.water.current import (
     LogLayer,
     Origin,
     Profile,
+    Series,
     TidalEllipse,
     Tide,
     Uniform,
+    parse_current,
     still_water,
 )
 from twin.water.current.origin import coriolis
@@ -238,6 +240,14 @@ def test_sums_add_velocities_and_flatten():
     assert (still_water() + a).parts == (a,)
 
 
+def test_a_series_goes_through_its_values_and_holds_the_last():
+    current = Series(interval=600.0, north=(0.1, 0.3, -0.2), east=(0.0, 0.0, 0.4))
+    found = current.velocity([0.0, 600.0, 1200.0, 9e5], 0.0, 0.0, 10.0)
+    expected = [[0.1, 0.0], [0.3, 0.0], [-0.2, 0.4], [-0.2, 0.4]]
+    np.testing.assert_allclose(found[:, :2], expected, atol=1e-12)
+    assert parse_current("series:interval=600,north=0.1/0.3/-0.2,east=0/0/0.4") == current
+
+
 @pytest.mark.parametrize(
     ("build", "message"),
     [
@@ -256,6 +266,9 @@ def test_sums_add_velocities_and_flatten():
         (lambda: LogLayer(friction_velocity=0.01, direction_deg=0, water_depth=-5), "water_depth"),
         (lambda: GaussMarkov(speed=0.1, direction_deg=0, speed_std=0.1, min_speed=3), "exceeds"),
         (lambda: GaussMarkov(speed=0.1, direction_deg=0, speed_std=0.1, seed=-1), "seed"),
+        (lambda: Series(interval=0.0, north=(0.1,), east=(0.0,)), "interval must be greater than"),
+        (lambda: Series(interval=60.0, north=(0.1, 0.2), east=(0.0,)), "2 values and east 1"),
+        (lambda: parse_current("series:interval=60,north=0.1"), "east= is missing"),
         (lambda: Origin(latitude_deg=91.0), "latitude_deg must be within -88..88"),
         (lambda: Uniform().compile(0.0), "duration_s must be greater than 0 s"),
     ],

@@ -347,5 +347,6 @@ def test_codes_of_shipped_kinds_are_frozen():
     """They stand in compiled programs."""
     codes = {name: registry.kinds()[name].code for name in SHIPPED}
     assert codes == {"uniform": 1, "profile": 2, "ekman": 3, "geostrophic": 4, "tide": 5,
-                     "inertial": 6, "log-layer": 7, "gauss-markov": 8, "grid": 9}  # fmt: skip
+                     "inertial": 6, "log-layer": 7, "gauss-markov": 8, "grid": 9,
+                     "series": 10}  # fmt: skip
     assert layout.program([Ekman.record(1, 2, 3, 4)]).tolist() == [1, 3, 4, 1, 2, 3, 4]

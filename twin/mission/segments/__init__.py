@@ -11,6 +11,7 @@ from twin.mission.segments.saw_tooth import SawTooth
 from twin.mission.segments.spiral import Spiral
 from twin.mission.segments.surface import Surface
 from twin.mission.segments.transect import Transect
+from twin.mission.segments.waypoint import Waypoint
 
 __all__ = [
     "SEGMENTS",
@@ -24,5 +25,6 @@ __all__ = [
     "Spiral",
     "Surface",
     "Transect",
+    "Waypoint",
     "register",
 ]

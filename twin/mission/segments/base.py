@@ -7,6 +7,7 @@ segment ends at the first of its limits.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from twin.mission import table as g
 
 if TYPE_CHECKING:
+    from twin.mission.way import Way
     from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -41,6 +43,19 @@ class Segment:
         """The segments that guidance flies for it, a row each; itself unless a kind is made of
         others."""
         return (self,)
+
+    def placed(self, latitude: float, longitude: float) -> Segment:
+        """The segment with every target in metres from an origin [degree]."""
+        return self
+
+    def begun_at(self, place: tuple[float, float]) -> Segment:
+        """The segment as `expected` counts its time when it begins at a place, north and east
+        [m]."""
+        return self
+
+    def ends_at(self, place: tuple[float, float]) -> tuple[float, float]:
+        """Where it ends, north and east [m], if it goes to a place; else `place`."""
+        return place
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
         """What guidance flies: one row for `vehicle`, from `blank_row` on.
@@ -71,6 +86,18 @@ def blank_row(vehicle: Vehicle) -> Array:
         (0.0, 0.0) if pitching is None else (pitching.low, pitching.high)
     )
     return np.concatenate([row, *[vehicle.rest] * 3])
+
+
+def write_way(row: Array, which: int, way: Way, vehicle: Vehicle) -> None:
+    """Write how fast a steady way goes ahead, for dead reckoning.
+
+    `which`: DIVE_COMMAND, CLIMB_COMMAND or LEVEL_COMMAND.
+    """
+    climbs = which == g.CLIMB_COMMAND
+    ahead = math.sqrt(max(way.speed**2 - way.vertical_speed**2, 0.0))
+    row[g.CLIMB_SPEED if climbs else g.DIVE_SPEED] = ahead
+    if vehicle.steered("speed") is None:
+        row[g.CLIMB_ATTACK if climbs else g.DIVE_ATTACK] = way.angle_of_attack
 
 
 def command_of(vehicle: Vehicle, row: Array, which: int) -> Array:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from twin.errors import MissionError
 from twin.mission import fields as check
 from twin.mission import table as g
-from twin.mission.segments.base import Segment, blank_row, command_of, limit
+from twin.mission.segments.base import Segment, blank_row, command_of, limit, write_way
 from twin.mission.turning import turn_factor
 from twin.mission.way import Way, level_way, reject_missing, turn_limit
 
@@ -99,6 +99,7 @@ class Level(Segment):
         row[g.LEVEL_TURN] = turn_factor(vehicle, steady)
         row[g.TURN_LIMIT] = turn_limit(vehicle, self.max_rotation_deg)
         command_of(vehicle, row, g.LEVEL_COMMAND)[:] = steady.command
+        write_way(row, g.LEVEL_COMMAND, steady, vehicle)
         return row, steady
 
     def deepest(self, depth: float) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from twin.mission import fields as check
 from twin.mission import table as g
-from twin.mission.segments.base import Segment, blank_row, command_of, limit
+from twin.mission.segments.base import Segment, blank_row, command_of, limit, write_way
 from twin.mission.turning import turn_factor
 from twin.mission.way import (
     TIME_MARGIN,
@@ -130,6 +130,8 @@ class Profile(Segment):
         row[g.DIVE_TURN], row[g.CLIMB_TURN] = (turn_factor(vehicle, w) for w in (dive, climb))
         command_of(vehicle, row, g.DIVE_COMMAND)[:] = dive.command
         command_of(vehicle, row, g.CLIMB_COMMAND)[:] = climb.command
+        write_way(row, g.DIVE_COMMAND, dive, vehicle)
+        write_way(row, g.CLIMB_COMMAND, climb, vehicle)
         row[g.YO_LIMIT] = limit(self.yos)
         row[g.DURATION] = limit(self.duration_s)
         row[g.UNTIL_DEPTH] = limit(self.until_depth_m)

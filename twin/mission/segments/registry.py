@@ -30,6 +30,7 @@ SEGMENTS: Registry[type[Segment]] = Registry(
         "circle": "twin.mission.segments.circle:Circle",
         "lawn-mower": "twin.mission.segments.lawn_mower:LawnMower",
         "hover": "twin.mission.segments.hover:Hover",
+        "waypoint": "twin.mission.segments.waypoint:Waypoint",
         "surface": "twin.mission.segments.surface:Surface",
         "hold": "twin.mission.segments.hold:Hold",
     },

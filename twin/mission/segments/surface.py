@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from twin.mission import fields as check
 from twin.mission import table as g
-from twin.mission.segments.base import Segment, blank_row, command_of
+from twin.mission.segments.base import Segment, blank_row, command_of, write_way
 from twin.mission.turning import turn_factor
 from twin.mission.way import (
     TIME_MARGIN,
@@ -96,6 +96,7 @@ class Surface(Segment):
         row[g.CLIMB_PITCH] = climb.pitch
         row[g.CLIMB_TURN] = turn_factor(vehicle, climb)
         command_of(vehicle, row, g.CLIMB_COMMAND)[:] = climb.command
+        write_way(row, g.CLIMB_COMMAND, climb, vehicle)
         rest = command_of(vehicle, row, g.REST_COMMAND)
         pump, pitching = vehicle.steered_index("buoyancy"), vehicle.steered("pitch")
         if pump is not None:

@@ -47,7 +47,8 @@ def run_control(head, start, table, data, time, state):
     heading = math.atan2(-rotation[3], rotation[0])
     if heading < 0.0:
         heading += 2.0 * math.pi
-    depth = -array(field(table, data, at.D_QPOS), 7)[2]
+    position = array(field(table, data, at.D_QPOS), 7)
+    depth = -position[2]
     guidance_step(
         plan[: rows * (SEGMENT_COLUMNS + 3 * count)].reshape((rows, SEGMENT_COLUMNS + 3 * count)),
         head.gains,
@@ -62,4 +63,6 @@ def run_control(head, start, table, data, time, state):
         -velocity[5],
         control,
         state.altitude,
+        position[0],
+        -position[1],
     )

@@ -1,10 +1,10 @@
 """Ocean currents: what they are, and one compiled sampler for all of them.
 
 Build a current (`Uniform`, `Profile`, `Ekman`, `Geostrophic`, `Tide`, `Inertial`, `GaussMarkov`,
-`LogLayer`, `Grid`, sums by +, or `parse_current("ekman:tau=0.1,direction=90")`), compile it for a
-mission, and read it with `twin.water.current.sampler.sample`. A kind of one's own is a subclass of
-`Current` with a compiled kernel, decorated with `register`. Importing this package loads neither
-numba nor xarray.
+`Series`, `LogLayer`, `Grid`, sums by +, or `parse_current("ekman:tau=0.1,direction=90")`), compile
+it for a mission, and read it with `twin.water.current.sampler.sample`. A kind of one's own is a
+subclass of `Current` with a compiled kernel, decorated with `register`. Importing this
+package loads neither numba nor xarray.
 """
 
 from twin.water.current.base import Current, CurrentSum, current_from_dict, still_water
@@ -17,6 +17,7 @@ from twin.water.current.log_layer import LogLayer
 from twin.water.current.origin import Origin
 from twin.water.current.profile import Profile
 from twin.water.current.register import register
+from twin.water.current.series import Series
 from twin.water.current.spec import current_help, parse_current
 from twin.water.current.tide import TidalEllipse, Tide
 from twin.water.current.uniform import Uniform
@@ -32,6 +33,7 @@ __all__ = [
     "LogLayer",
     "Origin",
     "Profile",
+    "Series",
     "TidalEllipse",
     "Tide",
     "Uniform",

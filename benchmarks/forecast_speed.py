@@ -1,0 +1,68 @@
+"""Forecast speed: seconds of `twin forecast`, 200 members of a 6 h dive, and of its first result.
+
+    python -m benchmarks.forecast_speed
+
+Other work on the machine makes the clock's seconds longer; the processor's say what it takes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+
+from twin.forecast import Request, forecast, known_without_logs, mission_to
+from twin.vehicle.vehicle import load_vehicle
+from twin.water.current import Origin
+
+HOUR = 3600.0
+PLACE = Origin(latitude_deg=36.8, longitude_deg=-122.4, time="2026-11-22T12:00:00")
+UNIX = 1.795e9
+
+
+def measure(vehicle: str, members: int, hours: float, threads: int) -> dict[str, float]:
+    """Fly one forecast whose dive ends when it does."""
+    mission = mission_to(
+        "38,-122.4", depth=200.0, pitch_deg=26.0, surface_after_s=0.93 * HOUR * hours, radius=500.0
+    )
+    request = Request(
+        vehicle=load_vehicle(vehicle), mission=mission, place=PLACE, hours=hours, members=members
+    )
+    known = known_without_logs(PLACE.latitude_deg, UNIX)
+    moments: list[float] = []
+    begun, used = time.perf_counter(), time.process_time()
+    found = forecast(
+        request,
+        known,
+        threads=threads,
+        refined=lambda _: moments.append(time.perf_counter() - begun),
+    )
+    processor = time.process_time() - used
+    cores = threads or os.cpu_count() or 1
+    return {
+        "members": found.flown,
+        "hours": hours,
+        "surfacings": len(found.surfacings),
+        "first_result_s": moments[0],
+        "seconds": moments[-1],
+        "processor_s": processor,
+        "processor_s_per_core": processor / cores,
+        "cores": cores,
+    }
+
+
+def main() -> None:
+    """Print the figures as JSON."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--vehicle", default="glider")
+    parser.add_argument("--members", type=int, default=200)
+    parser.add_argument("--hours", type=float, default=6.0)
+    parser.add_argument("--threads", type=int, default=0)
+    options = parser.parse_args()
+    figures = measure(options.vehicle, options.members, options.hours, options.threads)
+    print(json.dumps({name: round(value, 3) for name, value in figures.items()}))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,174 @@
+"""Store checks: what a store gives to learn from, asked before anything is trained."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from learn.data.dataset import TARGETS, Division, Mission, Selection, any_channel
+from learn.data.labels import (
+    NO_CURRENT,
+    STORE_CURRENT,
+    LabelConfig,
+    LabelCounts,
+    count_labels,
+    measured,
+)
+from learn.data.logs import SPEED
+from twin.errors import InputError, StoreError
+from twin.records.attributes import SPLIT
+from twin.records.reader import MissionStore
+from twin.records.store_path import StorePath
+
+
+def no_doppler_labels(store: str | StorePath, target: str, counts: LabelCounts) -> StoreError:
+    """The log had no lock, or bottom lock without a known current."""
+    nothing = f"store {store} has no sample to learn {target} from: its Doppler log never had"
+    with MissionStore(store) as reader:
+        otherwise = "" if reader.logged else "; or learn from the truth with --labels truth"
+    if not counts.bottom:
+        return StoreError(f"{nothing} lock{otherwise}")
+    share = 100.0 * counts.bottom / counts.samples
+    return StoreError(
+        f"{nothing} water lock, and no current is known to take off what it measured over ground "
+        f"(bottom lock in {share:.3g} % of the samples). {_which_current(store)}{otherwise}"
+    )
+
+
+def _which_current(store: str | StorePath) -> str:
+    """What --known-current can be where there is bottom track alone."""
+    with MissionStore(store) as reader:
+        simulated = not reader.logged and all(name in reader for name in STORE_CURRENT)
+    if not simulated:
+        return (
+            "Give --known-current NORTH,EAST in m/s, 0,0 in still water; or take a log with water "
+            "lock"
+        )
+    highest = max(
+        float(np.hypot(*(mission.signals[name] for name in STORE_CURRENT)).max())
+        for mission in _each(store, STORE_CURRENT)
+    )
+    if highest == 0.0:
+        return "The water of this store stands still: give --known-current 0,0"
+    return (
+        f"Its missions have currents of their own, of up to {highest:.2g} m/s: give "
+        "--known-current store, which takes what the simulation knows of each and no vehicle knows "
+        "at sea; or take a store whose water stands still (--preset paper of a vehicle with a "
+        "propeller, or --set current.speed=0) and give --known-current 0,0; or one with water "
+        "lock, which needs none"
+    )
+
+
+def no_truth(store: str | StorePath, target: str) -> StoreError:
+    """A log without any velocity through the water."""
+    return StoreError(
+        f"store {store} has no truth to learn {target} from (neither {TARGETS[target]} nor "
+        f"{SPEED}); a run that is trained on another store can be judged on it: "
+        f"`learn evaluate RUN {store}`"
+    )
+
+
+def check_truth(store: str | StorePath) -> None:
+    """Refuse logs that have no array of truth, before their signals are read.
+
+    Raises:
+      StoreError: see `prepare`.
+    """
+    with MissionStore(store) as reader:
+        if reader.logged:
+            for target, channel in TARGETS.items():
+                if channel not in reader and SPEED not in reader:
+                    raise no_truth(store, target)
+
+
+def labels_in(
+    store: str | StorePath,
+    labels: LabelConfig,
+    *,
+    division: Division = "missions",
+    period: float | None = None,
+) -> LabelCounts:
+    """What the Doppler logs of the missions that are trained on and validated give.
+
+    Raises:
+      StoreError: those for training give nothing; or see `Selection`.
+    """
+    with Selection(store, labels.channels(), period=period) as selection:
+        places: Sequence[int] = range(len(selection))
+        learned = places
+        if division == "missions":
+            places = [k for k in places if selection.splits[k] in ("train", "validation")]
+            learned = [k for k in places if selection.splits[k] == "train"]
+        if learned and not any(measured(m, labels).usable.any() for m in selection.each(learned)):
+            counts = count_labels(selection.each(learned), labels)
+            raise no_doppler_labels(store, " or ".join(TARGETS), counts)
+        return count_labels(selection.each(places), labels)
+
+
+def _each(store: str | StorePath, channels: tuple[str, ...]) -> Iterator[Mission]:
+    with Selection(store, channels) as selection:
+        yield from selection.each()
+
+
+FEW_LABELS = 0.1
+"""With labels in a smaller part of the samples, networks see little of how the vehicle moves."""
+
+
+def few_labels(store: str | StorePath, labels: LabelConfig, counts: LabelCounts) -> str | None:
+    """A warning where bottom track is left out and little else is there, else None."""
+    if labels.known_current != NO_CURRENT or counts.used >= FEW_LABELS * counts.samples:
+        return None
+    if counts.bottom <= counts.water:
+        return None
+    return (
+        f"store {store} has labels in {counts.used} of {counts.samples} samples alone: the Doppler "
+        "log mostly measured over ground, and no current is known to take off that (bottom lock in "
+        f"{100.0 * counts.bottom / counts.samples:.3g} % of the samples). {_which_current(store)}"
+    )
+
+
+def few_missions(store: str | StorePath, division: Division = "missions") -> str | None:
+    """A warning where all that is learned comes from a single mission, else None.
+
+    Raises:
+      StoreError: the store's split cannot be read.
+    """
+    with MissionStore(store) as reader:
+        rows = list(range(len(reader)))
+        if division == "missions" and SPLIT in reader:
+            rows = [row for row in rows if reader.splits[row] == "train"]
+        noun = "row" if reader.logged else "mission"
+    if len(rows) != 1:
+        return None
+    return (
+        f"store {store} has one {noun} for training ({noun} {rows[0]}): what the networks learn "
+        f"holds for its water and its manoeuvres; take a store of more {noun}s"
+    )
+
+
+def check_window(
+    store: str | StorePath,
+    window: int,
+    *,
+    division: Division = "missions",
+    period: float | None = None,
+) -> None:
+    """Refuse a window of samples that no training mission fills.
+
+    Raises:
+      InputError: it is longer than the longest of them.
+      StoreError: see `Selection`.
+    """
+    with Selection(store, any_channel(store), period=period) as selection:
+        places = [
+            k
+            for k in range(len(selection))
+            if division == "samples" or selection.splits[k] == "train"
+        ]
+        longest = max(places, key=lambda k: int(selection.lengths[k]), default=None)
+        if longest is not None and window > selection.lengths[longest]:
+            raise InputError(
+                f"--window {window} is longer than every training mission of {store}: the longest, "
+                f"mission {selection.rows[longest]}, has {selection.lengths[longest]} samples"
+            )

@@ -1,0 +1,196 @@
+"""The C code of networks and features against Python."""
+
+import dataclasses
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from navigation import PERIOD, trimmed_mission
+
+from learn.data.dataset import Mission
+from learn.data.normalisation import Normalisation
+from learn.networks.base import Network, build_network
+from learn.networks.c_export import FLAGS, c_header, export_c, find_compiler, run_c
+from learn.networks.config import NetworkConfig
+from learn.networks.parity import TOLERANCE
+from learn.networks.predictor import Ensemble, Predictor
+from learn.networks.registry import NETWORKS
+from twin.errors import InputError, StoreError
+from twin.navigation.features import FEATURES, Feature, Term, channels_of
+from twin.navigation.features.c_steps import c_features
+
+needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler, cc")
+
+SEEN = ("sin_roll", "pitch_change", "glide_speed_slow", "gravity_glide_speed", "pump")
+
+
+@pytest.fixture(scope="module")
+def mission():
+    """It turns through north, and every channel moves."""
+    signals = trimmed_mission(400)
+    rng = np.random.default_rng(0)
+    for name in channels_of(FEATURES):
+        base = np.asarray(signals.get(name, np.zeros(400)), float)
+        signals[name] = base + np.sin(np.arange(400) / 20) + 0.1 * rng.normal(size=400)
+    signals["measured_heading"] = np.mod(350.0 + np.arange(400) / 4, 360.0)
+    return Mission(index=4, split="test", period=PERIOD, signals=signals)
+
+
+def networks_of(kind, features, mission, members=1, **sizes):
+    matrix = mission.features(features).astype(float)
+    torch.manual_seed(3)
+
+    def member(target):
+        config = NetworkConfig(kind=kind, inputs=len(features), period=PERIOD, **sizes)
+        scales = Normalisation(
+            features=tuple(features),
+            mean=tuple(matrix.mean(0)),
+            scale=tuple(matrix.std(0) + 1e-3),
+            target=target,
+            target_mean=0.4 if target == "surge" else 0.0,
+            target_scale=0.12,
+        )
+        return Predictor(build_network(config), scales)
+
+    return {
+        target: Ensemble(tuple(member(target) for _ in range(members)))
+        for target in ("surge", "sway")
+    }
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    ("kind", "sizes"),
+    [
+        *((kind, {}) for kind in NETWORKS),
+        ("ema", {"memories": (5.0,)}),
+        ("elman", {"delays": 1, "layers": 1}),
+        ("tcn", {"kernel": 1}),
+        ("tcn", {"kernel": 2, "dilation": 3, "hidden": len(SEEN)}),
+    ],
+)
+def test_every_kind_gives_in_c_what_it_gives_in_python(kind, sizes, mission, tmp_path):
+    networks = networks_of(kind, SEEN, mission, **{"hidden": 7, "layers": 2, **sizes})
+    parity = export_c(networks, tmp_path / "glider_velocity.h", mission)
+    assert parity.largest < 1e-6
+    assert parity.samples == 400
+    # The comparison means something only if the velocities move.
+    moved, _ = run_c(parity.path, networks, mission, find_compiler())
+    assert moved.std(0).min() > 20 * TOLERANCE
+
+
+@needs_compiler
+def test_every_feature_is_in_c_what_it_is_in_python(mission, tmp_path):
+    """A network that passes one feature through shows it."""
+    names = tuple(FEATURES)
+    matrix = mission.features(names)
+    networks = networks_of("mlp", names, mission, hidden=len(names), layers=1)
+    network = networks["surge"].members[0].network
+    for k, name in enumerate(names):
+        with torch.no_grad():
+            for p in network.parameters():
+                p.zero_()
+            network.body[0].weight[0, k] = 1.0
+            network.body[2].weight[0, 0] = 1.0
+        header = tmp_path / f"{name}.h"
+        header.write_text(c_header(networks, PERIOD))
+        found, _ = run_c(header, networks, mission, find_compiler())
+        scales = networks["surge"].members[0].normalisation
+        wanted = np.tanh(scales.inputs(matrix)[:, k])
+        assert np.abs((found[:, 0] - 0.4) / 0.12 - wanted).max() < 3e-6, name
+        assert wanted.std() > 0.02, name
+
+
+@needs_compiler
+def test_members_are_averaged(mission, tmp_path):
+    networks = networks_of("ema", SEEN, mission, members=3, hidden=5, layers=1)
+    parity = export_c(networks, tmp_path / "velocity.h", mission)
+    assert parity.largest < 1e-6
+    alone = {name: Ensemble(e.members[:1]) for name, e in networks.items()}
+    found, _ = run_c(parity.path, networks, mission, find_compiler())
+    assert np.abs(found[:, 0] - alone["surge"].predict([mission])[0][0]).max() > 1e-3
+
+
+@needs_compiler
+def test_a_value_that_is_not_finite_is_refused_and_changes_nothing(mission, tmp_path):
+    networks = networks_of("ema", ("sin_pitch", "depth_rate"), mission, hidden=4, layers=1)
+    header = tmp_path / "glider_velocity.h"
+    header.write_text(c_header(networks, PERIOD))
+    main = """
+#include "glider_velocity.h"
+int main(void)
+{
+    glider_state state, before;
+    glider_velocity velocity, first;
+    glider_sample good = {.measured_pitch = -20.0, .measured_depth = 3.0}, bad = good;
+    glider_reset(&state);
+    if (!glider_step(&state, &good, &velocity)) return 1;
+    before = state;
+    first = velocity;
+    bad.measured_depth = NAN;
+    if (glider_step(&state, &bad, &velocity)) return 2;
+    bad.measured_depth = -INFINITY;
+    if (glider_step(&state, &bad, &velocity)) return 3;
+    if (memcmp(&state, &before, sizeof state) || velocity.surge != first.surge) return 4;
+    return 0;
+}
+"""
+    (tmp_path / "main.c").write_text(main)
+    command = [*find_compiler(), *FLAGS, "main.c", "-o", "main", "-lm"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    assert subprocess.run([tmp_path / "main"]).returncode == 0
+
+
+@needs_compiler
+def test_code_that_differs_is_not_kept(mission, tmp_path, monkeypatch):
+    networks = networks_of("ema", SEEN, mission, hidden=4, layers=1)
+    place = tmp_path / "velocity.h"
+    place.write_text("the old one")
+    kind = NETWORKS["ema"]
+    right = kind.c_step
+
+    def wrong(self):
+        step = right(self)
+        return dataclasses.replace(step, body=step.body.replace("return out[0]", "return -out[0]"))
+
+    monkeypatch.setattr(kind, "c_step", wrong)
+    with pytest.raises(StoreError, match=r"the C code differs by .* was not kept"):
+        export_c(networks, place, mission)
+    monkeypatch.setattr(
+        kind, "c_step", lambda self: dataclasses.replace(right(self), body="return 0")
+    )
+    with pytest.raises(StoreError, match=r"velocity\.h does not compile"):
+        export_c(networks, place, mission)
+    assert place.read_text() == "the old one"
+
+
+def test_a_kind_without_c_code_says_so(mission, monkeypatch):
+    networks = networks_of("mlp", SEEN, mission, hidden=4, layers=1)
+    monkeypatch.setattr(NETWORKS["mlp"], "c_step", Network.c_step)
+    with pytest.raises(InputError, match=r"network 'mlp' has no C code: .* has it: ema, elman"):
+        c_header(networks, PERIOD)
+
+
+def test_a_feature_without_c_code_says_so():
+    terms = (Term(channel="measured_pitch"), Term(channel="measured_roll"))
+    tilt = Feature(name="tilt", group="mine", unit="1", terms=terms, combine=np.hypot)
+    with pytest.raises(InputError, match="feature 'tilt' combines its terms in Python alone"):
+        c_features([tilt], PERIOD)
+    body = "return sqrt(t[0] * t[0] + t[1] * t[1]);"
+    assert body in c_features([dataclasses.replace(tilt, c=body)], PERIOD).functions
+
+
+@pytest.mark.parametrize("name", FEATURES)
+def test_every_feature_has_c_code(name):
+    assert c_features([name], PERIOD).channels == FEATURES[name].channels
+
+
+def test_without_a_compiler_the_error_says_what_to_do(mission, monkeypatch, tmp_path):
+    monkeypatch.setenv("CC", "no-such-cc -O2")
+    networks = networks_of("mlp", SEEN, mission, hidden=4, layers=1)
+    with pytest.raises(InputError, match=r"no C compiler 'no-such-cc'.*environment variable CC"):
+        export_c(networks, tmp_path / "velocity.h", mission)
+    assert not list(Path(tmp_path).iterdir())

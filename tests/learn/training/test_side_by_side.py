@@ -1,0 +1,188 @@
+"""Side by side: networks of many runs through any executor, seeds, and what is left behind."""
+
+import json
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from learn_missions import write_synthetic_store
+
+import learn.training.workers as side_by_side
+from learn.__main__ import PROGRAM
+from learn.networks.config import NetworkConfig
+from learn.runs.run import METRICS, SEEDS, open_run
+from learn.studies.seeds import Seeds, other_seeds
+from learn.training.fitting import Start, fit, fit_each
+from learn.training.resources import Resources, training_resources
+from learn.training.schedule import TrainingConfig
+from learn.training.settings import FitConfig
+from twin.errors import InputError, StoreError, TwinError
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("side")
+    return write_synthetic_store(folder / "s.zarr", [300, 280, 260, 270], [0, 0, 1, 2])
+
+
+def config_of(store, seed=0, **changes):
+    return FitConfig(
+        store=str(store),
+        features=("sin_pitch", "depth_rate"),
+        network=NetworkConfig(kind="elman", hidden=4, layers=1),
+        training=TrainingConfig(epochs=2, seconds=0.0, seed=seed, validations=4),
+        **changes,
+    )
+
+
+def weights(folder):
+    return {p.name: p.read_bytes() for p in sorted(Path(folder).glob("*.safetensors"))}
+
+
+def test_any_executor_trains_what_one_process_trains(store, tmp_path):
+    alone = fit(config_of(store), tmp_path / "alone")
+    seen = []
+    with (
+        ThreadPoolExecutor(2) as threads,
+        training_resources(executor=threads, memory=1.0) as resources,
+    ):
+        starts = [
+            Start(config=config_of(store, seed), folder=tmp_path / f"r{seed}") for seed in (0, 2)
+        ]
+        runs = fit_each(starts, resources, watch=lambda job, report: seen.append((job, report)))
+    assert weights(runs[0].folder) == weights(alone.folder) != weights(runs[1].folder)
+    assert all(run.description["complete"] for run in runs)
+    assert len(seen) == sum(len(run.metrics()) for run in runs) == 2 * len(alone.metrics())
+    drop = ("seconds",)
+    ours, theirs = (
+        sorted(
+            [{k: v for k, v in row.items() if k not in drop} for row in run.metrics()],
+            key=lambda row: (row["network"], row["step"]),
+        )
+        for run in (runs[0], alone)
+    )
+    assert ours == theirs
+    hidden = [p.name for run in runs for p in run.folder.iterdir() if p.name.startswith(".")]
+    assert hidden == []
+
+
+class Lost(Executor):
+    """Runs each task, after an attempt of a worker that is lost in the middle of a report."""
+
+    def submit(self, function, task, *rest):
+        future = Future()
+        with task.reports.open("a") as file:
+            file.write('{"step": 1, "epo')
+        try:
+            future.set_result(function(task, *rest))
+        except BaseException as error:  # as an executor does
+            future.set_exception(error)
+        return future
+
+
+def test_half_a_report_of_a_lost_worker_is_left_out(store, tmp_path):
+    run = fit(config_of(store), tmp_path / "run", Resources(Lost()))
+    assert {row["network"] for row in run.metrics()} == {"surge-0", "sway-0"}
+    assert all(row["epoch"] > 0 for row in run.metrics())
+
+
+def test_a_task_ends_when_its_start_has_ended(store, tmp_path, monkeypatch):
+    real = side_by_side.train
+
+    def interrupted(job, folder, report, **options):
+        (folder / side_by_side.WORD).unlink(missing_ok=True)  # as the end of a start does
+        return real(job, folder, report, **options)
+
+    monkeypatch.setattr("learn.training.workers.train", interrupted)
+    with pytest.raises(TwinError, match=r"nobody waits for s[a-z]*-0 in .*run any more"):
+        fit(config_of(store), tmp_path / "run", Resources(Lost()))
+
+
+def test_what_stops_a_task_stops_the_others_and_keeps_its_kind(store, tmp_path):
+    class Refusing(Lost):
+        def submit(self, function, task, *rest):
+            future = Future()
+            if task.job.target == "sway":
+                future.set_exception(StoreError("no such mission"))
+                return future
+            return super().submit(function, task, *rest)
+
+    with pytest.raises(StoreError, match="no such mission"):
+        fit(config_of(store), tmp_path / "run", Resources(Refusing()))
+    assert [p.name for p in (tmp_path / "run").glob(".*")] == []
+    done = fit(config_of(store), tmp_path / "run", resume=True)
+    assert done.description["complete"]
+
+
+def test_workers_and_an_executor_are_one_too_many():
+    with (
+        pytest.raises(InputError, match="either workers or an executor"),
+        training_resources(2, Lost()),
+    ):
+        pass
+
+
+def test_seeds_are_trained_and_compared(store, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    figures = {"surge_mse": 1.0, "sway_mse": None, "dr_water_percent_mean": 2.0}
+    figures["dr_ground_percent_mean"] = None
+
+    class Found:
+        def to_json(self):
+            figures["surge_mse"] += 1.0
+            return dict(figures)
+
+    monkeypatch.setattr("learn.studies.seeds.evaluate", lambda *_, **__: Found())
+    monkeypatch.setattr("learn.api.finish", lambda run, **_: run)
+    monkeypatch.setattr("learn.commands.fit.Fit._report", lambda *_: None)
+    code = PROGRAM.main(
+        [
+            *("fit", str(store), "--name", "many", "--seeds", "3", "--members", "1"),
+            *("--epochs", "1", "--network", "elman", "--hidden", "4", "--layers", "1"),
+            *("--workers", "1", "--json"),
+        ]
+    )
+    out, err = capsys.readouterr()
+    assert code == 0, err
+    assert "training data stay in memory" in err
+    found = json.loads(out)["seeds"]
+    assert list(found["seeds"]) == ["0", "2", "4"]
+    assert found["mean"] == {"surge_mse": 3.0, "dr_water_percent_mean": 2.0}
+    assert found["standard_deviation"]["surge_mse"] == pytest.approx(1.0)
+    run = tmp_path / "runs" / "many"
+    assert (run / SEEDS).is_file()
+    two = open_run(run / "seed-2").description["settings"]["training"]["seed"]
+    assert two == 2
+    assert weights(run) != weights(run / "seed-2")
+
+
+def test_no_two_networks_of_a_study_share_a_seed(store):
+    config = config_of(store, members=2)
+    every = [config, *other_seeds(config, 4).values()]
+    seeds = [job.seed for one in every for job in one.jobs()]
+    assert len(seeds) == len(set(seeds)) == 16
+
+
+def test_a_table_of_seeds_ends_with_mean_and_deviation():
+    rows = Seeds(
+        {k: dict.fromkeys(("surge_mse", "sway_mse"), float(k)) | {
+            "dr_water_percent_mean": None, "dr_ground_percent_mean": None} for k in (1, 3)}
+    ).rows()  # fmt: skip
+    assert [row["seed"] for row in rows] == ["1", "3", "mean", "standard deviation"]
+    assert rows[2]["surge MSE [(m/s)²]"] == 2.0
+    assert "through the water [%]" not in rows[2]
+
+
+def test_a_dask_cluster_trains_what_one_process_trains(store, tmp_path):
+    distributed = pytest.importorskip("distributed", reason='needs "glider-twin[cluster]"')
+    alone = fit(config_of(store), tmp_path / "alone")
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None
+        ) as cluster,
+        distributed.Client(cluster, set_as_default=False) as client,
+    ):
+        executor = client.get_executor(pure=False)
+        run = fit(config_of(store), tmp_path / "run", Resources(executor))
+    assert weights(run.folder) == weights(alone.folder)
+    assert (run.folder / METRICS).stat().st_size > 0

@@ -1,0 +1,258 @@
+"""Forecasts: surfacings of members, their ellipses, what is written of them, and the command."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+
+import numpy as np
+import pytest
+from logs import START, Flight, write_slocum
+
+import twin
+from factory.importing import import_logs
+from twin.__main__ import PROGRAM
+from twin.errors import InputError, MissionError, StoreError, WriteError
+from twin.forecast import Request, forecast, known_from_logs, known_without_logs, mission_to
+from twin.forecast.flights import surfacings
+from twin.forecast.members import members_of
+from twin.forecast.page import page, write_forecast
+from twin.forecast.surfacing import HALF, NINETY, surfacings_of
+from twin.forecast.watch import arrivals
+from twin.physics.scenario import Scenario
+from twin.records.store import write_store
+from twin.vehicle.vehicle import load_vehicle
+from twin.water.current import Uniform
+from twin.water.current.origin import Origin
+
+PLACE = Origin(latitude_deg=36.8, longitude_deg=-122.4, time="2026-11-22T12:00:00")
+UNIX = 1.795e9
+
+
+def to_north(**settings):
+    usual = {"depth": 50.0, "pitch_deg": 26.0, "surface_after_s": 1500.0, "radius": 100.0}
+    return mission_to("37,-122.4", **{**usual, **settings})
+
+
+def asked(**changes):
+    usual = {"vehicle": load_vehicle("glider"), "mission": to_north(), "place": PLACE,
+             "hours": 1.0, "members": 24}  # fmt: skip
+    return Request(**{**usual, **changes})
+
+
+@pytest.fixture(scope="module")
+def steps():
+    """Every stage of one forecast."""
+    found = []
+    forecast(asked(energy_left_kwh=1.5), known_without_logs(36.8, UNIX), refined=found.append)
+    return found
+
+
+def test_the_mean_comes_first_and_all_members_last(steps) -> None:
+    assert steps[0].flown == 1
+    assert not steps[0].complete
+    assert steps[-1].flown == 24
+    assert steps[-1].complete
+    assert [one.number for one in steps[-1].surfacings] == [1, 2]
+
+
+def test_the_first_member_is_the_nominal_flight(steps) -> None:
+    run = twin.simulate(
+        Scenario(
+            plan=dataclasses.replace(to_north(), duration_s=3600.0),
+            start={"latitude": 36.8, "longitude": -122.4, "time": PLACE.time},
+            sample_period=10.0,
+        )
+    )
+    found = surfacings(run["true_depth"], 1.5)
+    for one, index in zip(steps[0].surfacings, found, strict=True):
+        # a longer physics step and a cut heading are all that differs
+        assert (one.north, one.east) == pytest.approx(run.position[index, :2], abs=8.0)
+        assert one.time_s == pytest.approx(run.time[index], abs=20.0)
+
+
+def test_ellipses_grow_with_time_and_hold_the_members(steps) -> None:
+    first, second = steps[-1].surfacings
+    assert second.ellipse(NINETY).major_m > first.ellipse(NINETY).major_m
+    assert first.ellipse(HALF).major_m < first.ellipse(NINETY).major_m
+    # a current known to 0.15 m/s, and the filter's allowance of half as much again
+    hours = first.time_s / 3600.0
+    expected = np.sqrt(1.5 * NINETY) * 0.17 * 3600.0 * hours
+    assert first.ellipse(NINETY).major_m == pytest.approx(expected, rel=0.45)
+
+
+def test_an_ellipse_holds_its_part_of_normal_members() -> None:
+    rng = np.random.default_rng(0)
+    covariance = np.array([[300.0**2, 2e4], [2e4, 120.0**2]])
+    places = rng.multivariate_normal([1e3, 500.0], covariance, 5000)
+    flights = [_flight(place) for place in places]
+    (one,) = surfacings_of(flights, PLACE)
+    off = places - [one.north, one.east]
+    distance = np.einsum("mi,ij,mj->m", off, np.linalg.inv(one.covariance), off)
+    assert np.mean(distance < NINETY) == pytest.approx(0.90, abs=0.02)
+    assert np.mean(distance < HALF) == pytest.approx(0.50, abs=0.02)
+    ellipse = one.ellipse(NINETY)
+    values, vectors = np.linalg.eigh(NINETY * covariance)
+    assert ellipse.major_m == pytest.approx(np.sqrt(values[1]), rel=0.05)
+    bearing = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])) % 180.0
+    assert ellipse.bearing_deg == pytest.approx(bearing, abs=2.0)
+
+
+def _flight(place):
+    from twin.forecast.flights import Flight as Flown
+
+    return Flown(time=np.array([60.0]), place=np.array([place]), energy=np.array([10.0]),
+                 track=np.zeros((2, 2)), duration=100.0, taken=20.0)  # fmt: skip
+
+
+def test_energy_and_days_follow_from_the_power(steps) -> None:
+    found = steps[-1]
+    assert found.days_left == pytest.approx(1.5 * 3.6e6 / found.power_w / 86400.0)
+    assert found.surfacings[1].energy_kj > found.surfacings[0].energy_kj > 0.5
+    without = dataclasses.replace(found.request, energy_left_kwh=None)
+    assert dataclasses.replace(found, request=without).days_left is None
+
+
+def test_results_do_not_depend_on_the_threads() -> None:
+    found = [
+        forecast(asked(members=6, hours=0.5), known_without_logs(36.8, UNIX), threads=threads)
+        for threads in (1, 3)
+    ]
+    assert found[0].describe() == found[1].describe()
+
+
+def test_a_field_carries_the_members_and_its_error_spreads_them() -> None:
+    request = asked(field=Uniform(north=0.0, east=0.3), field_error=0.05, hours=0.5)
+    drawn = members_of(request, known_without_logs(36.8, UNIX))
+    currents = np.array([s.current.velocity(900.0, 0.0, 0.0, 10.0)[:2] for s in drawn.scenarios])
+    assert currents[0] == pytest.approx([0.0, 0.3], abs=1e-9)
+    assert currents[1:, 1].std() == pytest.approx(0.05, rel=0.4)
+    assert "field" in drawn.spread["current"]
+
+
+def test_geojson_holds_points_ellipses_and_the_track(steps) -> None:
+    document = steps[-1].geojson()
+    kinds = [f["geometry"]["type"] for f in document["features"]]
+    assert kinds.count("Polygon") == 4
+    assert kinds.count("LineString") == 1
+    ring = next(f for f in document["features"] if f["properties"].get("holds") == 0.9)
+    points = np.array(ring["geometry"]["coordinates"][0])
+    assert points[0] == pytest.approx(points[-1])
+    surfacing = steps[-1].surfacings[0]
+    assert points.mean(axis=0) == pytest.approx([surfacing.longitude, surfacing.latitude], abs=2e-3)
+    json.dumps(document, allow_nan=False)
+
+
+def test_the_page_needs_no_network_and_shows_every_surfacing(steps, tmp_path) -> None:
+    text = page(steps[-1])
+    assert not re.findall(r'(?:src|href)="', text)
+    assert set(re.findall(r"https?://[^\"' ]+", text)) == {"http://www.w3.org/2000/svg"}
+    assert text.count('class="ninety"') == text.count('class="half"') == 2
+    assert 'http-equiv="refresh"' not in text
+    assert 'http-equiv="refresh"' in page(steps[0], reload_s=5.0)
+    write_forecast(steps[0], tmp_path / "next")
+    path = write_forecast(steps[-1], tmp_path / "next")
+    document = json.loads((path.parent / "forecast.json").read_text())
+    assert document["flown"] == 24
+    assert json.loads((path.parent / "forecast.geojson").read_text())["features"]
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("x")
+    with pytest.raises(WriteError, match="did not write it"):
+        write_forecast(steps[-1], tmp_path / "mine")
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("logs")
+    flight = Flight(dives=8, depth=200.0, north=0.12, east=-0.05, step=10.0)
+    dataset, _ = import_logs("slocum", write_slocum(folder, flight), period=10.0)
+    return write_store(dataset, folder / "real.zarr")
+
+
+def test_logs_tell_the_place_the_time_and_the_current(store) -> None:
+    known = known_from_logs(store)
+    current, covariance = known.filter_.current
+    # logs without a vehicle take 3 degree for the angle of attack; this glider has none
+    assert current == pytest.approx([0.12, -0.05], abs=0.06)
+    assert current == pytest.approx(known.last_current, abs=0.03)
+    assert np.sqrt(covariance[0, 0]) < 0.06
+    flight = Flight(dives=8, depth=200.0, north=0.12, east=-0.05)
+    end = START + 8 * flight.cycle
+    assert known.time == pytest.approx(end, abs=60.0)
+    before = covariance[0, 0]
+    assert known.at(known.time + 86400.0).filter_.current[1][0, 0] > before
+    with pytest.raises(InputError, match="before the last fix"):
+        known.at(end - 3600.0)
+
+
+def test_logs_without_fixes_are_refused(store) -> None:
+    import xarray as xr
+
+    with xr.open_zarr(store) as dataset:
+        lost = dataset.load().copy()
+    lost["displacement_north"] = lost["displacement_north"] * np.nan
+    path = store.parent / "lost.zarr"
+    write_store(lost, path, overwrite=True)
+    with pytest.raises(StoreError, match="GPS fixes at both ends"):
+        known_from_logs(path)
+
+
+def test_the_command_begins_at_the_last_fix_of_the_logs(store, tmp_path, capsys) -> None:
+    out = tmp_path / "next"
+    assert PROGRAM.main([
+        "forecast", "--logs", str(store), "--goto", "49.7,-58", "--depth", "50", "--hours", "1",
+        "--surface-every", "0.4", "--members", "8", "--out", str(out), "--json",
+    ]) == 0  # fmt: skip
+    said = capsys.readouterr()
+    answer = json.loads(said.out)
+    assert answer["flown"] == 8
+    assert "8 dives" in answer["spread"]["current"]
+    assert answer["surfacings"][0]["ellipse_90"]["major_m"] > 20.0
+    # it drifts with what the fixes have told
+    assert "surfacing 1: about" in said.err
+    assert json.loads((out / "forecast.json").read_text())["surfacings"] == answer["surfacings"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--from", "36.8,-122.4,2026-11-22"], "give --goto"),
+        (["--goto", "37,-122"], "give --from"),
+        (["--from", "36.8,-122.4", "--goto", "37,-122"], "the time is missing"),
+        (["--from", "36.8,-122.4,2026-11-22", "--goto", "37 -122"], "write LAT,LON"),
+        (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--members", "1"], "members"),
+        (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--way", "modle"], "model"),
+    ],
+)
+def test_what_cannot_be_forecast_is_refused_in_a_line(words, message, capsys) -> None:
+    assert PROGRAM.main(["forecast", *words]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_mission_by_the_sea_floor_is_refused() -> None:
+    segment = dataclasses.replace(to_north().segments[0], min_altitude_m=10.0)
+    with pytest.raises(MissionError, match="no sea floor"):
+        asked(mission=dataclasses.replace(to_north(), segments=(segment,)))
+
+
+def test_every_new_store_is_told_once(store, tmp_path) -> None:
+    import shutil
+
+    waits = []
+
+    def wait(seconds):
+        waits.append(seconds)
+        if len(waits) == 1:
+            shutil.copytree(store, tmp_path / "first.zarr")
+        elif len(waits) == 3:
+            shutil.copytree(store, tmp_path / "second.zarr")
+            for path in [tmp_path / "second.zarr", *(tmp_path / "second.zarr").iterdir()]:
+                path.touch()
+
+    found = arrivals(tmp_path, wait=wait)
+    assert next(found).name == "first.zarr"
+    assert next(found).name == "second.zarr"
+    assert len(waits) == 3
+    with pytest.raises(InputError, match="no such folder"):
+        next(arrivals(tmp_path / "nowhere"))

@@ -1,0 +1,96 @@
+"""Baselines sample by sample: what they say of the last sample of what was seen so far."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from torpedo import TORPEDO
+
+import twin
+from twin.errors import InputError
+from twin.navigation.baselines.registry import BASELINES
+from twin.navigation.estimators import (
+    VELOCITY_ESTIMATORS,
+    VelocityEstimator,
+    open_velocity_estimator,
+    usual_velocity_estimator,
+)
+from twin.vehicle.vehicle import load_vehicle
+
+VEHICLE = load_vehicle("glider")
+PERIOD = 0.5
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """Two inflections under water, by the sensors of `field`, with a bottom for the log."""
+    mission = twin.Mission(
+        name="under",
+        segments=[
+            twin.SawTooth(
+                pitch_deg=25.0, max_depth_m=45.0, min_depth_m=33.0, yos=2, heading_deg=50.0
+            )
+        ],
+        start_depth_m=30.0,
+    )
+    run = twin.simulate(mission=mission, sensors="field", bottom_depth=90.0, duration=450.0)
+    return {name: np.array(run[name]) for name in run}
+
+
+def steps(estimator, flown, first=0, last=None):
+    last = len(flown["measured_depth"]) if last is None else last
+    found = []
+    for k in range(first, last):
+        velocity = estimator.step({name: flown[name][k] for name in estimator.channels})
+        found.append((velocity.surge, velocity.sway))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("name", [n for n in BASELINES.shipped() if n != "onboard"])
+def test_a_baseline_step_by_step_says_what_it_says_of_the_last_sample(name, flown):
+    baseline = BASELINES[name](vehicle=VEHICLE)
+    found = steps(baseline.begin(PERIOD), flown)
+    for last in (50, 300, 700, 880):
+        seen = {channel: values[: last + 1] for channel, values in flown.items()}
+        whole = baseline.estimate(seen, PERIOD)
+        if whole.surge is None:  # of the log the evaluation asks for more water lock
+            whole = baseline._estimate(seen, PERIOD, 0.0)
+        assert found[last, 0] == pytest.approx(whole.surge[-1], abs=1e-9)
+        assert found[last, 1] == pytest.approx(whole.sway[-1], abs=1e-9)
+    assert np.sqrt(np.mean((found[200:, 0] - flown["true_surge"][200:]) ** 2)) < 0.06
+
+
+@pytest.mark.parametrize("name", VELOCITY_ESTIMATORS.shipped())
+def test_an_estimator_goes_on_from_its_state_and_begins_again(name, flown):
+    one = open_velocity_estimator(name, VEHICLE, PERIOD)
+    whole = steps(one, flown, last=400)
+    one.reset()
+    steps(one, flown, last=250)
+    other = open_velocity_estimator(name, VEHICLE, PERIOD)
+    other.restore(one.state())
+    assert np.array_equal(steps(other, flown, 250, 400), whole[250:])
+
+
+def test_estimators_refuse_what_they_cannot_do():
+    torpedo = load_vehicle(str(TORPEDO))
+    with pytest.raises(InputError, match="takes no argument, not 'x'"):
+        open_velocity_estimator("ekf:x", VEHICLE, PERIOD)
+    with pytest.raises(InputError, match=r"estimator 'steady_flight': vehicle .* does not glide"):
+        open_velocity_estimator("steady_flight", torpedo, PERIOD)
+    with pytest.raises(InputError, match="unknown velocity estimator 'efk': did you mean 'ekf'"):
+        open_velocity_estimator("efk", VEHICLE, PERIOD)
+    with pytest.raises(InputError, match="choose pitch_plus_alpha"):
+        BASELINES["onboard"](vehicle=VEHICLE).begin(PERIOD)
+    with pytest.raises(InputError, match="no channel 'measured_depth'"):
+        open_velocity_estimator("pitch_plus_alpha", VEHICLE, PERIOD).step({})
+    assert usual_velocity_estimator(VEHICLE, PERIOD).kind == "ekf"
+    assert usual_velocity_estimator(torpedo, PERIOD).kind == "dvl"
+
+
+def test_an_estimator_that_is_only_half_there_is_refused():
+    class Half(VelocityEstimator):
+        kind = "half"
+        summary = "half"
+
+    with pytest.raises(InputError, match="only half there: it lacks the method `open`"):
+        VELOCITY_ESTIMATORS.add(Half)

@@ -1,0 +1,285 @@
+"""Baselines on steady glides that the nominal vehicle really flies, and the EKF's honesty."""
+
+import numpy as np
+import pytest
+from navigation import PERIOD, steady_mission, trimmed_mission
+
+from twin.errors import InputError, StoreError
+from twin.fossen import FossenModel, FossenState
+from twin.fossen.forces import parameters_of
+from twin.mission.schedule import Schedule
+from twin.navigation.baselines import ekf
+from twin.navigation.baselines.base import bridge, hold, smooth
+from twin.navigation.baselines.dvl import spikes
+from twin.navigation.baselines.ekf import DEPTH, NET_ERROR, SURGE, SWAY, Ekf, EkfNoise
+from twin.navigation.baselines.pitch_plus_alpha import PitchPlusAlpha, steady_angle_of_attack
+from twin.navigation.baselines.registry import BASELINES
+from twin.navigation.baselines.steady_flight import SteadyFlight
+from twin.navigation.dead_reckoning import (
+    Attitude,
+    horizontal_error,
+    true_water_track,
+    water_track,
+)
+from twin.vehicle.vehicle import load_vehicle
+
+VEHICLE = load_vehicle("glider")
+GLIDES = {
+    "dive": {"net_mass": 0.3, "shift": 0.02},
+    "climb": {"net_mass": -0.3, "shift": -0.02},
+    "spiral": {"net_mass": 0.3, "shift": 0.02, "rotation": np.deg2rad(45.0)},
+    "climbing spiral": {"net_mass": -0.3, "shift": -0.02, "rotation": np.deg2rad(-25.0)},
+}
+
+
+@pytest.fixture(scope="module", params=GLIDES)
+def glide(request):
+    depth = 50.0 if GLIDES[request.param]["net_mass"] > 0 else 400.0
+    return trimmed_mission(1200, depth=depth, **GLIDES[request.param])
+
+
+def test_no_baseline_reads_truth():
+    for name, baseline in BASELINES.items():
+        assert baseline.channels, name
+        assert not [c for c in baseline.channels if c.startswith("true_")], name
+
+
+@pytest.mark.parametrize("name", BASELINES)
+def test_each_baseline_needs_no_more_than_the_channels_it_names(name):
+    signals = trimmed_mission(300)
+    baseline = BASELINES[name](vehicle=VEHICLE)
+    seen = {c: signals[c] for c in baseline.needs(VEHICLE)}
+    baseline.estimate(seen, PERIOD)
+    seen.pop(baseline.channels[0])
+    if name != "dvl":  # its velocities may have gaps, its attitude may not
+        with pytest.raises(StoreError, match=baseline.channels[0]):
+            baseline.estimate(seen, PERIOD)
+
+
+def test_steady_flight_finds_the_steady_glide(glide):
+    estimate = SteadyFlight(vehicle=VEHICLE).estimate(glide, PERIOD)
+    inside = slice(40, -40)  # smoothing is one-sided at the ends
+    assert estimate.surge[inside] == pytest.approx(glide["true_surge"][inside], abs=2e-4)
+    assert estimate.sway[inside] == pytest.approx(glide["true_sway"][inside], abs=3e-4)
+
+
+def test_steady_flight_speed_hardly_depends_on_a_wrong_drag(glide):
+    heavy = VEHICLE.replace(drag=(1.2 * VEHICLE.flow_frame.drag[0], VEHICLE.flow_frame.drag[1]))
+    estimate = SteadyFlight(vehicle=heavy).estimate(glide, PERIOD)
+    # 20 % of drag are 9 % of the buoyancy's speed; the depth rate leaves the angle of attack.
+    assert estimate.surge[600] == pytest.approx(glide["true_surge"][600], rel=0.012)
+
+
+def test_the_ekf_settles_on_the_steady_glide(glide):
+    estimate = Ekf(vehicle=VEHICLE).estimate(glide, PERIOD)
+    assert estimate.surge[-1] == pytest.approx(glide["true_surge"][-1], abs=1e-3)
+    assert estimate.sway[-1] == pytest.approx(glide["true_sway"][-1], abs=5e-4)
+
+
+def test_pitch_plus_alpha_on_a_straight_glide_errs_by_its_constant():
+    signals = trimmed_mission(1200)
+    baseline = PitchPlusAlpha(vehicle=VEHICLE)
+    estimate = baseline.estimate(signals, PERIOD)
+    assert (estimate.sway == 0).all()
+    pitch = np.deg2rad(-signals["true_pitch"][0])
+    down = signals["true_velocity_down"][0]
+    alpha = baseline.angle_of_attack
+    assert estimate.surge[600] == pytest.approx(down / np.sin(pitch + alpha) * np.cos(alpha))
+    assert estimate.surge[600] == pytest.approx(signals["true_surge"][600], rel=0.02)
+
+
+def test_the_constant_angle_of_attack_is_the_trimmed_one():
+    model = FossenModel(VEHICLE)
+    for shift in (0.012, 0.02, 0.03):
+        dive = model.steady_motion(shift, 0.0, 0.3).trim
+        climb = model.steady_motion(-shift, 0.0, -0.3).trim
+        for steady in (dive, climb):
+            found = np.rad2deg(steady_angle_of_attack(VEHICLE, np.deg2rad(abs(steady.pitch_deg))))
+            # Lift at zero angle differs in sign between dive and climb; the constant is between.
+            assert found == pytest.approx(abs(steady.angle_of_attack_deg), abs=0.12)
+
+
+@pytest.mark.parametrize("offset", [-1.4, 0.0, 1.4])
+def test_at_the_surface_nobody_makes_way_even_with_a_gauge_that_is_off(offset):
+    rest = {"velocity": (0.0, 0.0, 0.0), "pitch": -0.4, "pump": 400.0}
+    signals = steady_mission(1200, depth=0.5 + offset, **rest)
+    for name in ("pitch_plus_alpha", "steady_flight"):
+        estimate = BASELINES[name](vehicle=VEHICLE).estimate(signals, PERIOD)
+        assert (estimate.surge == 0).all(), name
+    estimate = Ekf(vehicle=VEHICLE).estimate(signals, PERIOD)
+    assert np.abs(estimate.surge[-1]) < 0.02
+
+
+# --- DVL --------------------------------------------------------------------------------------
+
+
+def with_dvl(signals, mode, current=(0.0, 0.0, 0.0)):
+    """DVL without errors: over ground in mode 1 (current in body axes), through water in 2."""
+    for name, extra in zip(("surge", "sway", "heave"), current, strict=True):
+        signals[f"measured_dvl_{name}"] = signals[f"true_{name}"] + (mode == 1) * extra
+    signals["measured_dvl_mode"] = np.asarray(mode, float)
+    return signals
+
+
+def test_bottom_lock_gives_the_track_over_ground():
+    current = np.array([0.1, -0.2])
+    signals = steady_mission(1000, current=tuple(current), pitch=0.0, heading=0.0)
+    with_dvl(signals, np.ones(1000), current=(*current, 0.0))
+    estimate = BASELINES["dvl"](vehicle=VEHICLE).estimate(signals, PERIOD)
+    truth = np.stack([signals["true_north"], signals["true_east"]], axis=1)
+    assert horizontal_error(estimate.ground_track, truth).max() < 1e-6
+    assert estimate.surge is None  # it says nothing on the velocity through the water
+
+
+def test_water_lock_gives_the_velocity_through_the_water():
+    signals = with_dvl(trimmed_mission(1000, current=(0.1, 0.0)), np.full(1000, 2.0))
+    estimate = BASELINES["dvl"](vehicle=VEHICLE).estimate(signals, PERIOD)
+    assert estimate.surge == pytest.approx(signals["true_surge"])
+    track = water_track(
+        estimate.surge, estimate.sway, signals["measured_depth"], Attitude.of(signals), PERIOD
+    )
+    assert horizontal_error(track, true_water_track(signals, PERIOD)).max() < 1e-6
+
+
+def test_the_current_found_in_bottom_lock_is_carried_into_water_lock():
+    current = (0.1, -0.05)
+    signals = trimmed_mission(6000, current=current, heading=0.0)
+    pitch = np.deg2rad(signals["true_pitch"][0])
+    body = (current[0] * np.cos(pitch), current[1], current[0] * np.sin(pitch))
+    with_dvl(signals, np.where(np.arange(6000) < 3000, 1.0, 2.0), current=body)
+    estimate = BASELINES["dvl"](vehicle=VEHICLE).estimate(signals, PERIOD)
+    truth = np.stack([signals["true_north"], signals["true_east"]], axis=1)
+    drifted = np.hypot(*current) * 3000 * PERIOD
+    assert horizontal_error(estimate.ground_track, truth)[-1] < 0.02 * drifted
+
+
+def test_losses_of_lock_are_filled():
+    signals = with_dvl(trimmed_mission(2000), np.full(2000, 2.0))
+    for lost in (slice(300, 310), slice(900, 1500)):
+        for name in ("surge", "sway", "heave"):
+            signals[f"measured_dvl_{name}"][lost] = np.nan
+        signals["measured_dvl_mode"][lost] = 0
+    estimate = BASELINES["dvl"](vehicle=VEHICLE).estimate(signals, PERIOD)
+    assert np.isfinite(estimate.surge).all()
+    assert estimate.surge == pytest.approx(signals["true_surge"], abs=3e-4)
+
+
+def test_without_any_lock_nothing_is_estimated():
+    estimate = BASELINES["dvl"](vehicle=VEHICLE).estimate(trimmed_mission(300), PERIOD)
+    assert estimate.surge is None
+    assert estimate.ground_track is None
+
+
+def test_hampel_finds_spikes_and_nothing_else():
+    rng = np.random.default_rng(1)
+    values = 0.4 + 0.002 * rng.standard_normal(500)
+    values[[50, 51, 300]] += (0.4, -0.3, 0.2)
+    found = np.flatnonzero(spikes(values, np.ones(500, bool)))
+    assert {50, 51, 300} <= set(found)
+    assert len(found) < 15  # one in a hundred samples of plain noise
+
+
+# --- EKF --------------------------------------------------------------------------------------
+
+
+def test_the_ekf_follows_a_manoeuvre_of_the_full_model():
+    model = FossenModel(VEHICLE)
+    heavy, light = (VEHICLE.pump_for_net_mass(mass) for mass in (0.3, -0.3))
+    commands = Schedule(
+        times=[0.0, 300.0, 900.0],
+        commands=[(0.02, 0.0, heavy), (0.02, 0.7, heavy), (-0.02, 0.7, light)],
+    )
+    start = FossenState(position_ned=(0.0, 0.0, 20.0))
+    flown = model.simulate(start, commands, 1500.0, sample_period=PERIOD)
+    roll, pitch, heading = np.rad2deg(flown.attitude).T
+    signals = {
+        "measured_depth": flown.position_ned[:, 2],
+        "measured_roll": roll,
+        "measured_pitch": pitch,
+        "measured_heading": heading,
+        "measured_pump": flown.actuators[:, 2],
+        "measured_shift": flown.actuators[:, 0],
+        "measured_rotation": np.rad2deg(flown.actuators[:, 1]),
+    }
+    for k, name in enumerate(("roll", "pitch", "yaw")):
+        signals[f"measured_{name}_rate"] = flown.rates[:, k]
+    estimate = Ekf(vehicle=VEHICLE).estimate(signals, PERIOD)
+    surge, sway = flown.v_rel[:, 0], flown.v_rel[:, 1]
+    assert np.sqrt(np.mean((estimate.surge - surge) ** 2)) < 2e-3
+    assert np.sqrt(np.mean((estimate.sway - sway) ** 2)) < 5e-4
+
+
+def test_the_ekf_is_consistent_on_data_of_its_own_model():
+    """Innovations are white with the predicted size, and errors match their covariance.
+
+    Bar-Shalom et al. 2001, section 5.4: normalised squares average to their dimension.
+    """
+    noise = EkfNoise(net_mass=1e-3)
+    runs = [_simulate_ekf_data(noise, seed) for seed in range(6)]
+    nis, nees = [], []
+    for signals, truth in runs:
+        run = Ekf(vehicle=VEHICLE, noise=noise).run(signals, PERIOD)
+        late = slice(200, None)
+        nis.append(np.mean((run.innovations / run.innovation_sd)[late] ** 2))
+        error = run.states - truth
+        for k in (SURGE, SWAY, DEPTH, NET_ERROR):
+            nees.append(np.mean(error[late, k] ** 2 / run.covariances[late, k, k]))
+        white = (run.innovations / run.innovation_sd)[late]
+        assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.1
+    assert np.mean(nis) == pytest.approx(1.0, abs=0.06)
+    assert np.mean(nees) == pytest.approx(1.0, abs=0.35)
+
+
+def _simulate_ekf_data(noise: EkfNoise, seed: int):
+    """Signals and true states (time, 5) of the filter's own stochastic model."""
+    rng = np.random.default_rng(seed)
+    samples = 1500
+    signals = trimmed_mission(samples)
+    inertia = VEHICLE.mass * np.eye(3) + VEHICLE.added_mass[:3, :3]
+    parameters = parameters_of(VEHICLE, np.zeros(1), np.array([VEHICLE.reference_density]))
+    pitch = np.deg2rad(signals["measured_pitch"][0])
+    given = np.array([-np.sin(pitch), 0.0, np.cos(pitch), 0.0, 0.0, 0.0, 0.3])
+    spread = np.sqrt(PERIOD) * np.array(
+        [noise.acceleration] * 3 + [noise.kinematic, noise.net_mass]
+    )
+    truth = np.zeros((samples, 5))
+    truth[0, :3] = noise.initial_velocity * rng.standard_normal(3)
+    truth[0, 4] = noise.initial_net_mass * rng.standard_normal()
+    truth[0, 3] = 50.0
+    for k in range(1, samples):
+        ahead = ekf._predict(
+            parameters,
+            np.linalg.inv(inertia),
+            inertia,
+            ekf._coupling(VEHICLE),
+            truth[k - 1],
+            given,
+            given,
+            PERIOD,
+        )
+        truth[k] = ahead + spread * rng.standard_normal(5)
+    signals["measured_depth"] = truth[:, 3] + noise.depth * rng.standard_normal(samples)
+    return signals, truth
+
+
+def test_ekf_noise_must_be_positive():
+    with pytest.raises(InputError, match="depth noise is 0"):
+        EkfNoise(depth=0.0)
+
+
+# --- helpers ----------------------------------------------------------------------------------
+
+
+def test_smoothing_keeps_lines_and_averages_noise():
+    line = np.arange(200.0)
+    assert smooth(line, 10.0, PERIOD)[20:-20] == pytest.approx(line[20:-20])
+    noise = np.random.default_rng(0).standard_normal(20000)
+    assert smooth(noise, 10.0, PERIOD).std() == pytest.approx(1 / np.sqrt(21), rel=0.1)
+
+
+def test_hold_and_bridge():
+    values = np.array([1.0, 9.0, 3.0, 9.0, 5.0, 9.0])
+    valid = np.array([False, False, True, False, True, False])
+    assert hold(values, valid) == pytest.approx([0, 0, 3, 3, 5, 5])
+    assert bridge(values, valid) == pytest.approx([0, 0, 3, 4, 5, 0])
+    assert bridge(values, np.zeros(6, bool), outside=2.0) == pytest.approx(np.full(6, 2.0))

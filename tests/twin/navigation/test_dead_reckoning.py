@@ -1,0 +1,200 @@
+"""Dead reckoning against tracks known in closed form."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from navigation import PERIOD, add_fixes, steady_mission
+
+from twin.errors import InputError, StoreError
+from twin.frames import euler_to_matrix
+from twin.navigation.dead_reckoning import (
+    LEAST_COSINE,
+    Attitude,
+    depth_rate,
+    heave_from_depth_rate,
+    horizontal_error,
+    integrate,
+    rotate_to_ned,
+    true_ground_track,
+    true_water_path,
+    true_water_track,
+    water_track,
+)
+from twin.navigation.dives import (
+    depth_averaged_current,
+    dive_track,
+    find_dives,
+    gps_fixes,
+    ground_track,
+)
+
+ANGLE = st.floats(-1.2, 1.2)
+SPEED = st.floats(-1.0, 1.0)
+
+
+def attitude_of(roll, pitch, heading) -> Attitude:
+    return Attitude(
+        roll=np.atleast_1d(roll), pitch=np.atleast_1d(pitch), heading=np.atleast_1d(heading)
+    )
+
+
+def reckon(signals, surge=None, sway=None):
+    return water_track(
+        signals["true_surge"] if surge is None else surge,
+        signals["true_sway"] if sway is None else sway,
+        signals["measured_depth"],
+        Attitude.of(signals),
+        PERIOD,
+    )
+
+
+@given(SPEED, SPEED, SPEED, ANGLE, ANGLE, st.floats(0, 6.3))
+def test_rotation_is_the_matrix_of_the_euler_angles(u, v, w, roll, pitch, heading):
+    turned = rotate_to_ned(np.array([[u, v, w]]), attitude_of(roll, pitch, heading))
+    assert turned[0] == pytest.approx(euler_to_matrix(roll, pitch, heading) @ [u, v, w], abs=1e-12)
+
+
+@given(SPEED, SPEED, SPEED, ANGLE, ANGLE)
+def test_heave_is_recovered_from_the_depth_rate_where_it_can_be(u, v, w, roll, pitch):
+    if np.cos(roll) * np.cos(pitch) < LEAST_COSINE:
+        return
+    down = (euler_to_matrix(roll, pitch, 0.0) @ [u, v, w])[2]
+    assert heave_from_depth_rate(down, u, v, roll, pitch) == pytest.approx(w, abs=1e-9)
+
+
+def test_heave_fades_where_the_depth_rate_says_nothing_about_it():
+    roll = np.deg2rad(np.array([80.0, 85.0, 90.0]))
+    damped = heave_from_depth_rate(np.full(3, 0.1), np.zeros(3), np.zeros(3), roll, np.zeros(3))
+    assert (np.abs(damped) <= 0.1 / LEAST_COSINE).all()
+    assert damped[2] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_heave_moves_a_rolled_vehicle_east():
+    # The paper's equation (2) has no heave in its east row.
+    moved = rotate_to_ned(np.array([[0.0, 0.0, 1.0]]), attitude_of(0.5, 0.0, 0.0))
+    assert moved[0] == pytest.approx([0.0, -np.sin(0.5), np.cos(0.5)])
+
+
+def test_straight_glide_is_exact():
+    signals = steady_mission(2000, velocity=(0.45, 0.03, 0.02), roll=0.2, pitch=-0.6)
+    assert horizontal_error(reckon(signals), true_ground_track(signals)).max() < 1e-9
+
+
+def test_spiral_error_falls_with_the_square_of_the_time_step():
+    def error(turn_rate):
+        signals = steady_mission(4000, velocity=(0.4, -0.02, 0.01), roll=-0.2, turn_rate=turn_rate)
+        return horizontal_error(reckon(signals), true_ground_track(signals)).max()
+
+    # A circle of n samples: halving the angle per step quarters the error of the same arc length,
+    # and the circle is twice as large.
+    assert error(0.004) < 5e-4
+    assert error(0.008) / error(0.004) == pytest.approx(2.0, rel=0.1)
+
+
+def test_a_circle_closes():
+    turn_rate = 2.0 * np.pi / 1000.0
+    signals = steady_mission(2001, turn_rate=turn_rate)
+    track = reckon(signals)
+    assert np.hypot(*track[-1]) < 1e-6
+    radius = np.ptp(track[:, 0]) / 2
+    path = true_water_path(signals, PERIOD)[-1]
+    assert radius == pytest.approx(path / (2 * np.pi), rel=1e-4)
+
+
+def test_uniform_current_splits_into_water_and_ground():
+    current = (0.12, -0.05)
+    still, drifting = steady_mission(1500), steady_mission(1500, current=current)
+    assert reckon(still) == pytest.approx(reckon(drifting), abs=1e-12)
+    assert true_water_track(drifting, PERIOD) == pytest.approx(reckon(still), abs=1e-9)
+    time = PERIOD * np.arange(1500)
+    drift = true_ground_track(drifting) - true_water_track(drifting, PERIOD)
+    assert drift == pytest.approx(time[:, None] * np.array(current), abs=1e-9)
+    assert true_water_path(drifting, PERIOD) == pytest.approx(true_water_path(still, PERIOD))
+
+
+def test_surge_error_goes_into_the_track_over_cos_pitch():
+    # With z' measured, N = u / cos(theta) + z' tan(theta).
+    signals = steady_mission(1000, pitch=-0.5, heading=0.0)
+    wrong = reckon(signals, surge=signals["true_surge"] + 0.01) - reckon(signals)
+    assert wrong[-1, 0] == pytest.approx(0.01 / np.cos(0.5) * PERIOD * 999)
+
+
+def test_integration_is_trapezoidal():
+    time = np.linspace(0.0, 3.0, 7)
+    assert integrate(2.0 * time, 0.5) == pytest.approx(time**2)
+    assert depth_rate(time**2, 0.5)[1:-1] == pytest.approx(2.0 * time[1:-1])
+
+
+def test_a_missing_or_broken_channel_is_named():
+    signals = steady_mission(50)
+    signals["measured_pitch"][7] = np.nan
+    with pytest.raises(StoreError, match=r"measured_pitch is not finite at 1 of 50.*sample 7"):
+        Attitude.of(signals)
+    del signals["measured_roll"]
+    with pytest.raises(StoreError, match="no channel measured_roll"):
+        Attitude.of(signals)
+
+
+# --- dives ------------------------------------------------------------------------------------
+
+
+def two_dives(current=(0.1, -0.03)):
+    signals = steady_mission(4000, current=current, turn_rate=1e-3)
+    add_fixes(signals, [0, 10, 20, 1800, 1810, 3600])
+    return signals
+
+
+def test_dives_are_the_long_gaps_between_fixes():
+    dives = find_dives(two_dives(), PERIOD)
+    assert [(dive.start, dive.end) for dive in dives] == [(20, 1800), (1810, 3600)]
+    assert find_dives(steady_mission(4000), PERIOD) == []
+
+
+def test_depth_averaged_current_of_a_uniform_current_is_exact():
+    signals = two_dives()
+    track = reckon(signals)
+    for dive in find_dives(signals, PERIOD):
+        found = depth_averaged_current(dive, track, PERIOD)
+        assert found == pytest.approx([0.1, -0.03], abs=1e-6)
+
+
+def test_the_previous_dives_current_makes_the_second_dive_exact():
+    signals = two_dives()
+    first, second = find_dives(signals, PERIOD)
+    moved = reckon(signals)
+    truth = true_ground_track(signals)
+    known = ground_track(moved, signals, PERIOD, knowledge="previous")
+    assert horizontal_error(known, truth)[second.start :].max() < 1e-3
+    # On the first dive nothing is known: it misses the current times the duration.
+    missed = np.hypot(0.1, 0.03) * (first.end - 1 - first.start) * PERIOD
+    assert horizontal_error(known, truth)[first.end - 1] == pytest.approx(missed, rel=1e-6)
+    none = ground_track(moved, signals, PERIOD, knowledge="none")
+    assert horizontal_error(none, truth)[second.end - 1] > 80.0
+
+
+def test_every_fix_re_initialises_the_track():
+    signals = two_dives()
+    index, fixes = gps_fixes(signals)
+    for knowledge in ("none", "previous", "corrected"):
+        track = ground_track(reckon(signals), signals, PERIOD, knowledge=knowledge)
+        assert track[index] == pytest.approx(fixes)
+
+
+def test_correction_afterwards_removes_a_steady_velocity_error_and_closes_at_the_fix():
+    signals = two_dives(current=(0.0, 0.0))
+    dive = find_dives(signals, PERIOD)[0]
+    straight = steady_mission(4000)
+    add_fixes(straight, [20, 1800])
+    moved = reckon(straight, surge=straight["true_surge"] + 0.02)
+    track = ground_track(moved, straight, PERIOD, knowledge="corrected")
+    inside = dive.span
+    assert horizontal_error(track, true_ground_track(straight))[inside].max() < 1e-9
+    current = depth_averaged_current(dive, reckon(signals), PERIOD)
+    assert dive_track(dive, reckon(signals), current, PERIOD)[-1] == pytest.approx(dive.end_fix)
+
+
+def test_unknown_knowledge_is_refused_with_the_nearest():
+    signals = two_dives()
+    with pytest.raises(InputError, match="did you mean 'previous'"):
+        ground_track(reckon(signals), signals, PERIOD, knowledge="previus")

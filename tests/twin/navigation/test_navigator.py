@@ -1,0 +1,110 @@
+"""The navigator: the track of dead reckoning, sample by sample, with fixes and a state."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from navigation import PERIOD, steady_mission
+
+from twin.errors import InputError
+from twin.navigation.dead_reckoning import Attitude, horizontal_error, water_track
+from twin.navigation.estimator import BodyVelocity, VelocityEstimator
+from twin.navigation.navigator import Navigator
+
+
+class Given(VelocityEstimator):
+    """Says what it is told."""
+
+    channels = ("measured_depth",)
+
+    def __init__(self, surge, sway, period=PERIOD):
+        self.surge, self.sway, self.period = surge, sway, period
+        self.reset()
+
+    def reset(self):
+        self.count = 0
+
+    def step(self, sample):
+        self.count += 1
+        return BodyVelocity(surge=self.surge, sway=self.sway)
+
+    def state(self):
+        return {"count": np.array(self.count)}
+
+    def restore(self, state):
+        self.count = int(state["count"])
+
+
+def walk(navigator, signals, first=0, last=None):
+    last = len(signals["measured_depth"]) if last is None else last
+    found = []
+    for k in range(first, last):
+        state = navigator.step({name: float(values[k]) for name, values in signals.items()})
+        found.append((state.north, state.east))
+    return np.array(found)
+
+
+def test_without_a_current_it_is_the_track_of_dead_reckoning():
+    signals = steady_mission(1500, velocity=(0.4, 0.02, 0.03), turn_rate=0.01)
+    measured = {n: v for n, v in signals.items() if n.startswith("measured_") and "gps" not in n}
+    found = walk(Navigator(Given(0.4, 0.02), latitude=30.0), measured)
+    track = water_track(
+        np.full(1500, 0.4), np.full(1500, 0.02), signals["measured_depth"],
+        Attitude.of(signals), PERIOD,
+    )  # fmt: skip
+    # the depth rate of the whole track looks a sample ahead: the first one has none here
+    assert horizontal_error(found, track).max() < 0.05
+    way = np.hypot(*np.diff(track, axis=0).T).sum()
+    assert way > 200.0
+
+
+def test_fixes_teach_it_the_current():
+    signals = steady_mission(4000, velocity=(0.4, 0.0, 0.02), current=(0.1, -0.2))
+    for name in ("north", "east"):
+        fixes = np.full(4000, np.nan)
+        fixes[[0, 1999, 3999]] = signals[f"true_{name}"][[0, 1999, 3999]]
+        signals[f"measured_gps_{name}"] = fixes
+    measured = {n: v for n, v in signals.items() if n.startswith("measured_")}
+    navigator = Navigator(Given(0.4, 0.0), latitude=30.0)
+    found = walk(navigator, measured)
+    truth = np.stack([signals["true_north"], signals["true_east"]], axis=1)
+    off = horizontal_error(found, truth)
+    assert off[1998] == pytest.approx(np.hypot(0.1, 0.2) * 999.0, rel=0.01)
+    assert off[1999] < 6.0
+    assert off[3998] < 0.3 * off[1998]
+    assert off[3999] < 6.0
+    current, _ = navigator.filter.current
+    assert current == pytest.approx((0.1, -0.2), abs=0.05)
+
+
+def test_it_goes_on_from_a_saved_state_and_begins_again():
+    signals = steady_mission(900, velocity=(0.4, 0.0, 0.02), turn_rate=0.02)
+    signals["measured_gps_north"][:] = np.nan
+    signals["measured_gps_east"][:] = np.nan
+    signals["measured_gps_north"][300], signals["measured_gps_east"][300] = 10.0, 20.0
+    measured = {n: v for n, v in signals.items() if n.startswith("measured_")}
+    navigator = Navigator(Given(0.4, 0.01), latitude=30.0)
+    whole = walk(navigator, measured)
+    navigator.reset()
+    walk(navigator, measured, last=500)
+    other = Navigator(Given(0.4, 0.01), latitude=30.0)
+    other.restore(navigator.state())
+    assert np.array_equal(walk(other, measured, first=500), whole[500:])
+    assert other.estimator.count == 900
+
+
+def test_a_slow_estimator_holds_in_between():
+    signals = steady_mission(200)
+    measured = {n: v for n, v in signals.items() if n.startswith("measured_")}
+    slow = Given(0.4, 0.0, period=2.0)
+    walk(Navigator(slow, latitude=30.0, period=PERIOD), measured)
+    assert slow.count == 50
+    with pytest.raises(InputError, match=r"a sample every 2 s, and there is one every 0.8 s"):
+        Navigator(slow, latitude=30.0, period=0.8)
+
+
+def test_a_sample_without_attitude_is_refused():
+    with pytest.raises(InputError, match="no finite measured_heading"):
+        Navigator(Given(0.4, 0.0), latitude=30.0).step(
+            {"measured_depth": 1.0, "measured_roll": 0.0, "measured_pitch": 0.0}
+        )

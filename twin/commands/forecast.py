@@ -1,0 +1,282 @@
+"""`twin forecast`: where and when a glider surfaces next, how surely, and what it costs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from twin.cli.console import Console, JsonOption
+
+if TYPE_CHECKING:
+    from twin.forecast import Forecast as Found
+    from twin.forecast import Known
+    from twin.forecast.request import Request
+    from twin.mission import Mission
+    from twin.vehicle.vehicle import Vehicle
+    from twin.water.current.base import Current
+
+
+WAYS = ("usual", "model", "log")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Forecast(JsonOption):
+    """The next surfacings with ellipses that hold 50 and 90 %, times, energy and days left, from
+    members that are drawn from what is known and flown on all cores. Examples:
+
+        twin forecast --vehicle slocum-200 --from 36.8,-122.4,2026-11-22T12:00 --goto "36.9,-122.5"
+        twin forecast --vehicle mine.xml --mission glider.mi --logs real.zarr --out next
+    """
+
+    vehicle: str = "glider"
+    """what `twin identify` wrote, a shipped vehicle's name, or the path of an MJCF file"""
+    from_: Annotated[str | None, tyro.conf.arg(name="from", metavar="LAT,LON,TIME")] = None
+    """where and when it dives next: degrees north and east, and UTC, such as
+    36.8,-122.4,2026-11-22T12:00; default: the last fix of --logs"""
+    goto: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[;LAT,LON]")] = None
+    """places to go to, with ; between them"""
+    mission: str | None = None
+    """mission file instead, TOML or Slocum's .mi, or a shipped mission's name"""
+    depth: float = 200.0
+    """of --goto: depth [m] of the dives"""
+    pitch: float | None = None
+    """of --goto: pitch [deg] of dives and climbs; default: the vehicle's usual glide"""
+    surface_every: float = 6.0
+    """of --goto: hours under water between surfacings"""
+    radius: float = 500.0
+    """of --goto: distance [m] at which a place is reached"""
+    current: str | None = None
+    """forecast of the current: a file (CF netCDF or zarr), or a text as `twin simulate --current`
+    takes it; default: what the logs told goes on"""
+    current_error: float = 0.1
+    """standard deviation [m/s], north and east each, of the error of --current"""
+    density: str = "usual"
+    """water column, as `twin simulate --density` takes it"""
+    logs: Path | None = None
+    """store of logs that `factory import` wrote: its fixes tell the current, the speed's and the
+    compass's error, and where it is"""
+    way: str = "usual"
+    """way through the water in the logs: model (the vehicle's flight model), log (depth rate and
+    pitch, or the reported current) or usual (model where the vehicle was identified)"""
+    members: int = 200
+    """drawn and flown"""
+    hours: float = 12.0
+    """how far ahead"""
+    energy_left_kwh: float | None = None
+    """energy left in the batteries [kW h], for the days left"""
+    seed: int = 0
+    """of the draws"""
+    threads: int = 0
+    """of the fleets; 0 takes every core"""
+    out: Path | None = None
+    """folder for index.html with a map, forecast.json and forecast.geojson; written at once with
+    the first member, and again as others follow"""
+    watch: Path | None = None
+    """folder in which stores of logs arrive: does it again for each, until Ctrl-C"""
+
+    def run(self, console: Console) -> int:
+        """Ask, fly, say."""
+        from twin.errors import InputError
+
+        self._check()
+        if self.out is not None:
+            from twin.forecast.page import check_folder
+
+            check_folder(self.out)
+        if self.watch is None:
+            self._once(console, self.logs)
+            return 0
+        from twin.forecast.watch import arrivals
+
+        if self.json:
+            raise InputError("--watch never ends, so it has no --json: read forecast.json in --out")
+        console.note(f"watching {self.watch}; Ctrl-C ends it")
+        for store in arrivals(self.watch):
+            console.note(f"logs: {store}")
+            try:
+                self._once(console, store)
+            except InputError as error:
+                console.warn(str(error))  # the next logs may do
+        return 0
+
+    def _check(self) -> None:
+        from twin.errors import InputError
+
+        if (self.goto is None) == (self.mission is None):
+            raise InputError(
+                'give --goto "LAT,LON[;LAT,LON]" or --mission FILE'
+                + ("" if self.goto is None else ", not both")
+            )
+        if self.logs is not None and self.watch is not None:
+            raise InputError("give --logs or --watch, not both: --watch brings its own logs")
+        if self.way not in WAYS:
+            from twin.errors import unknown_name
+
+            raise InputError(f"--way: {unknown_name('way', self.way, WAYS)}")
+        if self.from_ is None and self.logs is None and self.watch is None:
+            raise InputError("give --from LAT,LON,TIME, or --logs to begin at their last fix")
+        if self.threads < 0:
+            raise InputError(f"--threads {self.threads} must be 0 or more")
+
+    def _once(self, console: Console, logs: Path | None) -> None:
+        """One forecast."""
+        from twin.forecast import forecast
+
+        request, known = self._request(logs)
+        command_shows = _Shows(self, console, request)
+        with console.progress(total=request.members, label="forecast", unit="member") as progress:
+
+            def refined(found: Found) -> None:
+                command_shows.first(found)
+                done = found.flown + found.failed
+                progress.update(done - progress.done, **_near(found))
+                if self.out is not None and not found.complete:
+                    command_shows.write(found)
+
+            found = forecast(request, known, threads=self.threads, refined=refined)
+        command_shows.all(found)
+
+    def _request(self, logs: Path | None) -> tuple[Request, Known]:
+        from twin.errors import InputError
+        from twin.forecast import Request, known_from_logs, known_without_logs
+        from twin.physics.start import parse_place, utc_text
+        from twin.records.place import unix_seconds
+        from twin.vehicle.vehicle import load_vehicle
+        from twin.water.current.origin import Origin
+
+        vehicle = load_vehicle(self.vehicle)
+        known = None
+        if logs is not None:
+            from twin.forecast.vehicle_draws import identified
+
+            model = self.way == "model" or (self.way == "usual" and bool(identified(vehicle)))
+            known = known_from_logs(logs, self.vehicle if model else None)
+        if self.from_ is not None:
+            place = parse_place(self.from_)
+            if "time" not in place:
+                raise InputError(f"--from {self.from_}: the time is missing: LAT,LON,TIME in UTC")
+            time = utc_text(place["time"])
+            latitude, longitude = place["latitude"], place["longitude"]
+        else:
+            assert known is not None
+            assert known.place is not None
+            assert known.time is not None
+            latitude, longitude = known.place
+            time = _utc(known.time)
+        if known is None:
+            known = known_without_logs(latitude, unix_seconds(time))
+        request = Request(
+            vehicle=vehicle,
+            mission=self._mission(vehicle),
+            place=Origin(latitude_deg=latitude, longitude_deg=longitude, time=time),
+            hours=self.hours,
+            members=self.members,
+            field=self._field(),
+            field_error=self.current_error,
+            density=self.density,
+            energy_left_kwh=self.energy_left_kwh,
+            seed=self.seed,
+        )
+        return request, known.at(unix_seconds(time))
+
+    def _mission(self, vehicle: Vehicle) -> Mission:
+        import math
+
+        from twin.forecast import mission_to
+        from twin.mission.shipped import load_mission_for
+
+        if self.mission is not None:
+            return load_mission_for(vehicle, self.mission)
+        assert self.goto is not None
+        mission = mission_to(
+            self.goto,
+            depth=self.depth,
+            pitch_deg=math.degrees(vehicle.usual_glide[0]) if self.pitch is None else self.pitch,
+            surface_after_s=3600.0 * self.surface_every,
+            radius=self.radius,
+        )
+        mission.check(vehicle)
+        return mission
+
+    def _field(self) -> Current | None:
+        if self.current is None:
+            return None
+        from twin.water.current.spec import parse_current
+
+        if Path(self.current).exists():
+            return parse_current(f"grid:{self.current}")
+        return parse_current(self.current)
+
+
+class _Shows:
+    """What a forecast says: its first member at once, then all."""
+
+    def __init__(self, command: Forecast, console: Console, request: Request):
+        self._command, self._console, self._request = command, console, request
+        self._said = False
+
+    def first(self, found: Found) -> None:
+        """The mean of what is known, at once."""
+        if self._said:
+            return
+        self._said = True
+        if not found.surfacings:
+            self._console.note(
+                f"the mean of what is known does not surface in {found.request.hours:g} h"
+            )
+        for one in found.surfacings:
+            self._console.note(
+                f"surfacing {one.number}: about {found.moment(one.time_s)[:16]} UTC at "
+                f"{one.latitude:.4f}, {one.longitude:.4f}"
+            )
+
+    def write(self, found: Found) -> Path:
+        """The folder."""
+        from twin.forecast.page import write_forecast
+
+        assert self._command.out is not None
+        reload_s = None
+        if not found.complete:
+            reload_s = 5.0
+        elif self._command.watch is not None:
+            reload_s = 60.0
+        return write_forecast(found, self._command.out, reload_s=reload_s)
+
+    def all(self, found: Found) -> None:
+        """The answer."""
+        from twin.forecast.page import row
+
+        console = self._console
+        console.answer(**found.describe())
+        if found.surfacings:
+            console.table([row(found, one) for one in found.surfacings])
+        else:
+            console.say(f"no surfacing within {found.request.hours:g} h")
+        if found.failed:
+            console.warn(f"{found.failed} of {found.request.members} members went unstable")
+        left = "" if found.days_left is None else f", {found.days_left:.1f} days left"
+        console.say(f"{found.power_w * 86.4:.0f} kJ per day{left}")
+        for name, words in found.spread.items():
+            console.say(f"{name}: {words}")
+        if self._command.out is not None:
+            console.say(f"map: {self.write(found)}")
+
+
+def _near(found: Found) -> dict[str, str]:
+    """The next surfacing in a few words."""
+    if not found.surfacings:
+        return {}
+    from twin.forecast.surfacing import NINETY
+
+    one = found.surfacings[0]
+    return {"90 %": f"{one.ellipse(NINETY).major_m / 1e3:.2f} km"}
+
+
+def _utc(seconds: float) -> str:
+    import datetime
+
+    moment = datetime.datetime.fromtimestamp(round(seconds), datetime.UTC)
+    return moment.replace(tzinfo=None).isoformat()

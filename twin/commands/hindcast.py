@@ -1,0 +1,107 @@
+"""`twin hindcast`: forecasts of a deployment's surfacings beside where it surfaced."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from twin.cli.console import Console, JsonOption
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hindcast(JsonOption):
+    """Walk through deployments, forecast every surfacing from what was known before its dive, and
+    score the forecasts beside the last dive's current (persistence), no current, and the vehicle's
+    own track. Example:
+
+        twin hindcast real.zarr --train-fraction 0.4 --out hindcast
+    """
+
+    stores: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """stores of logs, as `factory import` writes them; several are scored together, too"""
+    train_fraction: float = 0.4
+    """part of each deployment, at its beginning, that the current's parameters are learned from;
+    the rest is scored"""
+    vehicle: str | None = None
+    """flight model for the way through the water: what `twin identify` wrote, or a shipped name;
+    default: depth rate and pitch, and without a logged pitch the current that the vehicle reported
+    after each dive"""
+    out: Path | None = None
+    """folder for a page with a map, index.html, that opens without a network"""
+
+    def run(self, console: Console) -> int:
+        """Walk, score, say."""
+        from twin.hindcast import METHODS, hindcast
+        from twin.records.logs import LogStore
+
+        if self.out is not None:
+            from twin.plot.page import check_page_target
+
+            check_page_target(self.out)
+        total = 0
+        for path in self.stores:
+            with LogStore(path) as logs:
+                total += len(set(logs.deployments))
+        with console.progress(total=total, label="hindcast", unit="deployment") as progress:
+            found = hindcast(
+                self.stores,
+                train_fraction=self.train_fraction,
+                vehicle=self.vehicle,
+                advance=progress.update,
+            )
+        rows = [(one.name, one.scores) for one in found.deployments]
+        if len(rows) > 1:
+            rows.append(("all", found.scores))
+        console.table(
+            [
+                {
+                    "deployment": name,
+                    "scored": scores.segments,
+                    **{method.replace("_", " "): scores.mean[method] for method in METHODS},
+                    "forecast/persistence": scores.ratio,
+                    "in 50 %": scores.coverage_50,
+                    "in 90 %": scores.coverage_90,
+                }
+                for name, scores in rows
+            ],
+            title="mean error, m per hour under way",
+            digits=3,
+        )
+        for one in found.deployments:
+            if not one.scores.segments:
+                console.note(
+                    f"{one.name}: {len(one.legs)} dives between fixes are too few to score any"
+                )
+            kind = "persistence" if one.tuned.parameters.persists else "tide and eddies"
+            console.note(f"{one.name}: {kind}, learned from {one.train} of {len(one.legs)} dives")
+        pages = []
+        if self.out is not None:
+            from twin.hindcast.page import build_page
+
+            words = " ".join(str(path) for path in self.stores)
+            command = f"twin hindcast {words} --train-fraction {self.train_fraction:g}"
+            pages.append(build_page(self.out, found, command))
+            console.say(str(pages[0]))
+        console.answer(
+            stores=self.stores,
+            train_fraction=self.train_fraction,
+            **found.scores.describe(),
+            deployments=[
+                {
+                    "name": one.name,
+                    "store": one.store,
+                    "dives": one.dives,
+                    "legs": len(one.legs),
+                    "trained_on": one.train,
+                    "persistence": one.tuned.parameters.persists,
+                    "parameters": one.tuned.parameters,
+                    **one.scores.describe(),
+                }
+                for one in found.deployments
+            ],
+            pages=pages,
+        )
+        return 0

@@ -1,0 +1,18 @@
+"""Forecast: where and when a glider surfaces next, how surely, and what it costs."""
+
+from twin.forecast.forecast import Forecast, forecast
+from twin.forecast.known import Known, known_from_logs, known_without_logs
+from twin.forecast.request import Request, mission_to
+from twin.forecast.surfacing import Ellipse, Surfacing
+
+__all__ = [
+    "Ellipse",
+    "Forecast",
+    "Known",
+    "Request",
+    "Surfacing",
+    "forecast",
+    "known_from_logs",
+    "known_without_logs",
+    "mission_to",
+]

@@ -1,0 +1,113 @@
+"""Known: what is known of the water and of the vehicle's way before a forecast begins.
+
+A current filter holds it: without logs its prior (a current of 0.15 m/s each way, a speed known to
+6 %, a compass to 3.4 degree), with logs what the fixes of their last deployment have told it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from twin.errors import InputError, StoreError
+from twin.geodesy import position
+from twin.hindcast.legs import MODEL, LoggedLeg, flown_velocities, legs_of
+from twin.navigation.current import CurrentFilter, replay, tune
+from twin.records.logs import LogStore
+
+MOST_BEFORE = 60.0
+"""[s] by which clocks may differ"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Known:
+    """The state at the last fix."""
+
+    filter_: CurrentFilter
+    """At the time of the last fix, on the clock of unix seconds."""
+    place: tuple[float, float] | None = None
+    """Latitude, longitude [degree] of the last fix; None without logs."""
+    time: float | None = None
+    """[s] unix of the last fix; None without logs."""
+    last_current: tuple[float, float] | None = None
+    """North, east [m/s], mean over the last dive: what the vehicle itself believes."""
+    source: str = "no logs: the current is known to 0.15 m/s only"
+    """In words."""
+    legs: int = 0
+    """Dives that told it."""
+    by_model: bool = False
+    """Whether the way through the water was the vehicle's flight model's: the filter's errors of
+    speed and compass are then the model's."""
+
+    def at(self, time: float) -> Known:
+        """The same later, at a unix time [s]: what was known of the current has aged.
+
+        Raises:
+          InputError: the time is more than a minute before the last fix.
+        """
+        wait = time - self.filter_.time
+        if wait < -MOST_BEFORE:
+            raise InputError(
+                f"the forecast would begin {-wait / 3600.0:.1f} h before the last fix of the logs: "
+                "give a later --from, or leave it out to begin at that fix"
+            )
+        if wait > 0.0:
+            self.filter_.step(wait, None)
+        return self
+
+
+def known_without_logs(latitude: float, time: float) -> Known:
+    """The prior, at a place and a unix time [s]."""
+    return Known(filter_=CurrentFilter(latitude=latitude, time=time))
+
+
+def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
+    """What a store of logs tells, by the deployment that was at sea last.
+
+    Args:
+      path: of a store that `factory import` wrote.
+      vehicle: flight model for the way through the water, a file or a shipped name; None: depth
+        rate and pitch, or the vehicle's reported current.
+
+    Raises:
+      StoreError: no store of logs, or none of its dives has two fixes and a known way.
+      VehicleError: no such vehicle.
+    """
+    with LogStore(Path(path)) as logs:
+        deployment = _last_deployment(logs)
+        flown = None
+        if vehicle is not None:
+            flown = flown_velocities(Path(path), vehicle, logs.missions_of(deployment))
+        legs = legs_of(logs, deployment, flown)
+    if not legs:
+        raise StoreError(
+            f"store {path}: no dive of deployment {deployment!r} has GPS fixes at both ends and a "
+            "known way through the water: give --from, and leave --logs out"
+        )
+    latitude = float(np.median([one.begin[0] for one in legs]))
+    tuned = tune([one.leg for one in legs], latitude=latitude)
+    filter_ = CurrentFilter(tuned.parameters, latitude=latitude, time=legs[0].leg.start)
+    replay(filter_, [one.leg for one in legs])
+    last = legs[-1]
+    return Known(
+        filter_=filter_,
+        place=_end(last),
+        time=last.leg.end,
+        last_current=(float(last.leg.current[0]), float(last.leg.current[1])),
+        source=f"{len(legs)} dives of {deployment} (way through the water: {last.method})",
+        legs=len(legs),
+        by_model=vehicle is not None and all(one.method == MODEL for one in legs),
+    )
+
+
+def _last_deployment(logs: LogStore) -> str:
+    starts = np.where(np.isfinite(logs.starts), logs.starts, -np.inf)
+    return str(logs.deployments[int(np.argmax(starts))])
+
+
+def _end(one: LoggedLeg) -> tuple[float, float]:
+    north, east = (np.array([metres]) for metres in one.leg.over_ground)
+    latitude, longitude = position(north, east, *one.begin)
+    return float(latitude[0]), float(longitude[0])

@@ -1,0 +1,165 @@
+"""Members: the scenarios that a forecast flies, each with its own vehicle, water and compass."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.facade import in_water
+from twin.forecast.known import Known
+from twin.forecast.request import HOUR, Request, believing, longest_dive
+from twin.forecast.vehicle_draws import SPEED, draw_vehicles, known_compass, scaled_speed
+from twin.forecast.water_draws import INTERVAL, WaterDraws, draw_field_error, draw_water
+from twin.mission import Mission
+from twin.physics.scenario import Scenario
+from twin.water.current import Series
+from twin.water.current.base import Current
+
+Array = NDArray[np.float64]
+
+SAMPLE_PERIOD = 10.0
+"""[s] between two samples of a member: a surfacing is known to 3 m at 0.3 m/s"""
+STEPS = 2.0
+"""Times the vehicle file's physics step: in six hours the end moves by less than 5 m"""
+FASTEST = 3.0
+"""[m/s] at which a drawn current is cut off: faster ones are no draws of a sea's current"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Members:
+    """What is flown, and from what it was drawn; the first is the mean of what is known."""
+
+    scenarios: tuple[Scenario, ...]
+    spread: dict[str, str]
+    """What was drawn, in words."""
+
+
+def members_of(request: Request, known: Known) -> Members:
+    """Draw the members.
+
+    Raises:
+      CurrentError, MissionError, VehicleError: the field, the mission or the vehicle does not do.
+    """
+    rng = np.random.default_rng(request.seed)
+    duration, count = HOUR * request.hours, request.members
+    water = draw_water(known.filter_, duration, count, rng, longest_dive(request.mission))
+    spread = {"current": known.source}
+    if request.field is not None:
+        water, spread["current"] = _with_field(request, known, water, rng)
+    vehicles, drawn = draw_vehicles(request.vehicle, count, rng, speed=not known.by_model)
+    spread["vehicle"] = f"identified: {', '.join(drawn)}" if drawn else "not identified"
+    scale, source = water.speed_scale, "by the fixes"
+    if not known.by_model:
+        scale, source = _normal(rng, count, known.filter_.parameters.speed_scale), "assumed"
+    if known.by_model or not set(drawn) & set(SPEED):
+        vehicles = [
+            scaled_speed(one, float(part)) for one, part in zip(vehicles, scale, strict=True)
+        ]
+        percent = 100.0 * scale
+        spread["speed"] = f"{percent[0]:+.1f} %, +-{np.std(percent[1:]):.1f} %, {source}"
+    compass, source = _compass(request, known, water, rng)
+    degrees = np.degrees(compass)
+    spread["compass"] = f"{degrees[0]:+.1f} degree, +-{np.std(degrees[1:]):.1f} degree, {source}"
+    mission = believing(request.mission, known.last_current)
+    nominal = _scenario(request, mission)
+    scenarios = tuple(
+        dataclasses.replace(
+            nominal,
+            vehicle=vehicle,
+            believed=request.vehicle,
+            compass_offset=-float(offset),
+            current=_current(request.field, course),
+        )
+        for vehicle, offset, course in zip(vehicles, compass, water.current, strict=True)
+    )
+    return Members(scenarios=scenarios, spread=spread)
+
+
+def _normal(rng: np.random.Generator, count: int, deviation: float) -> Array:
+    """Draws about 0, (count,), the first of them 0."""
+    draws = deviation * rng.standard_normal(count)
+    draws[0] = 0.0
+    return draws
+
+
+def _compass(
+    request: Request, known: Known, water: WaterDraws, rng: np.random.Generator
+) -> tuple[Array, str]:
+    """True heading less the compass's [rad], (member,), and who says so."""
+    identified, deviation = known_compass(request.vehicle)
+    if known.by_model:  # of what the model leaves of it
+        return identified + water.compass, "by the fixes"
+    if known.legs:
+        return water.compass, "by the fixes"
+    if deviation is not None:
+        return identified + _normal(rng, request.members, deviation), "identified"
+    return water.compass, "assumed"
+
+
+def _scenario(request: Request, mission: Mission) -> Scenario:
+    """The nominal one; its current is put in later."""
+    duration = HOUR * request.hours
+    flown = dataclasses.replace(mission, duration_s=duration)
+    place = request.place
+    scenario = Scenario(
+        vehicle=request.vehicle,
+        plan=flown,
+        duration=duration,
+        start={
+            "latitude": place.latitude_deg,
+            "longitude": place.longitude_deg,
+            "time": place.time,
+            "heading": _first_heading(flown, request),
+        },
+        current=request.field,
+        timestep=STEPS * file_step(request.vehicle.xml),
+        sample_period=SAMPLE_PERIOD,
+    )
+    return in_water(scenario, request.density)
+
+
+def file_step(xml: str) -> float:
+    """[s] of the physics, as a vehicle file says; MuJoCo's default where it does not."""
+    import mujoco
+
+    return float(mujoco.MjSpec.from_string(xml).option.timestep)
+
+
+def _first_heading(mission: Mission, request: Request) -> float:
+    """[rad] toward the first target, so that no turn at the start takes time."""
+    placed = mission.placed(request.place.latitude_deg, request.place.longitude_deg)
+    targets = getattr(placed.segments[0], "targets", None)
+    if not targets:
+        return math.radians(mission.start_heading_deg)
+    return math.atan2(targets[0]["east_m"], targets[0]["north_m"]) % (2.0 * math.pi)
+
+
+def _with_field(
+    request: Request, known: Known, water: WaterDraws, rng: np.random.Generator
+) -> tuple[WaterDraws, str]:
+    """The draws of the field's error, and what they are in words."""
+    field = _mean_field(request)
+    drawn = draw_field_error(
+        water, known.filter_, field, request.field_error, rng, told=known.legs > 0
+    )
+    words = f"field, error {request.field_error:g} m/s"
+    return drawn, words + (f", told by {known.source}" if known.legs else "")
+
+
+def _mean_field(request: Request) -> tuple[float, float]:
+    """North, east [m/s] at the start, mean over the depths of the first dives."""
+    assert request.field is not None
+    deepest = max(getattr(s, "max_depth_m", 0.0) for s in request.mission.segments)
+    depths = np.linspace(0.0, max(deepest, 1.0), 21)
+    velocity = request.field.velocity(0.0, 0.0, 0.0, depths, request.place)
+    north, east, _ = velocity.mean(axis=0)
+    return float(north), float(east)
+
+
+def _current(field: Current | None, course: Array) -> Current:
+    cut = np.clip(course, -FASTEST, FASTEST)
+    series = Series(interval=INTERVAL, north=tuple(cut[:, 0]), east=tuple(cut[:, 1]))
+    return series if field is None else field + series

@@ -1,0 +1,110 @@
+"""Request: what a forecast is asked for, checked before anything is flown."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from twin.errors import InputError, MissionError
+from twin.mission import Mission, Waypoint
+from twin.vehicle.vehicle import Vehicle
+from twin.water.current.base import Current
+from twin.water.current.origin import Origin
+
+HOUR = 3600.0
+FIELD_ERROR = 0.1
+"""[m/s] of a forecast field's depth-averaged current, north and east each: of the size that models
+of shelf seas have against gliders"""
+LONGEST_HOURS = 240.0
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Request:
+    """Where from, on what mission, in which water, how many members."""
+
+    vehicle: Vehicle
+    mission: Mission
+    place: Origin
+    """With its time."""
+    hours: float = 12.0
+    """How far ahead [h]."""
+    members: int = 200
+    field: Current | None = None
+    """A forecast of the current; None: what the logs told goes on."""
+    field_error: float = FIELD_ERROR
+    """[m/s] standard deviation of its error, north and east each."""
+    density: str = "usual"
+    """Water column, as `twin simulate --density` takes it."""
+    energy_left_kwh: float | None = None
+    """Energy left in the batteries [kW h]; None: no days left are told."""
+    seed: int = 0
+    """Of the draws."""
+
+    def __post_init__(self) -> None:
+        for name, least, most in (
+            ("hours", 0.0, LONGEST_HOURS), ("field_error", 0.0, 5.0), ("energy_left_kwh", 0.0, 1e4),
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and least < value <= most):
+                raise InputError(f"forecast: {name} = {value:g} must be above 0, at most {most:g}")
+        if not 2 <= self.members <= 100_000:
+            raise InputError(f"forecast: members = {self.members} must be from 2 to 100000")
+        if self.seed < 0:
+            raise InputError(f"forecast: seed = {self.seed} must be at least 0")
+        if self.place.time is None:
+            raise InputError("forecast: the start has no time: give LAT,LON,TIME")
+        if self.mission.needs_floor:
+            raise MissionError(
+                f"mission {self.mission.name!r} goes by {self.mission.needs_floor}, and a forecast "
+                f"has no sea floor: leave {self.mission.needs_floor} out"
+            )
+
+
+def mission_to(
+    goto: str, *, depth: float, pitch_deg: float, surface_after_s: float, radius: float
+) -> Mission:
+    """A mission to places in the text "LAT,LON[;LAT,LON ...]".
+
+    Raises:
+      MissionError: a place that cannot be read, or an impossible depth or pitch.
+    """
+    targets = []
+    for part in goto.split(";"):
+        try:
+            latitude, longitude = (float(word) for word in part.split(","))
+        except ValueError:
+            raise MissionError(
+                f"goto {part.strip()!r}: write LAT,LON in degrees, with ; between places, such as "
+                "36.9,-122.5;37,-122.6"
+            ) from None
+        targets.append({"latitude": latitude, "longitude": longitude})
+    segment = Waypoint(
+        targets=tuple(targets),
+        max_depth_m=depth,
+        pitch_deg=pitch_deg,
+        surface_after_s=surface_after_s,
+        arrival_radius_m=radius,
+    )
+    return Mission(name="goto", segments=(segment,))
+
+
+def believing(mission: Mission, current: tuple[float, float] | None) -> Mission:
+    """The mission as a vehicle begins it that believes in a current, north and east [m/s]."""
+    if current is None:
+        return mission
+    north, east = current
+    segments = tuple(
+        dataclasses.replace(segment, current_north_m_s=north, current_east_m_s=east)
+        if isinstance(segment, Waypoint)
+        and segment.current == "estimated"
+        and segment.current_north_m_s is None
+        else segment
+        for segment in mission.segments
+    )
+    return dataclasses.replace(mission, segments=segments)
+
+
+def longest_dive(mission: Mission) -> float:
+    """[s] between surfacings that a mission asks for; 3 h where it does not say."""
+    times = [getattr(segment, "surface_after_s", None) for segment in mission.segments]
+    return max((time for time in times if time is not None), default=3.0 * HOUR)

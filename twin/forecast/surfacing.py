@@ -1,0 +1,152 @@
+"""Surfacing: where, when and at which cost members come up for the n-th time, with ellipses."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.forecast.flights import Flight
+from twin.geodesy import from_tangent_plane, wrap_longitude
+from twin.water.current.origin import Origin
+
+Array = NDArray[np.float64]
+
+HALF, NINETY = 2.0 * math.log(2.0), 2.0 * math.log(10.0)
+"""Quantiles of chi-squared with two degrees of freedom: squared half-axes in deviations"""
+FIX_DEVIATION = 5.0
+"""[m] north and east each, of the GPS fix that will be taken"""
+LEAST = 0.5
+"""Part of the members that must have a surfacing for it to be told"""
+ELLIPSE_POINTS = 64
+KILO = 1e3
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Ellipse:
+    """Of a normal distribution."""
+
+    major_m: float
+    """[m] half of the longer axis"""
+    minor_m: float
+    """[m] half of the shorter axis"""
+    bearing_deg: float
+    """[degree] of the longer axis, clockwise from north, 0 to 180"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Surfacing:
+    """One surfacing; times are after the start."""
+
+    number: int
+    """1 is the next"""
+    part: float
+    """of the members that have it"""
+    north: float
+    """[m] from the start"""
+    east: float
+    """[m]"""
+    covariance: Array
+    """[m2], (2, 2); of members and fix"""
+    latitude: float
+    """[degree]"""
+    longitude: float
+    """[degree]"""
+    time_s: float
+    """mean"""
+    early_s: float
+    """5 of 100 members are up before"""
+    late_s: float
+    """5 of 100 members are up later"""
+    energy_kj: float
+    """mean, taken since the start"""
+    energy_deviation_kj: float
+    members: Array
+    """North, east [m] of every member that has it, (member, 2)"""
+
+    def ellipse(self, quantile: float) -> Ellipse:
+        """That which holds as much as a quantile of chi-squared: HALF or NINETY."""
+        values, vectors = np.linalg.eigh(quantile * self.covariance)
+        axis = vectors[:, 1]
+        return Ellipse(
+            major_m=float(math.sqrt(max(values[1], 0.0))),
+            minor_m=float(math.sqrt(max(values[0], 0.0))),
+            bearing_deg=float(math.degrees(math.atan2(axis[1], axis[0])) % 180.0),
+        )
+
+    def ring(self, quantile: float, place: Origin) -> Array:
+        """Longitude, latitude [degree] around it, closed, (point, 2)."""
+        angles = np.linspace(0.0, 2.0 * math.pi, ELLIPSE_POINTS + 1)
+        values, vectors = np.linalg.eigh(quantile * self.covariance)
+        circle = np.stack([np.cos(angles), np.sin(angles)])
+        points = (vectors * np.sqrt(np.maximum(values, 0.0))) @ circle
+        return degrees(np.array([self.north, self.east]) + points.T, place)
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able."""
+        return {
+            "number": self.number,
+            "part_of_members": self.part,
+            "latitude": self.latitude,
+            "longitude": self.longitude,
+            "time_s": self.time_s,
+            "early_s": self.early_s,
+            "late_s": self.late_s,
+            "ellipse_50": dataclasses.asdict(self.ellipse(HALF)),
+            "ellipse_90": dataclasses.asdict(self.ellipse(NINETY)),
+            "energy_kJ": self.energy_kj,
+            "energy_deviation_kJ": self.energy_deviation_kj,
+        }
+
+
+def surfacings_of(flights: Sequence[Flight], place: Origin) -> tuple[Surfacing, ...]:
+    """The surfacings that at least half of the members have, in order.
+
+    Args:
+      flights: of the members so far; of a single one the ellipses are those of its fix.
+      place: of the start.
+    """
+    found = []
+    for index in range(max((len(one.time) for one in flights), default=0)):
+        having = [one for one in flights if len(one.time) > index]
+        if len(having) < LEAST * len(flights):
+            break
+        places = np.array([one.place[index] for one in having])
+        times = np.array([one.time[index] for one in having])
+        energy = np.array([one.energy[index] for one in having]) / KILO
+        centre = places.mean(axis=0)
+        spread = FIX_DEVIATION**2 * np.eye(2)
+        if len(having) > 1:
+            spread = spread + np.cov(places, rowvar=False)
+        longitude, latitude = degrees(centre[None], place)[0]
+        early, late = np.quantile(times, [0.05, 0.95])
+        found.append(
+            Surfacing(
+                number=index + 1,
+                part=len(having) / len(flights),
+                north=float(centre[0]),
+                east=float(centre[1]),
+                covariance=spread,
+                latitude=float(latitude),
+                longitude=float(longitude),
+                time_s=float(times.mean()),
+                early_s=float(early),
+                late_s=float(late),
+                energy_kj=float(energy.mean()),
+                energy_deviation_kj=float(energy.std()),
+                members=places,
+            )
+        )
+    return tuple(found)
+
+
+def degrees(points: Array, place: Origin) -> Array:
+    """Longitude, latitude [degree] of north, east [m] from a place, (point, 2)."""
+    latitude, longitude = from_tangent_plane(
+        points[:, 0], points[:, 1], place.latitude_deg, place.longitude_deg
+    )
+    return np.stack([wrap_longitude(longitude), latitude], axis=1)

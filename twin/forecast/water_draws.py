@@ -1,0 +1,120 @@
+"""Water draws: possible courses of the current, and of the errors of speed and compass.
+
+Each is one draw from what a current filter knows: its state is normal, its modes go on as linear
+stochastic equations (`twin.navigation.current.modes`), so that draws of it follow the filter's own
+forecast in mean and covariance. Beside a field of a forecast, the field's error is drawn instead: a
+first-order Gauss-Markov process whose present value the filter's current has told.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.navigation.current.filter import CALIBRATION, DIVE, MODES, CurrentFilter
+from twin.navigation.current.modes import passage
+
+Array = NDArray[np.float64]
+
+INTERVAL = 1800.0
+"""[s] between two values of a course: a tenth of the time in which an inertial oscillation turns
+around at 60 degree"""
+FIELD_TIME = 86400.0
+"""[s] after which the error of a forecast field has lost its memory: weather's"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class WaterDraws:
+    """Draws by member; the first member is the mean of all that is known."""
+
+    current: Array
+    """North, east [m/s], (member, time, 2), INTERVAL apart"""
+    speed_scale: Array
+    """[1] real speed over the model's, less 1, (member,)"""
+    compass: Array
+    """[rad] that true headings are beyond the compass's, (member,)"""
+
+
+def draw_water(
+    filter_: CurrentFilter, duration: float, count: int, rng: np.random.Generator, dive: float
+) -> WaterDraws:
+    """Draws of what a filter expects.
+
+    Args:
+      filter_: at the start. duration: [s]. count: of members, the mean included.
+      dive: [s] after which what single dives add is another.
+    """
+    mean, covariance = _state(filter_)
+    states = mean + np.concatenate([np.zeros((1, len(mean))), _normal(covariance, count - 1, rng)])
+    times = np.arange(math.ceil(duration / INTERVAL) + 2)
+    modes = states[:, MODES::2] + 1j * states[:, MODES + 1 :: 2]
+    gone = passage(filter_.modes, INTERVAL)
+    deviation = np.sqrt(filter_.inflation * gone.noise)
+    course = np.empty((count, len(times), 2))
+    added = states[:, DIVE]
+    per_dive = max(1, round(dive / INTERVAL))
+    for k in times:
+        if k and k % per_dive == 0:
+            added = filter_.parameters.dive * _scattered(rng, count, 2)
+        total = modes.sum(axis=1)
+        course[:, k, 0], course[:, k, 1] = total.real + added[:, 0], total.imag + added[:, 1]
+        noise = _scattered(rng, count, 2 * len(deviation))
+        modes = gone.kept * modes + deviation * (noise[:, ::2] + 1j * noise[:, 1::2])
+    scale, compass = states[:, CALIBRATION].T
+    return WaterDraws(current=course, speed_scale=scale, compass=compass)
+
+
+def draw_field_error(
+    drawn: WaterDraws,
+    filter_: CurrentFilter,
+    field: tuple[float, float],
+    deviation: float,
+    rng: np.random.Generator,
+    *,
+    told: bool,
+) -> WaterDraws:
+    """The same draws with the error of a field in place of the current.
+
+    Args:
+      field: north, east [m/s] of the field at the start, mean over the dives' depths.
+      deviation: [m/s] of the field's error, north and east each.
+      told: whether fixes have told the filter a current, and with it the error at the start.
+    """
+    seen, spread = filter_.current
+    prior, gain = deviation**2 * np.eye(2), np.zeros((2, 2))
+    if told:
+        gain = prior @ np.linalg.inv(prior + filter_.inflation * spread)
+    mean = gain @ (seen - np.array(field))
+    count, steps, _ = drawn.current.shape
+    kept = math.exp(-INTERVAL / FIELD_TIME)
+    gained = deviation * math.sqrt(1.0 - kept**2)
+    error = mean + np.concatenate([np.zeros((1, 2)), _normal(prior - gain @ prior, count - 1, rng)])
+    course = np.empty((count, steps, 2))
+    for k in range(steps):
+        course[:, k] = error
+        error = kept * error + gained * _scattered(rng, count, 2)
+    return dataclasses.replace(drawn, current=course)
+
+
+def _state(filter_: CurrentFilter) -> tuple[Array, Array]:
+    """Mean and covariance of the state, as the filter's own forecasts spread it."""
+    state = filter_.state()
+    return state["mean"], filter_.inflation * state["covariance"]
+
+
+def _normal(covariance: Array, count: int, rng: np.random.Generator) -> Array:
+    """Draws of mean 0, (count, size); the covariance may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(
+        rng.standard_normal((count, len(values))) * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+    )
+
+
+def _scattered(rng: np.random.Generator, count: int, size: int) -> Array:
+    """Standard normal draws, (count, size); none for the first member."""
+    draws = rng.standard_normal((count, size))
+    draws[0] = 0.0
+    return draws

@@ -1,0 +1,154 @@
+"""Figures of a hindcast: maps with ellipses, the current over time, and errors by method."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from twin.geodesy import position
+from twin.hindcast.hindcast import DeploymentHindcast
+from twin.hindcast.scores import METHODS
+from twin.hindcast.walk import NINETY, Surfacing
+from twin.plot import style
+from twin.plot.dates import LABEL, draw_dates
+from twin.plot.graticule import box_around
+from twin.plot.map import draw_base, joined
+
+Array = NDArray[np.float64]
+
+COLOURS = {
+    "forecast": style.PALETTE["vermillion"],
+    "persistence": style.PALETTE["blue"],
+    "no_current": style.PALETTE["green"],
+    "onboard": style.PALETTE["purple"],
+}
+TITLES = {
+    "forecast": "forecast",
+    "persistence": "persistence",
+    "no_current": "no current",
+    "onboard": "on-board track",
+}
+CLOSE = 6
+"""Surfacings of the detailed map"""
+HOUR = 3600.0
+"""[s]"""
+ROUND = np.linspace(0.0, 2.0 * np.pi, 73)
+
+
+def map_figure(one: DeploymentHindcast) -> Figure:
+    """All surfacings, and the last few with the ellipses of their forecasts."""
+    with style.styled():
+        figure = style.new_figure(style.PAGE_WIDTH, 3.9)
+        whole, close = figure.subplots(1, 2)
+        _draw_map(whole, one.surfacings, "deployment", methods=(), ellipses=False)
+        scored = [s for s in one.surfacings if s.scored]
+        few = (scored or list(one.surfacings))[-CLOSE:]
+        _draw_map(
+            close,
+            few,
+            f"last {len(few)} surfacings",
+            methods=("forecast", "persistence"),
+            ellipses=True,
+        )
+        figure.legend(*close.get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    return figure
+
+
+def _draw_map(
+    axes: Axes,
+    surfacings: Sequence[Surfacing],
+    title: str,
+    *,
+    methods: Sequence[str],
+    ellipses: bool,
+) -> None:
+    fixes = np.array([s.places["fix"] for s in surfacings])
+    begins = np.array([s.places["begin"] for s in surfacings])
+    outlines = [_ellipse(s) for s in surfacings] if ellipses else []
+    named = {name: [s.places[name] for s in surfacings if name in s.places] for name in methods}
+    every = np.concatenate(
+        [begins, fixes, *(np.array(p) for p in named.values() if p), *(o.T for o in outlines)]
+    )
+    unrolled = joined(every[:, 1])
+    unroll = dict(zip(every[:, 1].tolist(), (unrolled - every[:, 1]).tolist(), strict=True))
+
+    def along(longitude: Array) -> Array:
+        return np.array([x + unroll[x] for x in longitude.tolist()])
+
+    draw_base(axes, box_around(every[:, 0], unrolled, 0.95))
+    axes.set_title(title)
+    for outline in outlines:
+        axes.plot(along(outline[1]), outline[0], color=COLOURS["forecast"], lw=0.8, zorder=3,
+                  label="90 % ellipse" if outline is outlines[0] else "")  # fmt: skip
+    for begin, fix in zip(begins, fixes, strict=True):
+        ends = along(np.array([begin[1], fix[1]]))
+        axes.plot(ends, [begin[0], fix[0]], color=style.GUIDE, lw=0.8, zorder=2)
+    axes.plot(along(fixes[:, 1]), fixes[:, 0], ".", color=style.COMMAND, ms=5.0, ls="none",
+              label="fix", zorder=4)  # fmt: skip
+    for name, places in named.items():
+        at = np.array(places).reshape(-1, 2)
+        axes.plot(along(at[:, 1]), at[:, 0], "x" if name == "persistence" else "+",
+                  color=COLOURS[name], ms=6.0, mew=1.4, ls="none", label=TITLES[name],
+                  zorder=4)  # fmt: skip
+
+
+def _ellipse(one: Surfacing) -> Array:
+    """Latitude, longitude [degree] of the 90 % ellipse about the forecast, (2, n)."""
+    values, vectors = np.linalg.eigh(one.covariance)
+    lengths = np.sqrt(NINETY * np.maximum(values, 0.0))
+    metres = vectors @ (lengths[:, None] * np.stack([np.cos(ROUND), np.sin(ROUND)]))
+    return np.stack(position(metres[0], metres[1], *one.places["forecast"]))
+
+
+def current_figure(one: DeploymentHindcast) -> Figure:
+    """North and east over time: observed after each dive, forecast before it with its 90 %."""
+    start = one.surfacings[0].time
+    days = np.array([(s.time - start) / HOUR for s in one.surfacings])
+    with style.styled():
+        figure = style.new_figure(style.PAGE_WIDTH, 3.4)
+        for k, (axes, name) in enumerate(
+            zip(figure.subplots(2, 1, sharex=True), ("north", "east"), strict=True)
+        ):
+            observed = np.array([s.current[k] for s in one.surfacings])
+            expected = np.array([s.expected[k] for s in one.surfacings])
+            reach = np.array(
+                [np.sqrt(NINETY * s.covariance[k, k]) / (s.hours * HOUR) for s in one.surfacings]
+            )
+            axes.fill_between(days, expected - reach, expected + reach, color=COLOURS["forecast"],
+                              alpha=0.18, lw=0.0, label="extent of the 90 % ellipse")  # fmt: skip
+            axes.plot(days, expected, color=COLOURS["forecast"], lw=1.0, label="forecast")
+            axes.plot(days, observed, ".", color=style.COMMAND, ms=4.0, label="found")
+            axes.set_ylabel(f"{name} [m/s]")
+            most = 1.3 * float(np.abs(observed).max()) + 0.05
+            axes.set_ylim(-most, most)
+            if 0 < one.train < len(days):
+                axes.axvline(0.5 * (days[one.train - 1] + days[one.train]), color=style.GUIDE,
+                             ls=(0, (3, 2)), lw=0.9, label="scored from here")  # fmt: skip
+        draw_dates(axes, start, HOUR)
+        axes.set_xlabel(LABEL)
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=4)
+    return figure
+
+
+def error_figure(one: DeploymentHindcast) -> Figure:
+    """What part of the scored surfacings each method missed by less than so much."""
+    scored = [s for s in one.surfacings if s.scored]
+    with style.styled():
+        figure = style.new_figure(style.PAGE_WIDTH, 2.6)
+        axes = figure.add_subplot()
+        for name in METHODS:
+            errors = np.sort([e for s in scored if np.isfinite(e := s.error(name))])
+            if errors.size:
+                share = np.arange(1, errors.size + 1) / errors.size
+                axes.step(np.concatenate([[0.0], errors]), np.concatenate([[0.0], share]),
+                          where="post", color=COLOURS[name], label=TITLES[name])  # fmt: skip
+        axes.set_xlim(left=0.0)
+        axes.set_ylim(0.0, 1.02)
+        axes.set_xlabel("error [m/h]")
+        axes.set_ylabel("part of the surfacings")
+        axes.legend(loc="lower right")
+    return figure

@@ -1,0 +1,127 @@
+"""Hindcast: tune on the first part of each deployment, forecast and score the rest."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from twin.errors import InputError, StoreError
+from twin.hindcast.legs import LoggedLeg, flown_velocities, legs_of
+from twin.hindcast.scores import Scores, scores_of
+from twin.hindcast.walk import Surfacing, walk
+from twin.navigation.current import Tuned, tune
+from twin.records.logs import LogStore
+
+TRAIN_FRACTION = 0.4
+"""[1] of the legs of a deployment that parameters are learned from"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DeploymentHindcast:
+    """One deployment."""
+
+    name: str
+    store: Path
+    latitude: float
+    """[degree] for which the inertial frequency is taken"""
+    dives: int
+    """Dives in the store, those without two fixes or a known way through the water too"""
+    legs: tuple[LoggedLeg, ...]
+    train: int
+    """Legs that parameters were learned from"""
+    tuned: Tuned
+    surfacings: tuple[Surfacing, ...]
+    """One for each leg"""
+    scores: Scores
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Hindcast:
+    """Of all deployments of some stores."""
+
+    deployments: tuple[DeploymentHindcast, ...]
+    train_fraction: float
+    scores: Scores
+    """of all scored surfacings together"""
+
+
+def hindcast(
+    stores: Sequence[str | Path],
+    *,
+    train_fraction: float = TRAIN_FRACTION,
+    vehicle: str | None = None,
+    advance: Callable[[], object] = lambda: None,
+) -> Hindcast:
+    """Walk through every deployment of some stores of logs.
+
+    Args:
+      stores: paths of stores that `factory import` wrote.
+      train_fraction: part of each deployment's legs, at its beginning, that parameters are learned
+        from; the rest is scored. 0: nothing is learned, the prior's parameters are taken.
+      vehicle: flight model for the way through the water, a file or a shipped name; by default that
+        of depth rate and pitch, and where these are not logged the vehicle's reported current.
+      advance: called once for each deployment that is done.
+
+    Raises:
+      StoreError: no store of logs, or none of its dives has two fixes and a way through the water.
+      InputError: a fraction that is not from 0 to below 1, or no store.
+      VehicleError: no such vehicle.
+    """
+    if not stores:
+        raise InputError("name at least one store of logs")
+    if not 0.0 <= train_fraction < 1.0:
+        raise InputError(
+            f"a training fraction of {train_fraction:g}; it must be from 0 to below 1, so that "
+            "some of the dives are left to score"
+        )
+    found: list[DeploymentHindcast] = []
+    for path in stores:
+        found += _store(Path(path), train_fraction, vehicle, advance)
+    return Hindcast(
+        deployments=tuple(found),
+        train_fraction=train_fraction,
+        scores=scores_of([one.surfacings for one in found]),
+    )
+
+
+def _store(
+    path: Path, train_fraction: float, vehicle: str | None, advance: Callable[[], object]
+) -> list[DeploymentHindcast]:
+    with LogStore(path) as logs:
+        flown = None if vehicle is None else flown_velocities(path, vehicle)
+        found = []
+        for name in dict.fromkeys(logs.deployments):
+            legs = legs_of(logs, name, flown)
+            if legs:
+                dives = len(logs.missions_of(name))
+                found.append(_deployment(name, path, dives, legs, train_fraction))
+            advance()
+    if not found:
+        raise StoreError(
+            f"store {path}: no dive has GPS fixes at both ends and a known way through the water "
+            "(pitch and heading, or the vehicle's reported current): nothing can be forecast"
+        )
+    return found
+
+
+def _deployment(
+    name: str, path: Path, dives: int, legs: Sequence[LoggedLeg], train_fraction: float
+) -> DeploymentHindcast:
+    latitude = float(np.median([one.begin[0] for one in legs]))
+    train = int(train_fraction * len(legs))
+    tuned = tune([one.leg for one in legs[:train]], latitude=latitude)
+    surfacings = walk(legs, tuned.parameters, latitude=latitude, train=train)
+    return DeploymentHindcast(
+        name=name,
+        store=path,
+        latitude=latitude,
+        dives=dives,
+        legs=tuple(legs),
+        train=train,
+        tuned=tuned,
+        surfacings=tuple(surfacings),
+        scores=scores_of([surfacings]),
+    )

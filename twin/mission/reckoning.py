@@ -1,0 +1,146 @@
+"""Reckoning: where guidance believes the vehicle is, and the course from there to a waypoint.
+
+As gliders do it: from fix to fix the way through the water is added up from depth rate, pitch and
+heading, with the angle of attack of the steady way, or from the propeller's speed. At the first fix
+after a dive the misclosure over the time under water is the estimate of the current, which the
+next dive adds to its way and its course allows for.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.compiled import jit
+from twin.mission import table as g
+from twin.mission.loops import compass
+
+Array = NDArray[np.float64]
+
+LEAST_SLOPE = math.radians(8.0)
+"""[rad] flatter ways say too little of the speed by their depth rate: the steady speed holds"""
+MOST_OF_STEADY = 2.0
+"""A depth rate never makes the speed more than so many times that of the steady way"""
+MOST_SPEED = 1.0
+"""[m/s] likewise where no steady way is known"""
+LEAST_DIVE = 300.0
+"""[s] shorter times under water give no estimate of the current: the fix's error decides it"""
+MOST_CRAB = math.sin(math.radians(70.0))
+"""Of the speed, to stem a cross current: a course keeps a part toward its target"""
+
+
+@jit
+def speed_through_water(row: Array, phase: float, depth_rate: float, pitch: float) -> float:
+    """Horizontal speed [m/s] by depth rate [m/s] and pitch [rad], or the propeller's."""
+    if phase == g.AT_SURFACE or phase == g.HOVERING:
+        return 0.0
+    if phase == g.DIVE or phase == g.ON_LEVEL:
+        steady, attack = row[g.DIVE_SPEED], row[g.DIVE_ATTACK]
+    elif phase == g.CLIMB or phase == g.SURFACING:
+        steady, attack = row[g.CLIMB_SPEED], row[g.CLIMB_ATTACK]
+    else:
+        steady, attack = math.nan, 0.0
+    unknown = math.isnan(steady)
+    if math.isnan(attack):
+        return 0.0 if unknown else steady
+    slope = attack - pitch
+    if abs(slope) < LEAST_SLOPE:
+        return 0.0 if unknown else steady
+    most = MOST_SPEED if unknown else MOST_OF_STEADY * steady
+    return min(max(depth_rate / math.tan(slope), 0.0), most)
+
+
+@jit
+def _fix(state: Array, t: float, north: float, east: float) -> None:
+    """Take a fix; the first one after a dive says what the current was."""
+    elapsed = t - state[g.LAST_FIX]
+    if state[g.FIXED] == 0.0 and elapsed >= LEAST_DIVE:
+        missed_north = north - state[g.RECKONED_NORTH] + state[g.DRIFT_NORTH]
+        missed_east = east - state[g.RECKONED_EAST] + state[g.DRIFT_EAST]
+        state[g.CURRENT_NORTH], state[g.CURRENT_EAST] = (
+            missed_north / elapsed,
+            missed_east / elapsed,
+        )
+        state[g.CURRENT_KNOWN] = 1.0
+    state[g.RECKONED_NORTH], state[g.RECKONED_EAST] = north, east
+    state[g.DRIFT_NORTH] = state[g.DRIFT_EAST] = 0.0
+    state[g.LAST_FIX], state[g.FIXED] = t, 1.0
+
+
+@jit
+def reckon(
+    row: Array,
+    state: Array,
+    t: float,
+    depth: float,
+    pitch: float,
+    heading: float,
+    north: float,
+    east: float,
+    current_north: float,
+    current_east: float,
+) -> None:
+    """Bring the position that guidance believes in to `t`; see `guidance_step` for the arguments.
+
+    `row` and the phase in `state` are those that were flown since the last tick.
+    """
+    known = not math.isnan(north + east)
+    phase = state[g.PHASE]
+    if phase == g.NOT_STARTED:
+        state[g.LAST_FIX], state[g.LAST_TIME], state[g.LAST_DEPTH] = t, t, depth
+        if known:
+            state[g.RECKONED_NORTH], state[g.RECKONED_EAST] = north, east
+    elapsed = t - state[g.LAST_TIME]
+    state[g.LAST_TIME] = t
+    if elapsed > 0.0:
+        rate = (depth - state[g.LAST_DEPTH]) / elapsed
+        speed = speed_through_water(row, phase, rate, pitch)
+        drift_north = drift_east = 0.0
+        if row[g.USES_CURRENT] != 0.0:
+            drift_north = state[g.CURRENT_NORTH] * elapsed
+            drift_east = state[g.CURRENT_EAST] * elapsed
+        state[g.RECKONED_NORTH] += speed * math.cos(heading) * elapsed + drift_north
+        state[g.RECKONED_EAST] += speed * math.sin(heading) * elapsed + drift_east
+        state[g.DRIFT_NORTH] += drift_north
+        state[g.DRIFT_EAST] += drift_east
+    if known and not math.isnan(current_north + current_east):  # a navigator is on board
+        state[g.CURRENT_NORTH], state[g.CURRENT_EAST] = current_north, current_east
+        state[g.RECKONED_NORTH], state[g.RECKONED_EAST] = north, east
+        state[g.CURRENT_KNOWN] = 1.0
+        if phase == g.AT_SURFACE:
+            state[g.LAST_FIX] = t
+    elif phase == g.AT_SURFACE and known:
+        _fix(state, t, north, east)
+    elif phase == g.AT_SURFACE:
+        state[g.LAST_FIX] = t
+    else:
+        state[g.FIXED] = 0.0
+    state[g.SEEN_NORTH], state[g.SEEN_EAST] = state[g.RECKONED_NORTH], state[g.RECKONED_EAST]
+    if row[g.SEES_TRUTH] == 1.0 and known:
+        state[g.SEEN_NORTH], state[g.SEEN_EAST] = north, east
+
+
+@jit
+def distance_left(row: Array, state: Array) -> float:
+    """[m] from where the vehicle seems to be to the row's target."""
+    return math.hypot(
+        row[g.TARGET_NORTH] - state[g.SEEN_NORTH], row[g.TARGET_EAST] - state[g.SEEN_EAST]
+    )
+
+
+@jit
+def course(row: Array, state: Array) -> float:
+    """Heading [rad] that makes good the way to the row's target in the estimated current.
+
+    The part of the current across the way is stemmed; one that is too strong, as far as MOST_CRAB.
+    """
+    bearing = math.atan2(
+        row[g.TARGET_EAST] - state[g.SEEN_EAST], row[g.TARGET_NORTH] - state[g.SEEN_NORTH]
+    )
+    if row[g.USES_CURRENT] == 0.0 or not row[g.YO_SPEED] > 0.0:
+        return compass(bearing)
+    across = state[g.CURRENT_EAST] * math.cos(bearing) - state[g.CURRENT_NORTH] * math.sin(bearing)
+    share = min(max(across / row[g.YO_SPEED], -MOST_CRAB), MOST_CRAB)
+    return compass(bearing - math.asin(share))

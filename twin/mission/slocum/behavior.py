@@ -1,0 +1,133 @@
+"""Behavior: the text of a Slocum mission file as behaviors with their arguments.
+
+A mission file (.mi) is a stack of `behavior: NAME` blocks with lines `b_arg: NAME(UNIT) VALUE` and
+lines `sensor: NAME(UNIT) VALUE`. An argument file (.ma) says `behavior_name=NAME`, its arguments
+between `<start:b_arg>` and `<end:b_arg>`, and of a goto_list its places between
+`<start:waypoints>` and `<end:waypoints>`, longitude before latitude in DDMM.mmm. `#` begins a
+comment (Teledyne Webb Research, Slocum G2 Glider Operators Training Guide, Rev. 06/12).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from twin.bounded import MOST_SETTINGS, read_text
+from twin.errors import MissionError
+
+_VALUE = r"\s*:\s*(\w+)\s*(?:\(([^)]*)\))?\s*(\S+)?\s*$"
+_ARGUMENT = re.compile("b_arg" + _VALUE, re.IGNORECASE)
+_SENSOR = re.compile("sensor" + _VALUE, re.IGNORECASE)
+_BEHAVIOR = re.compile(r"behavior\s*:\s*(\w+)\s*$", re.IGNORECASE)
+_NAMED = re.compile(r"behavior_name\s*=\s*(\w+)\s*$", re.IGNORECASE)
+_BRACKET = re.compile(r"<(start|end):(\w+)>\s*$", re.IGNORECASE)
+MINUTES = 60.0
+"""of a degree"""
+
+
+@dataclasses.dataclass(kw_only=True)
+class Behavior:
+    """One behavior: its arguments, and of a goto_list its places."""
+
+    name: str
+    """In lower case."""
+    file: str
+    """Name of the file that says it, or its arguments."""
+    arguments: dict[str, float] = dataclasses.field(default_factory=dict)
+    """By name, without the unit."""
+    places: list[tuple[float, float]] = dataclasses.field(default_factory=list)
+    """(latitude, longitude) [degree]"""
+
+    @property
+    def label(self) -> str:
+        """How lines call it."""
+        return f"{self.file}: {self.name}"
+
+
+@dataclasses.dataclass(kw_only=True)
+class Parsed:
+    """The behaviors and sensor settings of one file, and lines that mean nothing to the reader."""
+
+    behaviors: list[Behavior] = dataclasses.field(default_factory=list)
+    sensors: dict[str, float] = dataclasses.field(default_factory=dict)
+    notes: list[str] = dataclasses.field(default_factory=list)
+
+
+def parse(path: Path) -> Parsed:
+    """The behaviors of a .mi or .ma file.
+
+    Raises:
+      MissionError: it cannot be read, a value is no number, or a place no DDMM.mmm.
+    """
+    found, bracket = Parsed(), ""
+    for number, line in _lines(path):
+        where = f"{path.name} line {number}"
+        current = found.behaviors[-1] if found.behaviors else None
+        if match := _BRACKET.match(line):
+            bracket = match[2].lower() if match[1].lower() == "start" else ""
+        elif match := _BEHAVIOR.match(line) or _NAMED.match(line):
+            found.behaviors.append(Behavior(name=match[1].lower(), file=path.name))
+        elif bracket == "waypoints" and current is not None:
+            current.places.append(_place(where, line))
+        elif match := _SENSOR.match(line):
+            found.sensors[match[1].lower()] = _number(where, match[1], match[3])
+        elif (match := _ARGUMENT.match(line)) and current is not None:
+            current.arguments[match[1].lower()] = _number(where, match[1], match[3])
+        else:
+            found.notes.append(f"{where}: not understood: {line}")
+    if not found.behaviors:
+        raise MissionError(
+            f"{path.name} has no behavior: a Slocum mission file (.mi) has lines 'behavior: NAME', "
+            "an argument file (.ma) a line 'behavior_name=NAME'"
+        )
+    return found
+
+
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    text = read_text(path, "Slocum mission file", MissionError, most=MOST_SETTINGS)
+    for number, line in enumerate(text.splitlines(), start=1):
+        said = line.split("#", 1)[0].strip()
+        if said:
+            yield number, said
+
+
+def _number(where: str, name: str, text: str | None) -> float:
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise MissionError(f"{where}: {name} = {text or 'nothing'}: give a number")
+    return value
+
+
+def _place(where: str, line: str) -> tuple[float, float]:
+    words = line.replace(",", " ").split()
+    if len(words) != 2:
+        raise MissionError(f"{where}: {line}: give a longitude and a latitude as DDMM.mmm")
+    longitude, latitude = (degrees(where, word) for word in words)
+    if abs(latitude) > 90.0 or abs(longitude) > 180.0:
+        raise MissionError(
+            f"{where}: {line}: longitude {longitude:g}, latitude {latitude:g} degree is no place: "
+            "the longitude comes first, as DDMM.mmm"
+        )
+    return latitude, longitude
+
+
+def degrees(where: str, text: str | float) -> float:
+    """Degrees of a coordinate as DDMM.mmm, such as -7032.064: 70 degree 32.064 minutes west.
+
+    Raises:
+      MissionError: it is no number, or its minutes are 60 or more.
+    """
+    value = _number(where, "coordinate", str(text))
+    whole, minutes = divmod(abs(value), 100.0)
+    if minutes >= MINUTES:
+        raise MissionError(
+            f"{where}: {text} has {minutes:g} minutes: coordinates are DDMM.mmm, degrees and "
+            "minutes, not decimal degrees"
+        )
+    return math.copysign(whole + minutes / MINUTES, value)

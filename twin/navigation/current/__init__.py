@@ -1,0 +1,29 @@
+"""Current: filter, smoother and forecast of the current that carries a glider.
+
+tuned = tune(legs, latitude=31.5)
+found = CurrentFilter(tuned.parameters, latitude=31.5)
+"""
+
+from twin.navigation.current.constituents import CONSTITUENTS, chosen_constituents
+from twin.navigation.current.filter import CurrentFilter, Innovation
+from twin.navigation.current.forecast import CurrentForecast
+from twin.navigation.current.leg import Leg, begin_leg, pass_leg, replay
+from twin.navigation.current.parameters import CurrentParameters
+from twin.navigation.current.smoother import SmoothedTrack
+from twin.navigation.current.tuning import Tuned, tune
+
+__all__ = [
+    "CONSTITUENTS",
+    "CurrentFilter",
+    "CurrentForecast",
+    "CurrentParameters",
+    "Innovation",
+    "Leg",
+    "SmoothedTrack",
+    "Tuned",
+    "begin_leg",
+    "chosen_constituents",
+    "pass_leg",
+    "replay",
+    "tune",
+]

@@ -1,0 +1,512 @@
+"""Current filter: a Kalman filter of a glider's position and of the current that carries it.
+
+State: position north and east [m]; relative error of the speed and offset of the compass; what the
+dive under way adds and does not pass on; and the modes of the current (`modes`): mean, eddies,
+inertial oscillation, tide. Position follows
+
+    dp/dt = (1 + scale) R(offset) v + dive + sum of modes,
+
+v the velocity through the water, R a small turn. The equations are linear and stepped exactly
+(Kalman 1960, J. Basic Eng. 82; depth-averaged currents from fixes: Eriksen et al. 2001, IEEE J.
+Oceanic Eng. 26(4); tide and other parts of a glider's current from its own dives: Chang, Zhang and
+Edwards 2015, J. Atmos. Oceanic Technol. 32(3)).
+
+Two guards for real fixes: a surprise beyond `OUTLIER` is taken for an eddy of its size instead of
+being spread over all modes; and the ellipses of forecasts follow how many fixes they held (adaptive
+conformal inference, Gibbs and Candes 2021, NeurIPS 34).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from twin.errors import InputError
+from twin.navigation.current.forecast import CurrentForecast
+from twin.navigation.current.modes import LONGEST, Modes, Passage, modes_of, passage, turns
+from twin.navigation.current.parameters import CurrentParameters
+from twin.navigation.current.smoother import Node, SmoothedTrack, smoothed
+
+Array = NDArray[np.float64]
+
+POSITION, CALIBRATION, DIVE = slice(0, 2), slice(2, 4), slice(4, 6)
+MODES = 6
+"""Index of the first mode's north."""
+FIX_DEVIATION = 5.0
+"""[m] north and east each, of a GPS fix"""
+OUTLIER = 9.0
+"""[1] squared distance, of two degrees of freedom (mean 2; 1.1 % are beyond), of a surprise"""
+HELD, QUANTILE = 0.90, 4.605
+"""Part of the fixes that an ellipse shall hold, and that quantile of chi-squared with 2 degrees"""
+INFLATION, LEARNING = 1.5, 0.4
+"""Of the variances of forecasts before any fix, and the gain by which its logarithm follows"""
+LEAST_LEG = 600.0
+"""[s] between two fixes that count for these guards: shorter, the fixes' noise decides"""
+ELSEWHERE = 1.0
+"""[m/s] at which a position is lost while the motion is not known"""
+_CACHED = 256
+"""Passages that are kept: equal steps repeat"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Innovation:
+    """What a fix said that the filter had not known."""
+
+    residual: Array
+    """North, east [m], (2,): fix less prediction"""
+    covariance: Array
+    """[m2], (2, 2), of the prediction and the fix"""
+    distance: float
+    """[1] squared Mahalanobis distance"""
+    duration: float
+    """[s] since the fix before"""
+
+
+class CurrentFilter:
+    """Position and current of one vehicle, from measurements in order of time.
+
+    found = CurrentFilter(parameters, latitude=31.5)
+    found.fix((0.0, 0.0))
+    found.step(3600.0, (0.2, 0.1), 0.02**2 * np.eye(2))
+    found.fix((900.0, 300.0))
+    ahead = found.forecast(found.time + np.array([3600.0, 7200.0]))
+
+    Args:
+      parameters: of the current; `tune` finds them.
+      latitude: [degree] of the deployment.
+      time: [s] on any clock, at which it begins.
+      memory: [s] over which errors of the velocity through the water are alike: longer than a
+        step, they add up along and not in squares.
+      record: whether to keep what `smooth` needs, some 20 kB a step.
+    """
+
+    def __init__(
+        self,
+        parameters: CurrentParameters | None = None,
+        *,
+        latitude: float,
+        time: float = 0.0,
+        memory: float = 60.0,
+        record: bool = False,
+    ):
+        if not (math.isfinite(latitude) and abs(latitude) <= 90.0):
+            raise InputError(f"a latitude of {latitude:g} degree; it must be from -90 to 90")
+        self.parameters = CurrentParameters() if parameters is None else parameters
+        self.latitude, self.memory = float(latitude), float(memory)
+        self.modes: Modes = modes_of(self.parameters, latitude)
+        self.time = float(time)
+        self.inflation = INFLATION
+        self.size = MODES + 2 * len(self.modes)
+        self._mean = np.zeros(self.size)
+        variance = np.zeros(self.size)
+        variance[CALIBRATION] = (
+            self.parameters.speed_scale**2,
+            math.radians(self.parameters.compass) ** 2,
+        )
+        variance[DIVE] = self.parameters.dive**2
+        variance[MODES:] = np.repeat(self.modes.variance, 2)
+        self._covariance = np.diag(variance)
+        self._lost = True
+        self._since = 0.0
+        self._velocity: Array | None = None
+        self._passages: dict[float, Passage] = {}
+        self._nodes: list[Node] | None = [] if record else None
+        self._note(np.eye(self.size))
+
+    # -- prediction ---------------------------------------------------------------------------
+
+    def step(
+        self, dt: float, velocity: ArrayLike | None, covariance: ArrayLike | None = None
+    ) -> None:
+        """Pass a time.
+
+        Args:
+          dt: [s]
+          velocity: north, east through the water [m/s], mean over dt; None: the motion is not
+            known, as at the surface, so that only the next fix tells where the vehicle is.
+          covariance: [m2/s2], (2, 2), of its error; None: none but the scale and the compass.
+
+        Raises:
+          InputError: a time or a velocity that is not finite, or a negative time.
+        """
+        if not (math.isfinite(dt) and dt >= 0.0):
+            raise InputError(f"a step of {dt:g} s; it must be zero or positive")
+        through = None if velocity is None else _pair(velocity, "velocity")
+        spread = np.zeros((2, 2)) if covariance is None else _matrix(covariance, "covariance")
+        pieces = max(1, math.ceil(dt / LONGEST))
+        for _ in range(pieces if dt > 0.0 else 0):
+            self._pass(dt / pieces, through, spread)
+
+    def _pass(self, dt: float, through: Array | None, spread: Array) -> None:
+        size = self.size
+        gone = self._passage(dt)
+        carry = np.eye(size)
+        noise = np.zeros((size, size))
+        modes = np.arange(len(self.modes))
+        blocks = MODES + 2 * modes[:, None] + np.arange(2)
+        rows, columns = blocks[:, :, None], blocks[:, None, :]
+        carry[rows, columns] = turns(gone.kept)
+        noise[rows, columns] = gone.noise[:, None, None] * np.eye(2)
+        if through is None:
+            noise[POSITION, POSITION] = (ELSEWHERE * dt) ** 2 * np.eye(2)
+            self._lost = True
+        else:
+            displaced = turns(gone.displaced)
+            carry[POSITION, MODES:] = displaced.transpose(1, 0, 2).reshape(2, -1)
+            carry[POSITION, DIVE] = dt * np.eye(2)
+            carry[POSITION, CALIBRATION] = dt * turns(np.array(complex(*through)))
+            shared = turns(gone.shared)
+            noise[MODES:, POSITION] = shared.reshape(-1, 2)
+            noise[POSITION, MODES:] = noise[MODES:, POSITION].T
+            # an error of first order adds up to 2 memory dt; that of a long step is its mean's
+            alike = max(2.0 * self.memory, dt)
+            noise[POSITION, POSITION] = gone.scattered.sum() * np.eye(2) + spread * dt * alike
+        self._mean = carry @ self._mean
+        if through is not None:
+            self._mean[POSITION] += dt * through
+        self._covariance = _even(carry @ self._covariance @ carry.T + noise)
+        self.time += dt
+        self._since += dt
+        self._velocity = through
+        self._note(carry)
+
+    def _passage(self, dt: float) -> Passage:
+        key = round(dt, 9)
+        if key not in self._passages:
+            if len(self._passages) >= _CACHED:
+                self._passages.clear()
+            self._passages[key] = passage(self.modes, key)
+        return self._passages[key]
+
+    # -- measurements -------------------------------------------------------------------------
+
+    def fix(self, position: ArrayLike, sigma: float = FIX_DEVIATION) -> Innovation | None:
+        """A position from GPS.
+
+        Args:
+          position: north, east [m], (2,).
+          sigma: [m] standard deviation, north and east each.
+
+        Returns:
+          What it said; None where the filter had not known the vehicle's way since the last fix:
+          then the fix only says where it is.
+
+        Raises:
+          InputError: a position that is not finite, or a deviation that is not positive.
+        """
+        place = _pair(position, "position")
+        if not (math.isfinite(sigma) and sigma > 0.0):
+            raise InputError(f"a fix with a deviation of {sigma:g} m; it must be positive")
+        found = None
+        if self._lost:
+            self._locate(place, sigma)
+        else:
+            found = self._update_by_fix(place, sigma)
+        self._begin_dive()
+        return found
+
+    def locate(self, position: ArrayLike, sigma: float = FIX_DEVIATION) -> None:
+        """Begin a dive at a position, whatever was known of it: it says nothing of the current.
+
+        Args:
+          position, sigma: as `fix`.
+        """
+        self._locate(_pair(position, "position"), sigma)
+        self._begin_dive()
+
+    def _update_by_fix(self, place: Array, sigma: float) -> Innovation:
+        residual = place - self._mean[POSITION]
+        spread = self._covariance[POSITION, POSITION] + sigma**2 * np.eye(2)
+        distance = float(residual @ np.linalg.solve(spread, residual))
+        if self._since >= LEAST_LEG:
+            held = distance / self.inflation <= QUANTILE
+            self.inflation *= math.exp(LEARNING * (HELD - float(held)))
+        found = Innovation(
+            residual=residual, covariance=spread, distance=distance, duration=self._since
+        )
+        if self._since >= LEAST_LEG and distance > OUTLIER:
+            self._blame_eddy((distance / OUTLIER - 1.0) * spread)
+        observed = np.zeros((2, self.size))
+        observed[:, POSITION] = np.eye(2)
+        self._update(observed, residual, sigma**2 * np.eye(2))
+        return found
+
+    def _blame_eddy(self, surprise: Array) -> None:
+        """Make room for a surprise [m2] at the fix: an eddy has come up during the dive."""
+        name = "eddy" if "eddy" in self.modes.names else "mean"
+        first = MODES + 2 * self.modes.names.index(name)
+        into = np.zeros((self.size, 2))
+        into[POSITION] = np.eye(2)
+        into[first : first + 2] = np.eye(2) / self._since
+        self._covariance = _even(self._covariance + into @ surprise @ into.T)
+        self._note_prediction()
+
+    def current_report(
+        self, current: ArrayLike, covariance: ArrayLike, *, dive: bool = False
+    ) -> None:
+        """A current measured or forecast by others, at this time.
+
+        A profiler's, the vehicle's own, or that of a forecast field, whose error lasts: report it
+        about once a dive, not once a step.
+
+        Args:
+          current: north, east [m/s], (2,).
+          covariance: [m2/s2], (2, 2), of its error.
+          dive: whether it contains what the dive under way adds (a profiler's does, a forecast
+            field's does not).
+
+        Raises:
+          InputError: values that are not finite.
+        """
+        observed = self._of_current(dive=dive)
+        value = _pair(current, "current")
+        self._update(observed, value - observed @ self._mean, _matrix(covariance, "covariance"))
+
+    def ground_velocity(self, velocity: ArrayLike, covariance: ArrayLike) -> None:
+        """Velocity over ground, by a Doppler log that has lock, at the end of the last step.
+
+        Args:
+          velocity: north, east [m/s], (2,).
+          covariance: [m2/s2], (2, 2), of its error and of that of the velocity through the water.
+
+        Raises:
+          InputError: values that are not finite, or no step with a velocity came before.
+        """
+        if self._velocity is None:
+            raise InputError(
+                "a velocity over ground tells a current only beside one through the water: give "
+                "`step` a velocity first"
+            )
+        observed = self._of_current(dive=True)
+        observed[:, CALIBRATION] = turns(np.array(complex(*self._velocity)))
+        value = _pair(velocity, "velocity") - self._velocity
+        self._update(observed, value - observed @ self._mean, _matrix(covariance, "covariance"))
+
+    def _of_current(self, *, dive: bool) -> Array:
+        observed = np.zeros((2, self.size))
+        observed[:, MODES:] = np.tile(np.eye(2), len(self.modes))
+        if dive:
+            observed[:, DIVE] = np.eye(2)
+        return observed
+
+    def _update(self, observed: Array, residual: Array, spread: Array) -> None:
+        """Kalman's update in Joseph's form, which keeps the covariance positive."""
+        cross = self._covariance @ observed.T
+        gain = np.linalg.solve(observed @ cross + spread, cross.T).T
+        left = np.eye(self.size) - gain @ observed
+        self._mean = self._mean + gain @ residual
+        self._covariance = _even(left @ self._covariance @ left.T + gain @ spread @ gain.T)
+        self._note_estimate()
+
+    def _locate(self, place: Array, sigma: float) -> None:
+        """Set the position, which was not known."""
+        carry = np.eye(self.size)
+        carry[POSITION, POSITION] = 0.0
+        self._mean = carry @ self._mean
+        self._mean[POSITION] = place
+        self._covariance = carry @ self._covariance @ carry.T
+        self._covariance[POSITION, POSITION] = sigma**2 * np.eye(2)
+        self._note(carry)
+
+    def _begin_dive(self) -> None:
+        """The next dive adds something else."""
+        self._lost, self._since = False, 0.0
+        carry = np.eye(self.size)
+        carry[DIVE, DIVE] = 0.0
+        self._mean = carry @ self._mean
+        self._covariance = carry @ self._covariance @ carry.T
+        self._covariance[DIVE, DIVE] = self.parameters.dive**2 * np.eye(2)
+        self._note(carry)
+
+    # -- answers ------------------------------------------------------------------------------
+
+    @property
+    def position(self) -> tuple[Array, Array]:
+        """North, east [m], (2,), and its covariance [m2], (2, 2)."""
+        return self._mean[POSITION].copy(), self._covariance[POSITION, POSITION].copy()
+
+    @property
+    def current(self) -> tuple[Array, Array]:
+        """North, east [m/s], (2,), and its covariance [m2/s2], (2, 2), at this time."""
+        observed = self._of_current(dive=False)
+        return observed @ self._mean, observed @ self._covariance @ observed.T
+
+    @property
+    def calibration(self) -> tuple[float, float]:
+        """Relative error of the speed [1], and offset of the compass [rad]."""
+        scale, offset = self._mean[CALIBRATION]
+        return float(scale), float(offset)
+
+    def part(self, name: str) -> Array:
+        """North, east [m/s] of one part at this time, such as `mean`, `eddy`, `M2`; 0 without.
+
+        Args:
+          name: the beginning of a mode's name.
+        """
+        found = np.zeros(2)
+        for k, mode in enumerate(self.modes.names):
+            if mode.split()[0] == name:
+                found += self._mean[MODES + 2 * k : MODES + 2 * k + 2]
+        return found
+
+    def forecast(self, times: ArrayLike, velocity: ArrayLike | None = None) -> CurrentForecast:
+        """The current at later times and the displacement that it makes until then.
+
+        Covariances are those of the filter times `inflation`, which follows how many fixes the
+        ellipses have held.
+
+        Args:
+          times: [s] on the filter's clock, none before its time, (time,).
+          velocity: north, east through the water [m/s] meanwhile, (2,): the displacement then holds
+            what the errors of the speed and the compass make of it, too.
+
+        Raises:
+          InputError: a time before the filter's.
+        """
+        ahead = np.atleast_1d(np.asarray(times, float)) - self.time
+        if not (np.isfinite(ahead).all() and (ahead >= -1e-6).all()):
+            raise InputError(
+                f"a forecast for {ahead.min():g} s from the filter's time; it must be later"
+            )
+        through = np.zeros(2) if velocity is None else _pair(velocity, "velocity")
+        order = np.argsort(ahead, kind="stable")
+        probe = self._probe()
+        answers: list[tuple[Array, Array, Array, Array]] = []
+        passed = 0.0
+        observed = probe._of_current(dive=False)
+        for index in order:
+            wait = max(float(ahead[index]) - passed, 0.0)
+            probe.step(wait, through)
+            passed += wait
+            place, spread = probe.position
+            answers.append(
+                (
+                    observed @ probe._mean,
+                    self.inflation * (observed @ probe._covariance @ observed.T),
+                    place - passed * through,
+                    self.inflation * spread,
+                )
+            )
+        back = np.argsort(order, kind="stable")
+        current, spread, moved, scattered = (np.array(x)[back] for x in zip(*answers, strict=True))
+        return CurrentForecast(
+            times=np.atleast_1d(np.asarray(times, float)),
+            current=current,
+            current_covariance=spread,
+            displacement=moved,
+            displacement_covariance=scattered,
+        )
+
+    def _probe(self) -> CurrentFilter:
+        """A copy that starts at the origin, known exactly."""
+        probe = CurrentFilter(
+            self.parameters, latitude=self.latitude, time=self.time, memory=self.memory
+        )
+        probe._mean = self._mean.copy()
+        probe._covariance = self._covariance.copy()
+        probe._mean[POSITION] = 0.0
+        probe._covariance[POSITION] = 0.0
+        probe._covariance[:, POSITION] = 0.0
+        probe._passages = self._passages
+        return probe
+
+    # -- keeping ------------------------------------------------------------------------------
+
+    def state(self) -> dict[str, Array]:
+        """All that the filter knows, as arrays; `restore` takes it. The record is not in it."""
+        velocity = np.full(2, np.nan) if self._velocity is None else self._velocity
+        return {
+            "time": np.array(self.time),
+            "mean": self._mean.copy(),
+            "covariance": self._covariance.copy(),
+            "inflation": np.array(self.inflation),
+            "lost": np.array(float(self._lost)),
+            "since_fix": np.array(self._since),
+            "velocity": velocity.copy(),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a `state` of a filter with the same parameters.
+
+        Raises:
+          InputError: a state of another size, or one that lacks a part.
+        """
+        missing = sorted({*self.state()} - {*state})
+        if missing:
+            raise InputError(f"the state of a current filter lacks {', '.join(missing)}")
+        mean = np.asarray(state["mean"], float)
+        if mean.shape != (self.size,):
+            raise InputError(
+                f"the state is of a current filter with {mean.size} numbers, this one has "
+                f"{self.size}: make it with the same parameters"
+            )
+        self._mean, self._covariance = mean.copy(), np.array(state["covariance"], float)
+        self.time, self.inflation = float(state["time"]), float(state["inflation"])
+        self._lost, self._since = bool(state["lost"]), float(state["since_fix"])
+        velocity = np.array(state["velocity"], float)
+        self._velocity = velocity if np.isfinite(velocity).all() else None
+        if self._nodes is not None:
+            self._nodes.clear()
+            self._note(np.eye(self.size))
+
+    def smooth(self) -> SmoothedTrack:
+        """Position and current at every step, by all measurements before and after it.
+
+        Raises:
+          InputError: the filter was made without `record`.
+        """
+        if self._nodes is None:
+            raise InputError("smoothing needs the steps: make the CurrentFilter with record=True")
+        return smoothed(
+            self._nodes, position=POSITION, current=self._of_current(dive=False), dive=DIVE
+        )
+
+    def _note(self, carry: Array) -> None:
+        if self._nodes is not None:
+            self._nodes.append(
+                Node(
+                    time=self.time,
+                    carry=carry,
+                    predicted=self._mean,
+                    predicted_covariance=self._covariance,
+                    estimate=self._mean,
+                    covariance=self._covariance,
+                )
+            )
+
+    def _note_prediction(self) -> None:
+        if self._nodes is not None:
+            self._nodes[-1] = dataclasses.replace(
+                self._nodes[-1],
+                predicted_covariance=self._covariance,
+                covariance=self._covariance,
+            )
+
+    def _note_estimate(self) -> None:
+        if self._nodes is not None:
+            self._nodes[-1] = dataclasses.replace(
+                self._nodes[-1], estimate=self._mean, covariance=self._covariance
+            )
+
+
+def _even(matrix: Array) -> Array:
+    return 0.5 * (matrix + matrix.T)
+
+
+def _pair(values: ArrayLike, what: str) -> Array:
+    found = np.asarray(values, float)
+    if found.shape != (2,) or not np.isfinite(found).all():
+        raise InputError(f"a {what} is north and east, two finite numbers, not {values!r}")
+    return found
+
+
+def _matrix(values: ArrayLike, what: str) -> Array:
+    found = np.asarray(values, float)
+    if found.shape != (2, 2) or not np.isfinite(found).all():
+        raise InputError(f"a {what} is a finite matrix of 2 by 2, not {values!r}")
+    return found

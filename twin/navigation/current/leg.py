@@ -1,0 +1,68 @@
+"""Leg: the way of a vehicle from one fix to the next, as tuning and scoring take it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.navigation.current.filter import FIX_DEVIATION, CurrentFilter, Innovation
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Leg:
+    """One dive between two fixes."""
+
+    start: float
+    """[s] of the fix before, on the clock of the deployment"""
+    duration: float
+    """[s] to the fix after"""
+    over_ground: tuple[float, float]
+    """North, east [m] from fix to fix"""
+    through_water: tuple[float, float] | None
+    """North, east [m]; None where it is not known"""
+
+    @property
+    def end(self) -> float:
+        """[s] of the fix after"""
+        return self.start + self.duration
+
+    @property
+    def velocity(self) -> Array | None:
+        """North, east through the water [m/s], mean over the leg, (2,); None without."""
+        return None if self.through_water is None else np.array(self.through_water) / self.duration
+
+    @property
+    def current(self) -> Array:
+        """North, east [m/s], mean over the leg, (2,); NaN where it is not known."""
+        if self.through_water is None:
+            return np.full(2, np.nan)
+        return (np.array(self.over_ground) - np.array(self.through_water)) / self.duration
+
+
+def begin_leg(filter_: CurrentFilter, leg: Leg, sigma: float = FIX_DEVIATION) -> None:
+    """Bring a filter to the fix before a leg; positions count from there."""
+    if leg.start > filter_.time:
+        filter_.step(leg.start - filter_.time, None)
+    filter_.locate((0.0, 0.0), sigma)
+
+
+def pass_leg(filter_: CurrentFilter, leg: Leg, sigma: float = FIX_DEVIATION) -> Innovation | None:
+    """Let a filter make a leg, which it has begun, and take the fix after it."""
+    filter_.step(leg.duration, leg.velocity)
+    return filter_.fix(leg.over_ground, sigma)
+
+
+def replay(filter_: CurrentFilter, legs: Iterable[Leg]) -> Sequence[Innovation]:
+    """What the fixes of legs, in order of time, said to a filter."""
+    found = []
+    for leg in legs:
+        begin_leg(filter_, leg)
+        innovation = pass_leg(filter_, leg)
+        if innovation is not None:
+            found.append(innovation)
+    return found

@@ -1,0 +1,130 @@
+"""Modes: the parts of a current as rotating, decaying pairs of north and east, stepped exactly.
+
+A mode is the linear stochastic equation dz = lambda z dt + dw of the complex current z = north +
+i east: lambda 0 is a random walk, -1/tau a first-order Gauss-Markov process, i omega - 1/tau a
+rotary component that drifts in amplitude and phase (Gelb 1974, Applied Optimal Estimation, chapter
+3; rotary components after Gonella 1972, Deep-Sea Res. 19). A line of the tide is a pair that turns
+both ways: together they make any ellipse.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.navigation.current.constituents import CONSTITUENTS, relative_amplitude
+from twin.navigation.current.parameters import CurrentParameters
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+HOUR, DAY = 3600.0, 86400.0
+EARTH_RATE = 7.2921159e-5
+"""[rad/s]"""
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+LONGEST = 6.0 * HOUR
+"""[s] of a step whose noise the quadrature integrates to rounding; longer ones are parted"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Modes:
+    """Several modes side by side, each (mode,). Variances are of north and of east each."""
+
+    rate: Complex
+    """lambda [1/s]; a positive imaginary part turns clockwise, north to east"""
+    density: Array
+    """[m2/s3] of the noise"""
+    variance: Array
+    """[m2/s2] before any measurement"""
+    names: tuple[str, ...]
+    """`mean`, `eddy`, `inertial`, and two of each constituent"""
+
+    def __len__(self) -> int:
+        return len(self.rate)
+
+
+@dataclasses.dataclass(frozen=True)
+class Passage:
+    """What a time does to modes and to the displacement by them, each (mode,)."""
+
+    kept: Complex
+    """of a mode"""
+    displaced: Complex
+    """[s] displacement by a mode that was 1 at the start"""
+    noise: Array
+    """[m2/s2] gained by a mode"""
+    shared: Complex
+    """[m2/s] covariance gained, mode with the conjugate of its displacement"""
+    scattered: Array
+    """[m2] gained by the displacement"""
+
+
+def modes_of(parameters: CurrentParameters, latitude: float) -> Modes:
+    """The modes of a current.
+
+    Args:
+      parameters: of the current.
+      latitude: [degree] for the inertial frequency 2 Omega sin(latitude).
+    """
+    rows: list[tuple[str, complex, float, float]] = [
+        ("mean", 0.0, parameters.wander**2 / DAY, parameters.mean**2)
+    ]
+
+    def add(name: str, deviation: float, memory: float, turn: float = 0.0) -> None:
+        if deviation > 0.0:
+            variance = deviation**2
+            rows.append((name, complex(-1.0 / memory, turn), 2.0 * variance / memory, variance))
+
+    add("eddy", parameters.eddy, parameters.eddy_time * HOUR)
+    coriolis = 2.0 * EARTH_RATE * math.sin(math.radians(latitude))
+    add("inertial", parameters.inertial, parameters.inertial_time * DAY, coriolis)
+    for name in parameters.constituents:
+        one = CONSTITUENTS[name]
+        strongest = float(getattr(parameters, one.species))
+        turn = 2.0 * math.pi / (one.period * HOUR)
+        for sense, sign in (("clockwise", turn), ("counterclockwise", -turn)):
+            deviation = strongest * relative_amplitude(name)
+            add(f"{name} {sense}", deviation, parameters.tide_time * DAY, sign)
+    names, rate, density, variance = zip(*rows, strict=True)
+    return Modes(
+        rate=np.array(rate, complex),
+        density=np.array(density),
+        variance=np.array(variance),
+        names=names,
+    )
+
+
+def passage(modes: Modes, duration: float) -> Passage:
+    """What a time [s] of at most `LONGEST` does.
+
+    The noise of a mode at time s before the end reaches the mode as e^(lambda s) and the
+    displacement as the integral of that; their products are integrated by Gauss and Legendre.
+    """
+    rate = modes.rate
+    still = np.abs(rate) * duration < 1e-7
+    divisor = np.where(still, 1.0, rate)
+    kept = np.exp(rate * duration)
+    displaced = np.where(still, duration, (kept - 1.0) / divisor)
+    ages = 0.5 * duration * (_NODES + 1.0)
+    grown = np.exp(np.outer(rate, ages))
+    moved = np.where(still[:, None], ages, (grown - 1.0) / divisor[:, None])
+    weight = 0.5 * duration * _WEIGHTS * modes.density[:, None]
+    return Passage(
+        kept=kept,
+        displaced=displaced,
+        noise=(weight * np.abs(grown) ** 2).sum(axis=1),
+        shared=(weight * grown * moved.conj()).sum(axis=1),
+        scattered=(weight * np.abs(moved) ** 2).sum(axis=1),
+    )
+
+
+def turns(values: Complex) -> Array:
+    """Multiplication by complex numbers as matrices on (north, east), (..., 2, 2)."""
+    found = np.empty((*np.shape(values), 2, 2))
+    found[..., 0, 0] = found[..., 1, 1] = values.real
+    found[..., 1, 0] = values.imag
+    found[..., 0, 1] = -values.imag
+    return found

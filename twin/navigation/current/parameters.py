@@ -1,0 +1,143 @@
+"""Parameters: how strong each part of a current is, how long it lasts, and what is likely before
+any measurement.
+
+The amplitudes are those of a prior: the filter learns each part's actual course from the fixes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, unknown_name
+from twin.navigation.current.constituents import CONSTITUENTS
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CurrentParameters:
+    """Of a `CurrentFilter`. Deviations are of north and of east each.
+
+    Raises:
+      InputError: a negative or infinite value, a time that is not positive, or an unknown
+        constituent.
+    """
+
+    mean: float = 0.15
+    """[m/s] standard deviation of the mean current before the first fix"""
+    wander: float = 0.0375
+    """[m/s] by which the mean current wanders in a day (a random walk)"""
+    eddy: float = 0.0525
+    """[m/s] of the first-order Gauss-Markov part: eddies, weather"""
+    eddy_time: float = 8.0
+    """[h] after which that part has lost its memory"""
+    semidiurnal: float = 0.0424
+    """[m/s] of each rotary component of M2; its neighbours in the equilibrium's proportion"""
+    diurnal: float = 0.0265
+    """[m/s] of each rotary component of K1"""
+    tide_time: float = 20.0
+    """[d] after which a constituent has lost its phase"""
+    inertial: float = 0.0225
+    """[m/s] of the inertial oscillation"""
+    inertial_time: float = 3.0
+    """[d] in which it decays"""
+    dive: float = 0.012
+    """[m/s] of what a single dive adds and does not pass on: the profile of the current, the
+    speed's error"""
+    speed_scale: float = 0.06
+    """[1] of the relative error of the speed through the water"""
+    compass: float = 3.4
+    """[degree] of the compass' offset"""
+    constituents: tuple[str, ...] = ("M2", "K1")
+    """of the tide"""
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            if field.name == "constituents":
+                continue
+            value = float(getattr(self, field.name))
+            positive = field.name.endswith("_time")
+            if not math.isfinite(value) or value < 0.0 or (positive and value == 0.0):
+                allowed = "positive" if positive else "zero or positive"
+                raise InputError(f"{field.name} of a current is {value:g}; it must be {allowed}")
+        for name in self.constituents:
+            if name not in CONSTITUENTS:
+                raise InputError(unknown_name("constituent", name, CONSTITUENTS))
+
+    @classmethod
+    def persistence(cls, wander: float) -> CurrentParameters:
+        """The special case in which the last dive's current is the forecast.
+
+        Args:
+          wander: [m/s] in a day.
+        """
+        return cls(
+            wander=wander, eddy=0.0, semidiurnal=0.0, diurnal=0.0, inertial=0.0,
+            dive=PERSISTENCE_DIVE, speed_scale=0.0, compass=0.0, constituents=(),
+        )  # fmt: skip
+
+    @property
+    def persists(self) -> bool:
+        """Whether the forecast is the last dive's current."""
+        return self.eddy == 0.0 and self.inertial == 0.0 and not self.constituents
+
+
+PERSISTENCE_DIVE = 0.004
+"""[m/s] of a single dive in that case: small, so that the last dive counts"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Unknown:
+    """A logarithm that tuning finds: its likely value and how far it may be from it."""
+
+    name: str
+    likely: float
+    spread: float
+    """[1] standard deviation of the natural logarithm"""
+    of_scale: bool = False
+    """Whether the value counts in the deployment's own scale of currents."""
+
+
+SCALE = "scale"
+UNKNOWNS: tuple[Unknown, ...] = (  # the scale first: few legs tell only that
+    Unknown(SCALE, 0.15, 1.0),
+    Unknown("wander", 0.25, 0.6, of_scale=True),
+    Unknown("eddy", 0.35, 0.6, of_scale=True),
+    Unknown("eddy_time", 8.0, 0.5),
+    Unknown("semidiurnal", 0.283, 0.7, of_scale=True),
+    Unknown("diurnal", 0.177, 0.7, of_scale=True),
+    Unknown("tide_time", 20.0, 0.5),
+    Unknown("inertial", 0.15, 0.6, of_scale=True),
+    Unknown("dive", 0.012, 0.4),
+    Unknown("inertial_time", 3.0, 0.4),
+)
+"""What tuning finds, with priors that are wide in the scale of the currents (0.02 m/s on a slope to
+1 m/s in a sound) and narrow in the rest: a training part holds a few dozen dives. The proportions
+are those of shelf currents, where tide and weather share the variance (Kundu 1976, J. Phys.
+Oceanogr. 6; Pollard and Millard 1970, Deep-Sea Res. 17, for 1 to 10 days of inertial decay)."""
+
+
+def parameters_of(logarithms: Array, constituents: Sequence[str]) -> CurrentParameters:
+    """Parameters by their logarithms, in the order of `UNKNOWNS`."""
+    values = {u.name: math.exp(x) for u, x in zip(UNKNOWNS, logarithms, strict=True)}
+    scale = values.pop(SCALE)
+    for unknown in UNKNOWNS:
+        if unknown.of_scale:
+            values[unknown.name] *= scale
+    return CurrentParameters(mean=scale, constituents=tuple(constituents), **values)
+
+
+def likely_logarithms() -> Array:
+    """The prior's centre."""
+    return np.log([unknown.likely for unknown in UNKNOWNS])
+
+
+def prior_cost(logarithms: Array) -> float:
+    """Negative logarithm of the prior, but for a constant."""
+    spread = np.array([unknown.spread for unknown in UNKNOWNS])
+    return 0.5 * float(np.sum(((logarithms - likely_logarithms()) / spread) ** 2))

@@ -1,0 +1,176 @@
+"""Dead reckoning: from surge, sway, attitude and depth to a horizontal track.
+
+The paper's equations (2) and (3), with two repairs: heave is solved from the vertical row with the
+given surge and sway instead of from the depth rate alone, and the east row has its heave term.
+Integration is trapezoidal. What comes out is the track THROUGH THE WATER; the current is another
+matter, see `twin.navigation.dives`.
+
+Angles are radians here; stores hold degrees, `Attitude.of` converts.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, StoreError
+
+Array = NDArray[np.float64]
+Signals = Mapping[str, Array]
+"""Channels (time,) of one mission by schema name; angles in degrees as stored."""
+
+LEAST_COSINE = 0.2
+"""cos(pitch) cos(roll) below which the solved heave is damped: the body's z axis is then within
+12 degrees of the horizontal, and the depth rate says little about heave."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Attitude:
+    """Roll, pitch and heading of one mission, ZYX Euler angles from NED to body FRD."""
+
+    roll: Array
+    """[rad], starboard down, (time,)"""
+    pitch: Array
+    """[rad], nose up, (time,)"""
+    heading: Array
+    """[rad], from true north over east, (time,)"""
+
+    def __post_init__(self) -> None:
+        shapes = {np.shape(self.roll), np.shape(self.pitch), np.shape(self.heading)}
+        if len(shapes) != 1:
+            raise InputError(f"roll, pitch and heading must be of one shape, got {sorted(shapes)}")
+
+    @classmethod
+    def of(cls, signals: Signals, source: Literal["measured", "true"] = "measured") -> Attitude:
+        """The attitude that was measured, or the true one.
+
+        Raises:
+          StoreError: a channel is missing or not finite (named).
+        """
+        names = {name: f"{source}_{name}" for name in ("roll", "pitch", "heading")}
+        return cls(**{k: np.deg2rad(finite_channel(signals, v)) for k, v in names.items()})
+
+
+def finite_channel(signals: Signals, name: str) -> Array:
+    """A channel that must be there and finite, as float64 (time,).
+
+    Raises:
+      StoreError: it is missing, or holds a value that is not finite; the sample is named.
+    """
+    if name not in signals:
+        raise StoreError(f"the mission has no channel {name}")
+    values = np.asarray(signals[name], np.float64)
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise StoreError(
+            f"channel {name} is not finite at {bad.size} of {values.size} samples, first at "
+            f"sample {bad[0]}; repair or drop the mission"
+        )
+    return values
+
+
+def sample_times(samples: int, period: float) -> Array:
+    """Seconds since the first sample, (time,)."""
+    return np.arange(samples, dtype=np.float64) * period
+
+
+def depth_rate(depth: Array, period: float) -> Array:
+    """Rate of the depth [m/s], central differences, one-sided at both ends.
+
+    Args:
+      depth: [m], (time,), at least two samples.
+      period: [s] between samples.
+    """
+    return np.gradient(depth, period)
+
+
+def heave_from_depth_rate(
+    depth_rate: Array, surge: Array, sway: Array, roll: Array, pitch: Array
+) -> Array:
+    """Heave [m/s], body FRD, that makes the depth change as it does; (time,).
+
+    Solves the vertical row of the kinematics (paper eq. 2; Fossen 2011, eq. 2.33),
+
+        z' = -u sin(theta) + v cos(theta) sin(phi) + w cos(theta) cos(phi),
+
+    for w. Below `LEAST_COSINE` the quotient is replaced by a damped one that fades to zero.
+    Through the water in still water; a vertical current goes into w.
+    """
+    cosine = np.cos(pitch) * np.cos(roll)
+    rest = depth_rate + surge * np.sin(pitch) - sway * np.cos(pitch) * np.sin(roll)
+    return rest * cosine / np.maximum(cosine**2, LEAST_COSINE**2)
+
+
+def rotate_to_ned(velocity: Array, attitude: Attitude) -> Array:
+    """Body velocities (time, 3) FRD to NED (time, 3); the full ZYX rotation (Fossen 2011, 2.22)."""
+    u, v, w = np.moveaxis(velocity, -1, 0)
+    s_roll, c_roll = np.sin(attitude.roll), np.cos(attitude.roll)
+    s_pitch, c_pitch = np.sin(attitude.pitch), np.cos(attitude.pitch)
+    s_head, c_head = np.sin(attitude.heading), np.cos(attitude.heading)
+    # Pitch and roll first: forward and starboard in the horizontal plane of the heading.
+    forward = u * c_pitch + (v * s_roll + w * c_roll) * s_pitch
+    starboard = v * c_roll - w * s_roll
+    down = -u * s_pitch + (v * s_roll + w * c_roll) * c_pitch
+    north = forward * c_head - starboard * s_head
+    east = forward * s_head + starboard * c_head
+    return np.stack([north, east, down], axis=-1)
+
+
+def horizontal_velocity(surge: Array, sway: Array, depth_rate: Array, attitude: Attitude) -> Array:
+    """North and east velocity through the water [m/s], (time, 2), with heave solved for."""
+    heave = heave_from_depth_rate(depth_rate, surge, sway, attitude.roll, attitude.pitch)
+    return rotate_to_ned(np.stack([surge, sway, heave], axis=-1), attitude)[:, :2]
+
+
+def integrate(velocity: Array, period: float) -> Array:
+    """Trapezoidal integral from zero of (time,) or (time, n), same shape."""
+    velocity = np.asarray(velocity, np.float64)
+    steps = (velocity[1:] + velocity[:-1]) * (0.5 * period)
+    return np.concatenate([np.zeros_like(velocity[:1]), np.cumsum(steps, axis=0)])
+
+
+def water_track(
+    surge: Array, sway: Array, depth: Array, attitude: Attitude, period: float
+) -> Array:
+    """North and east [m] moved through the water since the start, (time, 2).
+
+    Args:
+      surge, sway: through the water [m/s], body FRD, (time,).
+      depth: measured depth [m], (time,).
+      attitude: measured or true.
+      period: [s] between samples.
+    """
+    return integrate(horizontal_velocity(surge, sway, depth_rate(depth, period), attitude), period)
+
+
+def true_water_track(signals: Signals, period: float) -> Array:
+    """North and east [m] that the vehicle truly moved through the water, (time, 2).
+
+    Its track over ground less the way of the water: the integral of the current where it was.
+    """
+    current = np.stack([finite_channel(signals, f"true_current_{n}") for n in ("north", "east")], 1)
+    return true_ground_track(signals) - integrate(current, period)
+
+
+def true_ground_track(signals: Signals) -> Array:
+    """North and east [m] over ground since the first sample, (time, 2)."""
+    track = np.stack([finite_channel(signals, f"true_{n}") for n in ("north", "east")], 1)
+    return track - track[0]
+
+
+def true_water_path(signals: Signals, period: float) -> Array:
+    """Length [m] of the horizontal path through the water up to each sample, (time,)."""
+    velocity = [
+        finite_channel(signals, f"true_velocity_{n}") - finite_channel(signals, f"true_current_{n}")
+        for n in ("north", "east")
+    ]
+    return integrate(np.hypot(*velocity), period)
+
+
+def horizontal_error(track: Array, truth: Array) -> Array:
+    """Distance [m] between two tracks (time, 2) at each sample, (time,)."""
+    return np.hypot(*(np.asarray(track) - np.asarray(truth)).T)

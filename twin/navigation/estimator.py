@@ -1,0 +1,84 @@
+"""Velocity estimators: what says on board how fast the vehicle moves through the water."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from twin.vehicle.vehicle import Vehicle
+
+State = Mapping[str, NDArray[Any]]
+"""What the next step depends on, arrays by name."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
+class BodyVelocity:
+    """Velocity through the water at one sample, body FRD."""
+
+    surge: float
+    """[m/s] forward"""
+    sway: float
+    """[m/s] to starboard"""
+    heave: float = math.nan
+    """[m/s] downward in body axes; NaN: the depth rate says it"""
+    covariance: NDArray[np.float64] | None = None
+    """[m2/s2] of the errors, (3, 3); None: the estimator claims nothing"""
+
+
+class VelocityEstimator(abc.ABC):
+    """Velocity through the water from what is measured and commanded, sample by sample.
+
+    A kind that the command line can name gives `kind`, `summary` and `open`.
+    """
+
+    kind: ClassVar[str] = ""
+    """What the user types: `twin simulate --navigate KIND` or `KIND:ARGUMENT`."""
+    summary: ClassVar[str] = ""
+    """What it does, for help texts and documents."""
+
+    period: float
+    """[s] between samples"""
+    channels: tuple[str, ...]
+    """Schema variables that a sample must hold: measured or commanded, never true."""
+
+    @classmethod
+    def open(cls, argument: str, vehicle: Vehicle, period: float) -> Self:
+        """Make one for a vehicle.
+
+        Args:
+          argument: what stood behind the colon, empty without.
+          vehicle: as its file says; never as a mission drew it.
+          period: [s] between the samples that there are. One that needs a multiple of it says so
+            by its own `period`.
+
+        Raises:
+          InputError: an argument that it does not take, or a vehicle that it does not suit.
+        """
+        raise NotImplementedError
+
+    @abc.abstractmethod
+    def reset(self) -> None:
+        """Begin before the first sample."""
+
+    @abc.abstractmethod
+    def step(self, sample: Mapping[str, float]) -> BodyVelocity:
+        """Velocity at a sample, from it and those before it.
+
+        Args:
+          sample: a value for each of `channels`, in the schema's units.
+        """
+
+    @abc.abstractmethod
+    def state(self) -> dict[str, NDArray[Any]]:
+        """What the next step depends on."""
+
+    @abc.abstractmethod
+    def restore(self, state: State) -> None:
+        """Go on from where `state` was called, here or in another process."""

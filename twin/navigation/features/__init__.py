@@ -1,0 +1,71 @@
+"""Features: what a network sees, by name, computed from what a vehicle measures or commands.
+
+No feature reads a `true_*` channel. Absolute heading is not a feature: the water does not know
+where north is, and a network that sees the heading learns the headings of its training missions.
+Absolute depth is one, `depth`, but no default: on few missions it works as a mission's signature.
+Where net buoyancy changes with depth (hull compressibility, stratification), `glide_speed` is the
+better way to tell the network, since it needs no knowledge of buoyancy.
+
+A feature is computed over a whole mission (`Feature.compute`) or sample by sample
+(`FeatureSteps`), to the same values.
+"""
+
+from twin.navigation.features.base import (
+    SLOW_S,
+    Array,
+    Channels,
+    Feature,
+    Term,
+    trailing_mean,
+    trailing_slope,
+)
+from twin.navigation.features.matrix import feature_matrix
+from twin.navigation.features.registry import (
+    FEATURES,
+    GLIDER_PARTS,
+    channels_of,
+    feature,
+    is_known,
+    is_part_channel,
+    register,
+)
+from twin.navigation.features.selection import (
+    DEFAULT_GROUPS,
+    INPUT_SETS,
+    SENSORS,
+    features_for,
+    features_of,
+    groups,
+    leave_out,
+    mirror_signs,
+    select_features,
+)
+from twin.navigation.features.steps import FeatureSteps
+
+__all__ = [
+    "DEFAULT_GROUPS",
+    "FEATURES",
+    "GLIDER_PARTS",
+    "INPUT_SETS",
+    "SENSORS",
+    "SLOW_S",
+    "Array",
+    "Channels",
+    "Feature",
+    "FeatureSteps",
+    "Term",
+    "channels_of",
+    "feature",
+    "feature_matrix",
+    "features_for",
+    "features_of",
+    "groups",
+    "is_known",
+    "is_part_channel",
+    "leave_out",
+    "mirror_signs",
+    "register",
+    "select_features",
+    "trailing_mean",
+    "trailing_slope",
+]

@@ -1,0 +1,161 @@
+"""Base of the features: one definition that is computed over missions and step by step.
+
+A feature is a function of a few terms. A term looks at one signal: its last value, its mean or its
+slope over the last samples. Terms are linear in the samples that they look back on, which both ways
+of computing, and code for other machines, can rely on.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+
+Array = NDArray[np.float64]
+Channels = Mapping[str, Array]
+"""Signals (time,) of one mission by schema name; angles in degrees as stored."""
+
+SLOW_S = 10.0
+"""[s] Window of the slow features: long against sensor noise at 2 Hz, short against the 30-60 s in
+which a glider settles."""
+
+Shape = Literal["plain", "sine", "cosine", "angle"]
+SHAPES: tuple[Shape, ...] = get_args(Shape)
+Look = Literal["last", "mean", "slope"]
+LOOKS: tuple[Look, ...] = get_args(Look)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Term:
+    """What a feature reads of one signal."""
+
+    channel: str
+    """Schema variable."""
+    shape: Shape = "plain"
+    """What is made of each sample: nothing; its sine or cosine, of an angle in degrees; or the
+    angle in radians without jumps at 360 degrees."""
+    look: Look = "last"
+    """The last sample, or the mean or least-squares slope [unit/s] of the window."""
+    seconds: float = 0.0
+    """[s] length of the window; it has two samples at least."""
+
+    def __post_init__(self) -> None:
+        for value, known in ((self.shape, SHAPES), (self.look, LOOKS)):
+            if value not in known:
+                raise InputError(f"a term cannot be {value!r}: choose {' or '.join(known)}")
+
+    def samples(self, period: float) -> int:
+        """Samples that it looks back on, with one every `period` [s]."""
+        return 1 if self.look == "last" else max(2, round(self.seconds / period))
+
+    def compute(self, signals: Channels, period: float) -> Array:
+        """Values (time,) over one mission."""
+        values = _SHAPED[self.shape](signals[self.channel])
+        if self.look == "mean":
+            return trailing_mean(values, self.samples(period))
+        if self.look == "slope":
+            return trailing_slope(values, self.samples(period), period)
+        return values
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Feature:
+    """One input of the networks."""
+
+    name: str
+    group: str
+    """The mask that switches it off together with its like."""
+    unit: str
+    terms: tuple[Term, ...]
+    combine: Callable[..., Any] | None = dataclasses.field(default=None, repr=False)
+    """Makes the feature of the terms' values, in their order, of arrays as of numbers. None: there
+    is one term, and the feature is its value."""
+    c: str = dataclasses.field(default="", repr=False)
+    """`combine` in C99, for vehicles that run no Python: the body of a function that returns a
+    double, made of the terms' values `const double *t`."""
+    odd: bool | None = False
+    """Whether it changes its sign when the vehicle is mirrored, port for starboard; None: the
+    store's vehicle says."""
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Schema variables that it reads."""
+        return tuple(dict.fromkeys(term.channel for term in self.terms))
+
+    def compute(self, signals: Channels, period: float) -> Array:
+        """Values (time,) of a mission with one sample every `period` [s].
+
+        `FeatureSteps` gives the same values sample by sample.
+        """
+        values = [term.compute(signals, period) for term in self.terms]
+        return values[0] if self.combine is None else np.asarray(self.combine(*values))
+
+
+def trailing_slope(values: Array, samples: int, period: float) -> Array:
+    """Least-squares slope [unit/s] over the last `samples` values; the future is not used.
+
+    Before the first sample the signal is taken as constant, which a launch from rest is.
+    Two samples give the backward difference.
+    """
+    padded = np.concatenate([np.full(samples - 1, values[0]), values])
+    return np.convolve(padded, slope_weights(samples, period)[::-1], mode="valid")
+
+
+def slope_weights(samples: int, period: float) -> Array:
+    """Weights (samples,) of the samples, oldest first, in their least-squares slope [unit/s]."""
+    places = np.arange(samples) - (samples - 1) / 2
+    return np.asarray(places / (places @ places) / period)
+
+
+def trailing_mean(values: Array, samples: int) -> Array:
+    """Mean of the last `samples` values, fewer at the start."""
+    total = np.concatenate([[0.0], np.cumsum(values - values[0])])
+    last = np.arange(1, len(values) + 1)
+    first = np.maximum(last - samples, 0)
+    return (total[last] - total[first]) / (last - first) + values[0]
+
+
+def _turned(degrees: Array) -> Array:
+    """Angle [rad] without jumps at 360 degrees."""
+    return np.unwrap(np.deg2rad(degrees))
+
+
+_SHAPED: dict[str, Callable[[Array], Array]] = {
+    "plain": lambda values: values,
+    "sine": lambda values: np.sin(np.deg2rad(values)),
+    "cosine": lambda values: np.cos(np.deg2rad(values)),
+    "angle": _turned,
+}
+
+
+def check_feature(name: str, kind: Any) -> Feature:
+    """Make sure that a feature says what it must.
+
+    Raises:
+      InputError: it is only half there, with what it lacks, or it reads the truth.
+    """
+    if not isinstance(kind, Feature):
+        raise InputError(
+            f"feature {name!r} must be a twin.navigation.features.Feature, not {kind!r}"
+        )
+    if kind.name != name or not name.isidentifier():
+        raise InputError(
+            f"feature {name!r} calls itself {kind.name!r}: give it one name, of letters, digits "
+            "and underscores"
+        )
+    if not (kind.group and kind.unit):
+        raise InputError(f'feature {name!r} lacks its group or its unit ("1" for none)')
+    if not kind.terms or (kind.combine is None and len(kind.terms) > 1):
+        raise InputError(f"feature {name!r} needs one term, or `combine` for its terms")
+    for channel in kind.channels:
+        if not channel.startswith(("measured_", "commanded_")):
+            raise InputError(
+                f"feature {name!r} reads {channel}: a network sees only what is measured_* or "
+                "commanded_*"
+            )
+    return kind

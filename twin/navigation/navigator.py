@@ -1,0 +1,236 @@
+"""Navigator: where a vehicle believes it is, from what it measures on board.
+
+A velocity estimator says how fast the vehicle moves through the water. Its heave is solved for from
+the depth rate where it has none; measured roll, pitch and heading turn it to north and east
+(`twin.navigation.dead_reckoning`). The current filter adds the current, keeps the covariance, and
+takes the GPS fixes (`twin.navigation.current`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.navigation.current import CurrentFilter, CurrentParameters
+from twin.navigation.dead_reckoning import LEAST_COSINE
+from twin.navigation.estimator import State, VelocityEstimator
+
+Array = NDArray[np.float64]
+
+ATTITUDE = ("measured_roll", "measured_pitch", "measured_heading")
+DEPTH = "measured_depth"
+FIX = ("measured_gps_north", "measured_gps_east")
+UPDATE_S = 60.0
+"""[s] between steps of the current filter under water: short against every current's time"""
+AFLOAT_S = 30.0
+"""[s] since the last fix within which a vehicle counts as still at the surface, where it drifts
+with wind and waves that nothing measures"""
+VELOCITY_DEVIATION = 0.02
+"""[m/s] north and east each, of estimators that claim nothing: what the dead reckoning of a glider
+by attitude and depth errs by in a minute"""
+START_DEVIATION = 1.0
+"""[m] of the place where a mission begins without a fix"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
+class NavigationState:
+    """What is believed at one sample."""
+
+    time: float
+    """[s] since the first sample"""
+    north: float
+    """[m] over ground from the origin of the mission's frame"""
+    east: float
+    """[m]"""
+    covariance: Array
+    """[m2] of north and east at the last update of the filter, (2, 2)"""
+    current_north: float
+    """[m/s]"""
+    current_east: float
+    """[m/s]"""
+    velocity_north: float
+    """[m/s] through the water"""
+    velocity_east: float
+    """[m/s] through the water"""
+
+
+class Navigator:
+    """Position and current of one vehicle, sample by sample."""
+
+    def __init__(
+        self,
+        estimator: VelocityEstimator,
+        *,
+        latitude: float,
+        period: float | None = None,
+        start: tuple[float, float] = (0.0, 0.0),
+        current: CurrentFilter | CurrentParameters | None = None,
+    ):
+        """Begin before the first sample.
+
+        Args:
+          estimator: of the velocity through the water.
+          latitude: [degree] for the inertial period.
+          period: [s] between samples; None: the estimator's. The estimator's must be a whole
+            multiple of it, and holds in between.
+          start: north, east [m] where it begins, unless a fix says it.
+          current: the filter, its parameters, or None: the usual ones.
+
+        Raises:
+          InputError: periods that do not fit.
+        """
+        self.estimator = estimator
+        self.period = estimator.period if period is None else period
+        ratio = estimator.period / self.period
+        self._every = round(ratio)
+        if self._every < 1 or abs(ratio - self._every) > 1e-6:
+            raise InputError(
+                f"the estimator takes a sample every {estimator.period:g} s, and there is one "
+                f"every {self.period:g} s: give samples every {estimator.period:g} s, or a whole "
+                "part of it"
+            )
+        if not isinstance(current, CurrentFilter):
+            current = CurrentFilter(current, latitude=latitude)
+        self.filter = current
+        self.channels = tuple(dict.fromkeys((*estimator.channels, DEPTH, *ATTITUDE)))
+        """Schema variables that a sample must hold; those of `FIX` are taken where they are."""
+        self._start = start
+        self._first = self.filter.state()
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin before the first sample again."""
+        self.estimator.reset()
+        self.filter.restore(self._first)
+        self.filter.locate(self._start, START_DEVIATION)
+        self._count = 0
+        self._body = np.zeros(3)  # surge, sway and heave, NaN where the depth rate says it
+        self._spread = VELOCITY_DEVIATION**2 * np.eye(2)
+        self._depth = 0.0
+        self._velocity = np.zeros(2)
+        self._moved = np.zeros(2)  # through the water since the filter's last step
+        self._waited = 0.0
+        self._since_fix = math.inf
+        self._hold()
+
+    def _hold(self) -> None:
+        """Keep what the filter says until its next step."""
+        self._place, self._covariance = self.filter.position
+        self._current, _ = self.filter.current
+        scale, offset = self.filter.calibration
+        self._turn = np.array([[1.0 + scale, -offset], [offset, 1.0 + scale]])
+        self._moved[:] = 0.0
+        self._waited = 0.0
+
+    def step(self, sample: Mapping[str, float]) -> NavigationState:
+        """What is believed at a sample, from it and those before it.
+
+        Args:
+          sample: a value for each of `channels`, in the schema's units, and a fix where there is
+            one: NaN or nothing says that there is none.
+
+        Raises:
+          InputError: a channel is missing or not finite.
+        """
+        for name in (DEPTH, *ATTITUDE):
+            if not math.isfinite(sample.get(name, math.nan)):
+                raise InputError(
+                    f"the sample has no finite {name}: a navigator needs depth, roll, pitch and "
+                    "heading at every sample"
+                )
+        if self._count % self._every == 0:
+            found = self.estimator.step(sample)
+            self._body[:] = found.surge, found.sway, found.heave
+            if found.covariance is not None:
+                # the two horizontal axes of the body, in no particular direction of the sea
+                level = 0.5 * (found.covariance[0, 0] + found.covariance[1, 1])
+                self._spread = max(level, 1e-8) * np.eye(2)
+        velocity = self._through_water(sample)
+        if self._count:
+            self._moved += 0.5 * self.period * (velocity + self._velocity)
+            self._waited += self.period
+            self._since_fix += self.period
+        self._velocity = velocity
+        self._count += 1
+        fix = [sample.get(name, math.nan) for name in FIX]
+        if math.isfinite(fix[0] + fix[1]):
+            self._take(fix)
+        elif self._waited >= UPDATE_S - 1e-9:
+            self._update(known=True)
+        north, east = self._place + self._turn @ self._moved + self._current * self._waited
+        return NavigationState(
+            time=(self._count - 1) * self.period,
+            north=float(north),
+            east=float(east),
+            covariance=self._covariance,
+            current_north=float(self._current[0]),
+            current_east=float(self._current[1]),
+            velocity_north=float(velocity[0]),
+            velocity_east=float(velocity[1]),
+        )
+
+    def _through_water(self, sample: Mapping[str, float]) -> Array:
+        """North and east [m/s] through the water, (2,); see `dead_reckoning.rotate_to_ned`."""
+        roll, pitch, heading = (math.radians(sample[name]) for name in ATTITUDE)
+        depth = sample[DEPTH]
+        rate = (depth - self._depth) / self.period if self._count else 0.0
+        self._depth = depth
+        s_roll, c_roll = math.sin(roll), math.cos(roll)
+        s_pitch, c_pitch = math.sin(pitch), math.cos(pitch)
+        surge, sway, heave = self._body
+        if math.isnan(heave):
+            cosine = c_pitch * c_roll
+            rest = rate + surge * s_pitch - sway * c_pitch * s_roll
+            heave = rest * cosine / max(cosine**2, LEAST_COSINE**2)
+        forward = surge * c_pitch + (sway * s_roll + heave * c_roll) * s_pitch
+        starboard = sway * c_roll - heave * s_roll
+        c_head, s_head = math.cos(heading), math.sin(heading)
+        north = forward * c_head - starboard * s_head
+        return np.array([north, forward * s_head + starboard * c_head])
+
+    def _update(self, *, known: bool) -> None:
+        """Bring the filter to this sample; `known`: the motion since its last step is."""
+        if self._waited > 0.0:
+            through = self._moved / self._waited if known else None
+            self.filter.step(self._waited, through, self._spread)
+        self._hold()
+
+    def _take(self, fix: list[float]) -> None:
+        self._update(known=self._since_fix > AFLOAT_S)
+        if math.isinf(self._since_fix):
+            self.filter.locate(fix)  # where the mission began was only believed
+        else:
+            self.filter.fix(fix)
+        self._since_fix = 0.0
+        self._hold()
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that the next step depends on, as arrays by name."""
+        return {
+            **{f"estimator:{name}": value for name, value in self.estimator.state().items()},
+            **{f"filter:{name}": value for name, value in self.filter.state().items()},
+            "own": np.concatenate(
+                [
+                    [self._count, self._depth, self._waited, self._since_fix],
+                    *(self._body, self._velocity, self._moved),
+                ]
+            ),
+            "spread": self._spread.copy(),
+        }
+
+    def restore(self, state: State) -> None:
+        """Go on from where `state` was called, with a navigator that was made in the same way."""
+        for part, prefix in ((self.estimator, "estimator:"), (self.filter, "filter:")):
+            part.restore({k[len(prefix) :]: v for k, v in state.items() if k.startswith(prefix)})
+        own = np.array(state["own"], np.float64)
+        self._hold()
+        self._count, self._depth = int(own[0]), float(own[1])
+        self._waited, self._since_fix = float(own[2]), float(own[3])
+        self._body, self._velocity, self._moved = own[4:7], own[7:9], own[9:11]
+        self._spread = np.array(state["spread"], np.float64)

@@ -1,0 +1,135 @@
+"""Navigation of a simulation: what its guidance sees instead of the truth."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from twin.errors import InputError
+from twin.numbers import number
+from twin.registry import place_of
+
+if TYPE_CHECKING:
+    from twin.navigation.current import CurrentParameters
+    from twin.navigation.estimator import VelocityEstimator
+    from twin.sensors.suite import SensorSuite
+    from twin.vehicle.vehicle import Vehicle
+
+TRUTH, ESTIMATE = "truth", "estimate"
+"""Words for guidance that sees the true state, and for one that sees an estimate by the usual
+estimator of the vehicle."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Navigation:
+    """Guidance by an on-board estimate: sensors with their errors, an estimator, the fixes."""
+
+    estimator: str | VelocityEstimator = ESTIMATE
+    """Of the velocity through the water: a name such as "ekf" or "network:runs/mine", an object, or
+    "estimate" for the usual one of the vehicle."""
+    sensors: str | SensorSuite = "field"
+    """What the vehicle measures with: a suite or the name of a preset."""
+    seed: int = 0
+    """Of the sensors' errors."""
+    bottom_depth: float | None = None
+    """[m] for a Doppler log where there is no sea floor; None: out of its reach."""
+    current: CurrentParameters | None = None
+    """Of the current filter; None: the usual ones."""
+
+    def __post_init__(self) -> None:
+        from twin.navigation.current import CurrentParameters
+        from twin.navigation.estimator import VelocityEstimator
+        from twin.sensors.suite import SensorSuite
+
+        if isinstance(self.sensors, str):
+            object.__setattr__(self, "sensors", SensorSuite.preset(self.sensors))
+        for name, kinds in (
+            ("estimator", (str, VelocityEstimator)),
+            ("sensors", SensorSuite),
+            ("seed", int),
+            ("current", (CurrentParameters, type(None))),
+        ):
+            if not isinstance(getattr(self, name), kinds):
+                raise InputError(f"navigation: {name} is {getattr(self, name)!r}")
+        if self.seed < 0:
+            raise InputError(f"navigation: seed {self.seed} must be 0 or more")
+        if self.bottom_depth is not None and not number(self.bottom_depth, "bottom_depth") > 0.0:
+            raise InputError(f"navigation: bottom_depth {self.bottom_depth} m must be above 0")
+
+    @classmethod
+    def of(cls, given: str | VelocityEstimator | Navigation | None) -> Navigation | None:
+        """What a word, an estimator or a Navigation means; None for the truth.
+
+        Raises:
+          InputError: something else.
+        """
+        from twin.navigation.estimator import VelocityEstimator
+
+        if given is None or isinstance(given, Navigation):
+            return given
+        if isinstance(given, str | VelocityEstimator):
+            return None if given == TRUTH else cls(estimator=given)
+        raise InputError(
+            f"navigate is {given!r}: give {TRUTH!r}, {ESTIMATE!r}, the name of a velocity "
+            "estimator, an estimator, or a twin.Navigation"
+        )
+
+    @property
+    def suite(self) -> SensorSuite:
+        """The sensors."""
+        assert not isinstance(self.sensors, str)  # __post_init__ made a suite of a name
+        return self.sensors
+
+    def open(self, vehicle: Vehicle, period: float) -> VelocityEstimator:
+        """The estimator for a vehicle, with samples every `period` [s].
+
+        Raises:
+          InputError: there is none of that name, or it does not suit the vehicle.
+        """
+        from twin.navigation.estimators import open_velocity_estimator, usual_velocity_estimator
+
+        if not isinstance(self.estimator, str):
+            self.estimator.reset()
+            return self.estimator
+        if self.estimator == ESTIMATE:
+            return usual_velocity_estimator(vehicle, period)
+        return open_velocity_estimator(self.estimator, vehicle, period)
+
+    def describe(self) -> dict[str, Any]:
+        """A JSON-able dict; `navigation_from_dict` rebuilds it where the estimator has a name."""
+        named = isinstance(self.estimator, str)
+        return {
+            "estimator": self.estimator if named else None,
+            "estimator_class": "" if named else place_of(self.estimator),
+            "sensors": self.suite.settings(),
+            "seed": self.seed,
+            "bottom_depth": self.bottom_depth,
+            "current": None if self.current is None else dataclasses.asdict(self.current),
+        }
+
+
+def navigation_from_dict(data: Mapping[str, Any]) -> Navigation:
+    """Rebuild what `Navigation.describe` wrote.
+
+    Raises:
+      InputError: its estimator was an object.
+    """
+    from twin.navigation.current import CurrentParameters
+    from twin.sensors.suite import SensorSuite
+
+    if data["estimator"] is None:
+        raise InputError(
+            f"this run was navigated by an object of {data['estimator_class']}, which a file does "
+            "not hold: register the estimator under a name (twin.navigation.estimators.register)"
+        )
+    current = data["current"]
+    if current is not None:
+        current = CurrentParameters(**{**current, "constituents": tuple(current["constituents"])})
+    return Navigation(
+        estimator=data["estimator"],
+        sensors=SensorSuite.from_settings(data["sensors"]),
+        seed=data["seed"],
+        bottom_depth=data["bottom_depth"],
+        current=current,
+    )

@@ -1,0 +1,185 @@
+"""Navigated: a simulation whose guidance sees what is known on board, and nothing of the truth.
+
+Every sample is measured by the vehicle's sensors, the navigator makes position, velocity and
+current of it, and guidance (the compiled one, from Python) reads the result: measured depth,
+attitude, rates, positions of the parts and height above the sea floor, estimated position and
+current. A command therefore acts a physics step after its sample was taken.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.mission.controller import MissionController, Observation
+from twin.mission.plan import Mission
+from twin.navigation.navigator import ATTITUDE, DEPTH, FIX, NavigationState, Navigator
+from twin.navigation.settings import Navigation
+from twin.sensors.base import Surroundings
+from twin.sensors.live import LiveSuite
+
+if TYPE_CHECKING:
+    from twin.physics.scenario import Scenario
+
+Array = NDArray[np.float64]
+
+RATES = ("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate")
+ALTITUDE = "measured_altitude"
+ALTITUDE_S = 20.0
+"""[s] for which the last echo of the altimeter holds"""
+OUT_OF_REACH = 1e4
+"""[m] of water below a vehicle whose altimeter has no echo: deeper than it can dive"""
+
+
+class OnBoard:
+    """What one vehicle knows of its own flight."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        names: tuple[str, ...],
+        samples: int,
+        *,
+        floor: Array,
+        current: Array,
+    ):
+        """Begin before the first sample.
+
+        Args:
+          scenario: with `navigate`.
+          names: of the true and commanded signals, `LiveTruth.names`.
+          samples: of the run at most.
+          floor, current: compiled tables, empty without.
+
+        Raises:
+          InputError: the sensors do not measure what estimator or guidance need.
+        """
+        settings = scenario.navigate
+        assert isinstance(settings, Navigation)
+        suite = settings.suite
+        self.vehicle, self.period = scenario.vehicle, scenario.sample_period
+        estimator = settings.open(scenario.believed_vehicle, self.period)
+        begin = scenario.begin
+        self.navigator = Navigator(
+            estimator,
+            latitude=scenario.place.latitude_deg,
+            period=self.period,
+            start=(begin.north, begin.east),
+            current=settings.current,
+        )
+        self._scales = {part.name: part.quantity.scale for part in self.vehicle.parts}
+        wanted = [
+            *self.navigator.channels,
+            *FIX,
+            *RATES,
+            *(f"measured_{name}" for name in self._scales),
+            *([ALTITUDE] if floor.size else []),
+        ]
+        known = {*(entry.name for entry in suite.writes(names)), *names}
+        missing = [n for n in self.navigator.channels if n not in known or n.startswith("true_")]
+        if missing:
+            raise InputError(
+                f"the estimator reads {', '.join(missing)}, which the sensors of this vehicle do "
+                "not measure: choose another estimator, or sensors that have it"
+            )
+        self._commanded = [n for n in self.navigator.channels if n.startswith("commanded_")]
+        self.sensors = LiveSuite(
+            suite,
+            names,
+            samples,
+            dt=self.period,
+            rng_seed=np.random.SeedSequence(settings.seed),
+            surroundings=Surroundings(
+                latitude=scenario.place.latitude_deg,
+                longitude=scenario.place.longitude_deg,
+                density=scenario.density,
+                bottom_depth=_bottom(settings, floor),
+                floor=floor if floor.size else None,
+                current=current if current.size else None,
+            ),
+            wanted=[name for name in wanted if name.startswith("measured_")],
+        )
+        self._track = np.full((2, samples), np.nan)
+        self._sample: dict[str, float] = {}
+        self._altitude, self._echo_age = math.inf, math.inf
+        self.belief: NavigationState | None = None
+
+    def take(self, truth: dict[str, float]) -> NavigationState:
+        """Measure one sample of the truth and navigate by it."""
+        sample = self.sensors.step(truth)
+        for name in self._commanded:
+            sample[name] = truth[name]
+        self._sample = sample
+        self.belief = self.navigator.step(sample)
+        at = self.sensors.count - 1
+        self._track[:, at] = self.belief.north, self.belief.east
+        if ALTITUDE in sample:
+            self._echo_age += self.period
+            if math.isfinite(sample[ALTITUDE]):
+                self._altitude, self._echo_age = sample[ALTITUDE], 0.0
+            elif self._echo_age > ALTITUDE_S:
+                self._altitude = OUT_OF_REACH
+        return self.belief
+
+    def observe(self, time: float) -> Observation:
+        """What guidance sees at `time` [s], from the last sample."""
+        assert self.belief is not None
+        seen, belief = self._sample, self.belief
+        roll, pitch, heading = (math.radians(seen[name]) for name in ATTITUDE)
+        return Observation(
+            time=time,
+            depth=seen[DEPTH],
+            altitude=self._altitude,
+            roll=roll,
+            pitch=pitch,
+            heading=heading,
+            roll_rate=seen[RATES[0]],
+            pitch_rate=seen[RATES[1]],
+            yaw_rate=seen[RATES[2]],
+            parts={name: seen[f"measured_{name}"] / s for name, s in self._scales.items()},
+            north=belief.north,
+            east=belief.east,
+            current_north=belief.current_north,
+            current_east=belief.current_east,
+        )
+
+    def signals(self) -> dict[str, Array]:
+        """What was measured and believed so far, each (samples,); the on-board track is the
+        navigator's."""
+        count = self.sensors.count
+        north, east = self._track[:, :count].copy()
+        return {
+            **self.sensors.measured(),
+            "measured_onboard_north": north,
+            "measured_onboard_east": east,
+        }
+
+
+def guidance_of(scenario: Scenario) -> MissionController | None:
+    """The mission of a scenario as a controller in Python; None where it has none.
+
+    Raises:
+      InputError: a schedule, which sees nothing, or a compass offset beside a compass.
+    """
+    if scenario.compass_offset:
+        raise InputError(
+            "a navigated run has a compass with errors of its own: leave compass_offset out, or "
+            "give it to the sensors (Compass(offset_deg=...))"
+        )
+    if isinstance(scenario.plan, Mission):
+        return MissionController(scenario.mission_in_metres(), scenario.believed_vehicle)
+    if scenario.plan is not None:
+        raise InputError("a schedule sees no position: leave navigate out, or fly a mission")
+    return None
+
+
+def _bottom(settings: Navigation, floor: Array) -> float | None:
+    if settings.bottom_depth is not None and floor.size:
+        raise InputError(
+            "give a floor or a bottom_depth, not both: the sensors see the scenario's floor"
+        )
+    return settings.bottom_depth
