@@ -95,7 +95,6 @@ class Forecast(JsonOption):
             raise InputError("--watch never ends, so it has no --json: read forecast.json in --out")
         console.note(f"watching {self.watch}; Ctrl-C ends it")
         for store in arrivals(self.watch):
-            console.note(f"logs: {store}")
             try:
                 self._once(console, store)
             except InputError as error:
@@ -125,7 +124,7 @@ class Forecast(JsonOption):
         """One forecast."""
         from twin.forecast import forecast
 
-        request, known = self._request(logs)
+        request, known = self._request(console, logs)
         command_shows = _Shows(self, console, request)
         with console.progress(total=request.members, label="forecast", unit="member") as progress:
 
@@ -139,7 +138,7 @@ class Forecast(JsonOption):
             found = forecast(request, known, threads=self.threads, refined=refined)
         command_shows.all(found)
 
-    def _request(self, logs: Path | None) -> tuple[Request, Known]:
+    def _request(self, console: Console, logs: Path | None) -> tuple[Request, Known]:
         from twin.errors import InputError
         from twin.forecast import Request, known_from_logs, known_without_logs
         from twin.physics.start import parse_place, utc_text
@@ -150,6 +149,7 @@ class Forecast(JsonOption):
         vehicle = load_vehicle(self.vehicle)
         known = None
         if logs is not None:
+            console.note(f"reading {logs}")
             from twin.forecast.vehicle_draws import identified
 
             model = self.way == "model" or (self.way == "usual" and bool(identified(vehicle)))
