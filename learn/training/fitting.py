@@ -188,12 +188,10 @@ def _begin(start: Start, resources: Resources, warn: Callable[[str], None], hist
     config, folder = start.config, start.folder
     if _run_there(folder) is not None and not (start.resume or start.replace):
         raise InputError(f"run {folder} exists; use --resume, --overwrite or another --name")
-    there = None
-    if start.resume:
-        training = training_folder(folder, replace=start.replace)
-        # beside the run lies only what a fit left: without a description it was being removed
-        if not start.replace or _described(training):
-            there = _run_there(training)
+    training = training_folder(folder, replace=start.replace)
+    # beside the run lies only what a fit left: without a description it was being removed
+    left = not start.replace or _described(training)
+    there = _run_there(training) if start.resume and left else None
     content = _check_sources(config, elsewhere=resources.executor is not None)
     if text := few_missions(config.store, config.division):
         warn(text)

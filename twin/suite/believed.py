@@ -89,9 +89,7 @@ class Believed:
         scenario = Scenario(
             vehicle=self.vehicle,
             navigate=dataclasses.replace(self._navigation, seed=seed),
-            start=Start(
-                north=physics.north(), east=physics.east(), depth=max(physics.depth(), 0.1)
-            ),
+            start=Start(north=physics.north(), east=physics.east(), depth=depth),
             duration=self._samples * self._period,
             sample_period=self._period,
         )
