@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     from twin.water.current.base import Current
 
 
-WAYS = ("usual", "model", "log")
+USUAL_DEPTH, USUAL_RADIUS = 200.0, 500.0
+"""[m] of --goto"""
+USUAL_HOURS = 6.0
+"""[h] under water between surfacings of --goto"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,25 +43,25 @@ class Forecast(JsonOption):
     """places to go to, with ; between them"""
     mission: str | None = None
     """mission file instead, TOML or Slocum's .mi, or a shipped mission's name"""
-    depth: float = 200.0
-    """of --goto: depth [m] of the dives"""
+    depth: float | None = None
+    """of --goto: depth [m] of the dives; default: 200"""
     pitch: float | None = None
     """of --goto: pitch [deg] of dives and climbs; default: the vehicle's usual glide"""
-    surface_every: float = 6.0
-    """of --goto: hours under water between surfacings"""
-    radius: float = 500.0
-    """of --goto: distance [m] at which a place is reached"""
+    surface_every: float | None = None
+    """of --goto: hours under water between surfacings; default: 6"""
+    radius: float | None = None
+    """of --goto: distance [m] at which a place is reached; default: 500"""
     current: str | None = None
     """forecast of the current: a file (CF netCDF or zarr), or a text as `twin simulate --current`
     takes it; default: what the logs told goes on"""
-    current_error: float = 0.1
-    """standard deviation [m/s], north and east each, of the error of --current"""
+    current_error: float | None = None
+    """standard deviation [m/s], north and east each, of the error of --current; default: 0.1"""
     density: str = "usual"
     """water column, as `twin simulate --density` takes it"""
     logs: Path | None = None
     """store of logs that `factory import` wrote: its fixes tell the current, the speed's and the
     compass's error, and where it is"""
-    way: str = "usual"
+    way: Literal["usual", "model", "log"] = "usual"
     """way through the water in the logs: model (the vehicle's flight model), log (depth rate and
     pitch, or the reported current) or usual (model where the vehicle was identified)"""
     members: int = 200
@@ -111,12 +114,17 @@ class Forecast(JsonOption):
             )
         if self.logs is not None and self.watch is not None:
             raise InputError("give --logs or --watch, not both: --watch brings its own logs")
-        if self.way not in WAYS:
-            from twin.errors import unknown_name
-
-            raise InputError(f"--way: {unknown_name('way', self.way, WAYS)}")
         if self.from_ is None and self.logs is None and self.watch is None:
             raise InputError("give --from LAT,LON,TIME, or --logs to begin at their last fix")
+        for name, needed in (
+            ("depth", "goto"), ("pitch", "goto"), ("surface_every", "goto"), ("radius", "goto"),
+            ("current_error", "current"),
+        ):  # fmt: skip
+            if getattr(self, name) is not None and getattr(self, needed) is None:
+                option = name.replace("_", "-")
+                raise InputError(f"--{option} is for --{needed}, which is not given: leave it out")
+        if self.way != "usual" and self.logs is None and self.watch is None:
+            raise InputError("--way is for --logs or --watch, which are not given: leave it out")
         if self.threads < 0:
             raise InputError(f"--threads {self.threads} must be 0 or more")
 
@@ -141,6 +149,7 @@ class Forecast(JsonOption):
     def _request(self, console: Console, logs: Path | None) -> tuple[Request, Known]:
         from twin.errors import InputError
         from twin.forecast import Request, known_from_logs, known_without_logs
+        from twin.forecast.request import FIELD_ERROR
         from twin.physics.start import parse_place, utc_text
         from twin.records.place import unix_seconds
         from twin.vehicle.vehicle import load_vehicle
@@ -175,7 +184,7 @@ class Forecast(JsonOption):
             hours=self.hours,
             members=self.members,
             field=self._field(),
-            field_error=self.current_error,
+            field_error=FIELD_ERROR if self.current_error is None else self.current_error,
             density=self.density,
             energy_left_kwh=self.energy_left_kwh,
             seed=self.seed,
@@ -193,10 +202,11 @@ class Forecast(JsonOption):
         assert self.goto is not None
         mission = mission_to(
             self.goto,
-            depth=self.depth,
+            depth=USUAL_DEPTH if self.depth is None else self.depth,
             pitch_deg=math.degrees(vehicle.usual_glide[0]) if self.pitch is None else self.pitch,
-            surface_after_s=3600.0 * self.surface_every,
-            radius=self.radius,
+            surface_after_s=3600.0
+            * (USUAL_HOURS if self.surface_every is None else self.surface_every),
+            radius=USUAL_RADIUS if self.radius is None else self.radius,
         )
         mission.check(vehicle)
         return mission

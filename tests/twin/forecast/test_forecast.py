@@ -234,6 +234,9 @@ def test_the_command_begins_at_the_last_fix_of_the_logs(store, tmp_path, capsys)
         (["--from", "36.8,-122.4,2026-11-22", "--goto", "37 -122"], "write LAT,LON"),
         (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--members", "1"], "members"),
         (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--way", "modle"], "model"),
+        (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--way", "log"], "for --logs"),
+        (["--from", "36.8,-122.4,2026-11-22", "--mission", "field", "--depth", "9"], "for --goto"),
+        (["--from", "1,2,2026-11-22", "--goto", "3,4", "--current-error", "1"], "for --current"),
     ],
 )
 def test_what_cannot_be_forecast_is_refused_in_a_line(words, message, capsys) -> None:
