@@ -2,9 +2,10 @@
 
     python benchmarks/flips.py STORE|RUN ... [--flips 200] [--seed 0]
 
-Of a store `factory verify` must find each flip; of a run, loading its networks (`learn evaluate`
-does that first). Bits are drawn over the bytes of all files together, and as many again with each
-file equally likely, so that small files count. Printed are the counts by kind of file.
+Of a store `factory verify` must find each flip; of a run, loading its networks and figures
+(`learn evaluate` and `learn compare` do that first), and `factory verify` in every file where the
+run has a list of checksums. Bits are drawn over the bytes of all files together, and as many again
+with each file equally likely, so that small files count. Printed are the counts by kind of file.
 """
 
 from __future__ import annotations
@@ -24,11 +25,12 @@ from factory.inspect.verify import check_files
 from learn.runs.run import DESCRIPTION, open_run
 from twin.cli.text_table import format_table
 from twin.errors import InputError
+from twin.records.checksums import LIST, has_checksums
 
 LOADED = (".json", ".safetensors")
 """Endings of what a run's networks are loaded from; its figures and pages are not."""
-OTHERS = ("evaluation.json", "paper-test.json", "ablation.json")
-"""Figures of a run, which no network is made from"""
+OTHERS = ("paper-test.json", "ablation.json", LIST)
+"""Files of a run that neither its networks nor its figures are read from"""
 
 
 def flipped(files: Sequence[Path], flips: int, random_: random.Random) -> list[tuple[Path, int]]:
@@ -83,11 +85,14 @@ def verified(store: Path) -> Callable[[Path], bool]:
 
 
 def loaded(run: Path) -> Callable[[Path], bool]:
-    """Whether loading a run's networks raises an error of one line that names the file."""
+    """Whether loading a run's networks and figures raises an error of one line that names the
+    file."""
 
     def found(path: Path) -> bool:
         try:
-            open_run(run).networks()
+            opened = open_run(run)
+            opened.networks()
+            _ = opened.figures
         except InputError as error:
             return "\n" not in str(error) and path.stem in str(error)
         return False
@@ -109,13 +114,17 @@ def main() -> int:
             copytree(path, copy)
             files = sorted(file for file in copy.rglob("*") if file.is_file())
             if (copy / DESCRIPTION).is_file():
-                files = [f for f in files if f.suffix in LOADED and f.name not in OTHERS]
-                files = [f for f in files if f.parent == copy]
-                rows = count(copy, files, loaded(copy), options.flips, options.seed)
+                read = [f for f in files if f.suffix in LOADED and f.name not in OTHERS]
+                read = [f for f in read if f.parent == copy]
+                judges = {"by loading": (read, loaded(copy))}
             else:
-                rows = count(copy, files, verified(copy), options.flips, options.seed)
-        print(f"{path}\n{format_table(rows)}\n")
-        missed += int(rows[-1]["flipped"]) - int(rows[-1]["found"])  # type: ignore[call-overload]
+                judges = {}
+            if not judges or has_checksums(copy):
+                judges["by `factory verify`"] = (files, verified(copy))
+            for name, (some, judge) in judges.items():
+                rows = count(copy, some, judge, options.flips, options.seed)
+                print(f"{path}, {name}\n{format_table(rows)}\n")
+                missed += int(rows[-1]["flipped"]) - int(rows[-1]["found"])  # type: ignore[call-overload]
     return 1 if missed else 0
 
 

@@ -147,6 +147,21 @@ def mission_table(data: Any) -> None:
     Mission.from_dict(data)
 
 
+def slocum(text: str) -> None:
+    """A Slocum mission file."""
+    from twin.mission.slocum import read_slocum
+
+    reading = read_slocum(_file("m.mi", text))
+    assert all("\n" not in note for note in reading.notes)
+
+
+def goto(text: str) -> None:
+    """`twin forecast --goto`"""
+    from twin.forecast import mission_to
+
+    mission_to(text, depth=200.0, pitch_deg=26.0, surface_after_s=7200.0, radius=100.0)
+
+
 def parameters(text: str) -> None:
     """A file of changed distributions."""
     from factory.recipe.overrides import read_changes
@@ -289,6 +304,24 @@ XML = (asset_path("remus.xml").read_text(encoding="utf-8"),)
 TAGS = ("<include file='x.xml'/>", "<replicate count='9999999'>", "<body>", "</body>", "pos=''",
         "name=", "mass='-1'", "mass='nan'", "data='1 2'", "0 0 0", "<geom/>",
         "<joint/>", "general")  # fmt: skip
+SLOCUM = """sensor: u_use_current_correction(nodim) 1
+behavior: abend
+    b_arg: overdepth(m) 180
+behavior: surface
+    b_arg: start_when(enum) 9
+    b_arg: when_secs(s) 3600
+    b_arg: c_use_pitch(enum) 3
+    b_arg: c_pitch_value(X) 0.4
+behavior: goto_list
+    b_arg: num_legs_to_run(nodim) -2
+    b_arg: wpt_x_0(X) -12221.5
+    b_arg: wpt_y_0(X) 3648.5
+behavior: yo
+    b_arg: d_target_depth(m) 90
+    b_arg: c_target_depth(m) 6
+    b_arg: d_use_bpump(enum) 2
+    b_arg: d_bpump_value(X) -200
+"""
 START_BYTES = (
     b"", b"dbd_label: a\nnum_sensors: 9\n", b"CDF\x01",
     b"\x89HDF\r\n\x1a\n", b"PK\x03\x04", b"PAR1",
@@ -320,10 +353,21 @@ TARGETS: dict[str, tuple[Callable[[Any], None], st.SearchStrategy[Any]]] = {
                 "segments": [
                     {"kind": "saw-tooth", "max_depth_m": 100.0, "yos": 2, "heading_deg": 10.0},
                     {"kind": "hold", "parts": {"rudder": 0.1}, "duration_s": 60.0},
+                    {
+                        "kind": "waypoint",
+                        "max_depth_m": 80.0,
+                        "targets": [{"latitude": 49.0, "longitude": -16.0}],
+                        "surface_at_target": False,
+                    },
                 ],
             }
         ),
     ),
+    "slocum": (
+        slocum,
+        mutated(SLOCUM, words=("b_arg:", "<start:waypoints>", "behavior: yo", "9e9")),
+    ),
+    "goto": (goto, mutated("36.9,-122.5;37,-122.6", words=("nan", "89,0", ";"))),
     "parameters": (
         parameters,
         mutated('[mission]\npitch_deg = "uniform(15, 35)"\n[current]\nspeed = 0.1\n'),

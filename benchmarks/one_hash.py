@@ -4,7 +4,8 @@
 
 Ways: 1 process, 2 processes, 8 commands with --shard at once, and a dask cluster of 3 workers of
 which one is killed while another joins. Then each of them again with its processes killed so often
-before it may complete. The cluster needs `pip install "glider-twin[cluster]"`. Printed is the SHA-256 over names and bytes of the whole tree for each way.
+before it may complete. The cluster needs `pip install "glider-twin[cluster]"`. Printed is for each
+way the SHA-256 over names and bytes of the whole tree.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ OTHER_MEANINGS = {
     "twin.water.current": "rotation of a grid's axes, shift of its time",
     "twin.render.motion": "shift of a mesh",
     "learn.networks.vector_kernels": "shift of a buffer",
-    "learn.data.preparation": "shift and scale of a normalisation",
+    "learn.data.store_checks": "advice on what store to take",
 }
 
 

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from twin.mission.segments import Waypoint as Waypoint
     from twin.mission.shipped import load_mission as load_mission
     from twin.mission.shipped import mission_names as mission_names
+    from twin.navigation.settings import Navigation as Navigation
     from twin.physics.scenario import Scenario as Scenario
     from twin.physics.scenario import Start as Start
     from twin.physics.settle import trim as trim
@@ -90,6 +91,7 @@ _PLACES = {
     "LawnMower": "twin.mission.segments:LawnMower",
     "LogLayer": "twin.water.current.log_layer:LogLayer",
     "Mission": "twin.mission.plan:Mission",
+    "Navigation": "twin.navigation.settings:Navigation",
     "Observation": "twin.mission.controller:Observation",
     "Origin": "twin.water.current.origin:Origin",
     "Profile": "twin.water.current.profile:Profile",

@@ -277,7 +277,7 @@ def _fit(inputs: Path) -> Write:
     }
 
     def write(path: Path, variant: str) -> None:
-        fit(configs[variant], path, replace=True, resume=True, workers=1)
+        fit(configs[variant], path, replace=True, resume=True)
 
     return write
 

@@ -1,1 +1,1 @@
-"""Kills: processes of `factory generate` ended, frozen and doubled; the store is always the same."""
+"""Kills: processes of `factory generate` ended, frozen, doubled; the store stays the same."""

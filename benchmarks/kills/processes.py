@@ -80,7 +80,7 @@ def children(process: int) -> list[int]:
 
 
 def lives(process: int) -> bool:
-    """Whether a process runs or is frozen; one that has ended and waits to be collected does not."""
+    """Whether a process runs or is frozen; not one that has ended and waits."""
     with contextlib.suppress(OSError):
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
     return False
@@ -117,7 +117,6 @@ def wrong(store: Path, expected: str) -> str | None:
         return "there is no store"
     if digest(store) != expected:
         return "the store has other bytes"
-    left = [
-        p.name for p in store.parent.iterdir() if p.name.startswith((".", generating(store).name))
-    ]
+    own = (".", generating(store).name)
+    left = [path.name for path in store.parent.iterdir() if path.name.startswith(own)]
     return f"left {', '.join(left)}" if left else None

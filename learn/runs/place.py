@@ -110,6 +110,8 @@ class Place:
         self._remove()
 
     def _remove(self) -> None:
+        with contextlib.suppress(OSError):  # first: a kill leaves nothing that looks like a run
+            (self.folder / DESCRIPTION).unlink()
         shutil.rmtree(self.folder, ignore_errors=True)
         if self._replace:
             with contextlib.suppress(OSError):

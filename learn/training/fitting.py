@@ -152,7 +152,7 @@ def fit_each(
     except OSError as error:
         at = Path(error.filename) if error.filename is not None else begun[0].folder
         for one in begun:
-            if at.is_relative_to(one.folder):
+            if at.is_relative_to(one.folder) or one.folder.is_relative_to(at):
                 raise WriteError(
                     f"cannot write {one.folder}: {error.strerror or error}; {one.place.outcome()}"
                 ) from error
@@ -188,9 +188,10 @@ def _begin(start: Start, resources: Resources, warn: Callable[[str], None], hist
     config, folder = start.config, start.folder
     if _run_there(folder) is not None and not (start.resume or start.replace):
         raise InputError(f"run {folder} exists; use --resume, --overwrite or another --name")
-    there = None
-    if start.resume:
-        there = _run_there(training_folder(folder, replace=start.replace))
+    training = training_folder(folder, replace=start.replace)
+    # beside the run lies only what a fit left: without a description it was being removed
+    left = not start.replace or _described(training)
+    there = _run_there(training) if start.resume and left else None
     content = _check_sources(config, elsewhere=resources.executor is not None)
     if text := few_missions(config.store, config.division):
         warn(text)
@@ -247,9 +248,13 @@ def _run_there(folder: Path) -> dict[str, Any] | None:
     """
     if not folder.exists():
         return None
-    if not folder.is_dir() or (any(folder.iterdir()) and not (folder / DESCRIPTION).is_file()):
+    if not folder.is_dir() or (any(folder.iterdir()) and not _described(folder)):
         raise InputError(f"{folder} is in the way and is not a run; choose another --name")
-    return read_description(folder) if (folder / DESCRIPTION).is_file() else None
+    return read_description(folder) if _described(folder) else None
+
+
+def _described(folder: Path) -> bool:
+    return (folder / DESCRIPTION).is_file()
 
 
 def _check_sources(config: FitConfig, *, elsewhere: bool) -> str:

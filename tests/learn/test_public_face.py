@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import learn
-from learn.files import read_json
+from learn.files import read_sealed
 from twin.errors import InputError
 
 FUNCTIONS = [name for name in learn.__all__ if inspect.isfunction(getattr(learn, name))]
@@ -82,7 +82,7 @@ def test_fit_gives_a_run_and_prints_nothing(flown_store, tmp_path, capsys, monke
     assert capsys.readouterr() == ("", "")
     assert isinstance(found, learn.Run)
     assert found.folder == folder
-    assert found.figures == read_json(folder / "evaluation.json", "")
+    assert found.figures == read_sealed(folder / "evaluation.json", "")
     assert any("evaluating on test missions" in line for line in said)
     with pytest.raises(InputError, match="exists; use --resume, --overwrite"):
         learn.fit(flown_store, folder=folder, epochs=1, members=1, **SETTINGS)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -19,12 +19,18 @@ if TYPE_CHECKING:
     from twin.water.current.base import Current
 
 
+USUAL_DEPTH, USUAL_RADIUS = 200.0, 500.0
+"""[m] of --goto"""
+USUAL_HOURS = 6.0
+"""[h] under water between surfacings of --goto"""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Forecast(JsonOption):
     """The next surfacings with ellipses that hold 50 and 90 %, times, energy and days left, from
     members that are drawn from what is known and flown on all cores. Examples:
 
-        twin forecast --vehicle slocum --from 36.8,-122.4,2026-11-22T12:00 --goto "36.9,-122.5"
+        twin forecast --vehicle slocum-200 --from 36.8,-122.4,2026-11-22T12:00 --goto "36.9,-122.5"
         twin forecast --vehicle mine.xml --mission glider.mi --logs real.zarr --out next
     """
 
@@ -37,27 +43,27 @@ class Forecast(JsonOption):
     """places to go to, with ; between them"""
     mission: str | None = None
     """mission file instead, TOML or Slocum's .mi, or a shipped mission's name"""
-    depth: float = 200.0
-    """of --goto: depth [m] of the dives"""
+    depth: float | None = None
+    """of --goto: depth [m] of the dives; default: 200"""
     pitch: float | None = None
     """of --goto: pitch [deg] of dives and climbs; default: the vehicle's usual glide"""
-    surface_every: float = 6.0
-    """of --goto: hours under water between surfacings"""
-    radius: float = 500.0
-    """of --goto: distance [m] at which a place is reached"""
+    surface_every: float | None = None
+    """of --goto: hours under water between surfacings; default: 6"""
+    radius: float | None = None
+    """of --goto: distance [m] at which a place is reached; default: 500"""
     current: str | None = None
     """forecast of the current: a file (CF netCDF or zarr), or a text as `twin simulate --current`
     takes it; default: what the logs told goes on"""
-    current_error: float = 0.1
-    """standard deviation [m/s], north and east each, of the error of --current"""
+    current_error: float | None = None
+    """standard deviation [m/s], north and east each, of the error of --current; default: 0.1"""
     density: str = "usual"
     """water column, as `twin simulate --density` takes it"""
     logs: Path | None = None
     """store of logs that `factory import` wrote: its fixes tell the current, the speed's and the
     compass's error, and where it is"""
-    way: str = "log"
-    """way through the water in the logs: log (depth rate and pitch, or the reported current) or
-    model (the vehicle's flight model)"""
+    way: Literal["usual", "model", "log"] = "usual"
+    """way through the water in the logs: model (the vehicle's flight model), log (depth rate and
+    pitch, or the reported current) or usual (model where the vehicle was identified)"""
     members: int = 200
     """drawn and flown"""
     hours: float = 12.0
@@ -92,7 +98,6 @@ class Forecast(JsonOption):
             raise InputError("--watch never ends, so it has no --json: read forecast.json in --out")
         console.note(f"watching {self.watch}; Ctrl-C ends it")
         for store in arrivals(self.watch):
-            console.note(f"logs: {store}")
             try:
                 self._once(console, store)
             except InputError as error:
@@ -109,12 +114,17 @@ class Forecast(JsonOption):
             )
         if self.logs is not None and self.watch is not None:
             raise InputError("give --logs or --watch, not both: --watch brings its own logs")
-        if self.way not in ("log", "model"):
-            from twin.errors import unknown_name
-
-            raise InputError(f"--way: {unknown_name('way', self.way, ('log', 'model'))}")
         if self.from_ is None and self.logs is None and self.watch is None:
             raise InputError("give --from LAT,LON,TIME, or --logs to begin at their last fix")
+        for name, needed in (
+            ("depth", "goto"), ("pitch", "goto"), ("surface_every", "goto"), ("radius", "goto"),
+            ("current_error", "current"),
+        ):  # fmt: skip
+            if getattr(self, name) is not None and getattr(self, needed) is None:
+                option = name.replace("_", "-")
+                raise InputError(f"--{option} is for --{needed}, which is not given: leave it out")
+        if self.way != "usual" and self.logs is None and self.watch is None:
+            raise InputError("--way is for --logs or --watch, which are not given: leave it out")
         if self.threads < 0:
             raise InputError(f"--threads {self.threads} must be 0 or more")
 
@@ -122,7 +132,7 @@ class Forecast(JsonOption):
         """One forecast."""
         from twin.forecast import forecast
 
-        request, known = self._request(logs)
+        request, known = self._request(console, logs)
         command_shows = _Shows(self, console, request)
         with console.progress(total=request.members, label="forecast", unit="member") as progress:
 
@@ -136,9 +146,10 @@ class Forecast(JsonOption):
             found = forecast(request, known, threads=self.threads, refined=refined)
         command_shows.all(found)
 
-    def _request(self, logs: Path | None) -> tuple[Request, Known]:
+    def _request(self, console: Console, logs: Path | None) -> tuple[Request, Known]:
         from twin.errors import InputError
         from twin.forecast import Request, known_from_logs, known_without_logs
+        from twin.forecast.request import FIELD_ERROR
         from twin.physics.start import parse_place, utc_text
         from twin.records.place import unix_seconds
         from twin.vehicle.vehicle import load_vehicle
@@ -147,7 +158,11 @@ class Forecast(JsonOption):
         vehicle = load_vehicle(self.vehicle)
         known = None
         if logs is not None:
-            known = known_from_logs(logs, self.vehicle if self.way == "model" else None)
+            console.note(f"reading {logs}")
+            from twin.forecast.vehicle_draws import identified
+
+            model = self.way == "model" or (self.way == "usual" and bool(identified(vehicle)))
+            known = known_from_logs(logs, self.vehicle if model else None)
         if self.from_ is not None:
             place = parse_place(self.from_)
             if "time" not in place:
@@ -169,7 +184,7 @@ class Forecast(JsonOption):
             hours=self.hours,
             members=self.members,
             field=self._field(),
-            field_error=self.current_error,
+            field_error=FIELD_ERROR if self.current_error is None else self.current_error,
             density=self.density,
             energy_left_kwh=self.energy_left_kwh,
             seed=self.seed,
@@ -187,10 +202,11 @@ class Forecast(JsonOption):
         assert self.goto is not None
         mission = mission_to(
             self.goto,
-            depth=self.depth,
+            depth=USUAL_DEPTH if self.depth is None else self.depth,
             pitch_deg=math.degrees(vehicle.usual_glide[0]) if self.pitch is None else self.pitch,
-            surface_after_s=3600.0 * self.surface_every,
-            radius=self.radius,
+            surface_after_s=3600.0
+            * (USUAL_HOURS if self.surface_every is None else self.surface_every),
+            radius=USUAL_RADIUS if self.radius is None else self.radius,
         )
         mission.check(vehicle)
         return mission

@@ -13,7 +13,7 @@ import numpy as np
 
 from twin.errors import InputError, StoreError
 from twin.geodesy import position
-from twin.hindcast.legs import LoggedLeg, flown_velocities, legs_of
+from twin.hindcast.legs import MODEL, LoggedLeg, flown_velocities, legs_of
 from twin.navigation.current import CurrentFilter, replay, tune
 from twin.records.logs import LogStore
 
@@ -37,6 +37,9 @@ class Known:
     """In words."""
     legs: int = 0
     """Dives that told it."""
+    by_model: bool = False
+    """Whether the way through the water was the vehicle's flight model's: the filter's errors of
+    speed and compass are then the model's."""
 
     def at(self, time: float) -> Known:
         """The same later, at a unix time [s]: what was known of the current has aged.
@@ -95,6 +98,7 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
         last_current=(float(last.leg.current[0]), float(last.leg.current[1])),
         source=f"{len(legs)} dives of {deployment} (way through the water: {last.method})",
         legs=len(legs),
+        by_model=vehicle is not None and all(one.method == MODEL for one in legs),
     )
 
 

@@ -98,7 +98,7 @@ def draw_map(found: Forecast) -> str:
     west = 0
     for one in found.surfacings:
         colour = COLOURS[(one.number - 1) % len(COLOURS)]
-        x, y = frame.at(np.array([[one.longitude, one.latitude]]))[0]
+        x, y = frame.at(degrees(np.array([[one.north, one.east]]), place))[0]
         west += 1 if x < x0 else -1
         parts.append(
             f'<g fill="{colour}"><circle class="here" cx="{x:.1f}" cy="{y:.1f}" r="5"/></g>'

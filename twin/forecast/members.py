@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from twin.facade import in_water
 from twin.forecast.known import Known
 from twin.forecast.request import HOUR, Request, believing, longest_dive
-from twin.forecast.vehicle_draws import draw_vehicles, scaled_speed
+from twin.forecast.vehicle_draws import SPEED, draw_vehicles, known_compass, scaled_speed
 from twin.forecast.water_draws import INTERVAL, WaterDraws, draw_field_error, draw_water
 from twin.mission import Mission
 from twin.physics.scenario import Scenario
@@ -49,21 +49,20 @@ def members_of(request: Request, known: Known) -> Members:
     spread = {"current": known.source}
     if request.field is not None:
         water, spread["current"] = _with_field(request, known, water, rng)
-    vehicles, drawn = draw_vehicles(request.vehicle, count, rng, speed=known.legs == 0)
-    if known.legs or not drawn:
-        vehicles = [
-            scaled_speed(one, float(scale))
-            for one, scale in zip(vehicles, water.speed_scale, strict=True)
-        ]
+    vehicles, drawn = draw_vehicles(request.vehicle, count, rng, speed=not known.by_model)
     spread["vehicle"] = f"identified: {', '.join(drawn)}" if drawn else "not identified"
-    scatter = 100.0 * float(np.std(water.speed_scale[1:]))
-    if known.legs or not drawn:
-        source = "by the fixes" if known.legs else "assumed"
-        spread["speed"] = (
-            f"{100.0 * float(water.speed_scale[0]):+.1f} %, +-{scatter:.1f} %, {source}"
-        )
-    degrees = np.degrees(water.compass)
-    spread["compass"] = f"{degrees[0]:+.1f} degree, +-{float(np.std(degrees[1:])):.1f} degree"
+    scale, source = water.speed_scale, "by the fixes"
+    if not known.by_model:
+        scale, source = _normal(rng, count, known.filter_.parameters.speed_scale), "assumed"
+    if known.by_model or not set(drawn) & set(SPEED):
+        vehicles = [
+            scaled_speed(one, float(part)) for one, part in zip(vehicles, scale, strict=True)
+        ]
+        percent = 100.0 * scale
+        spread["speed"] = f"{percent[0]:+.1f} %, +-{np.std(percent[1:]):.1f} %, {source}"
+    compass, source = _compass(request, known, water, rng)
+    degrees = np.degrees(compass)
+    spread["compass"] = f"{degrees[0]:+.1f} degree, +-{np.std(degrees[1:]):.1f} degree, {source}"
     mission = believing(request.mission, known.last_current)
     nominal = _scenario(request, mission)
     scenarios = tuple(
@@ -71,12 +70,33 @@ def members_of(request: Request, known: Known) -> Members:
             nominal,
             vehicle=vehicle,
             believed=request.vehicle,
-            compass_offset=-float(compass),
+            compass_offset=-float(offset),
             current=_current(request.field, course),
         )
-        for vehicle, compass, course in zip(vehicles, water.compass, water.current, strict=True)
+        for vehicle, offset, course in zip(vehicles, compass, water.current, strict=True)
     )
     return Members(scenarios=scenarios, spread=spread)
+
+
+def _normal(rng: np.random.Generator, count: int, deviation: float) -> Array:
+    """Draws about 0, (count,), the first of them 0."""
+    draws = deviation * rng.standard_normal(count)
+    draws[0] = 0.0
+    return draws
+
+
+def _compass(
+    request: Request, known: Known, water: WaterDraws, rng: np.random.Generator
+) -> tuple[Array, str]:
+    """True heading less the compass's [rad], (member,), and who says so."""
+    identified, deviation = known_compass(request.vehicle)
+    if known.by_model:  # of what the model leaves of it
+        return identified + water.compass, "by the fixes"
+    if known.legs:
+        return water.compass, "by the fixes"
+    if deviation is not None:
+        return identified + _normal(rng, request.members, deviation), "identified"
+    return water.compass, "assumed"
 
 
 def _scenario(request: Request, mission: Mission) -> Scenario:

@@ -79,10 +79,12 @@ class Surfacing:
         )
 
     def ring(self, quantile: float, place: Origin) -> Array:
-        """Longitude, latitude [degree] around it, closed, (point, 2)."""
+        """Longitude, latitude [degree] around it, closed, counterclockwise, (point, 2)."""
         angles = np.linspace(0.0, 2.0 * math.pi, ELLIPSE_POINTS + 1)
         values, vectors = np.linalg.eigh(quantile * self.covariance)
         circle = np.stack([np.cos(angles), np.sin(angles)])
+        if np.linalg.det(vectors) > 0.0:  # north and east, seen from above, turn the other way
+            vectors = vectors * [1.0, -1.0]
         points = (vectors * np.sqrt(np.maximum(values, 0.0))) @ circle
         return degrees(np.array([self.north, self.east]) + points.T, place)
 
@@ -132,7 +134,7 @@ def surfacings_of(flights: Sequence[Flight], place: Origin) -> tuple[Surfacing, 
                 east=float(centre[1]),
                 covariance=spread,
                 latitude=float(latitude),
-                longitude=float(longitude),
+                longitude=float(wrap_longitude(longitude)),
                 time_s=float(times.mean()),
                 early_s=float(early),
                 late_s=float(late),
@@ -145,8 +147,11 @@ def surfacings_of(flights: Sequence[Flight], place: Origin) -> tuple[Surfacing, 
 
 
 def degrees(points: Array, place: Origin) -> Array:
-    """Longitude, latitude [degree] of north, east [m] from a place, (point, 2)."""
+    """Longitude, latitude [degree] of north, east [m] from a place, (point, 2).
+
+    Longitudes go on across the date line.
+    """
     latitude, longitude = from_tangent_plane(
         points[:, 0], points[:, 1], place.latitude_deg, place.longitude_deg
     )
-    return np.stack([wrap_longitude(longitude), latitude], axis=1)
+    return np.stack([longitude, latitude], axis=1)

@@ -43,6 +43,17 @@ def identified(vehicle: Vehicle) -> Mapping[str, Any]:
     return {}
 
 
+def known_compass(vehicle: Vehicle) -> tuple[float, float | None]:
+    """True heading less the compass's [rad] as an identification found it, and its deviation [rad].
+
+    (0, None) where it did not. Deviations that turn with the heading are left out.
+    """
+    entry = identified(vehicle).get("parameters", {}).get("heading_offset", {})
+    if not (entry.get("determined") and entry.get("deviation")):
+        return 0.0, None
+    return load_calibration(vehicle).heading_offset, math.radians(float(entry["deviation"]))
+
+
 def draw_vehicles(
     vehicle: Vehicle, count: int, rng: np.random.Generator, *, speed: bool
 ) -> tuple[list[Vehicle], tuple[str, ...]]:

@@ -95,7 +95,8 @@ def _surfaces(row: Array, state: Array, t: float, following: float) -> bool:
 def _to_waypoint(row: Array, state: Array, t: float, following: float) -> float:
     """The phase of a flight to a waypoint: up for a fix, down again, steered to the target."""
     phase = state[g.PHASE]
-    if distance_left(row, state) <= row[g.ARRIVAL_RADIUS]:
+    # a target that is held is flown to again and again
+    if state[g.DONE] == 0.0 and distance_left(row, state) <= row[g.ARRIVAL_RADIUS]:
         state[g.ARRIVED] = 1.0
     if phase in (g.DIVE, g.CLIMB):
         if _surfaces(row, state, t, following):
@@ -157,6 +158,7 @@ def advance(
         over = over or (depth - table[index, g.UNTIL_DEPTH]) * state[g.UNTIL_SIDE] >= 0.0
         if over and index + 1 == end and table[end, g.KIND] == g.END_HOLDING:
             state[g.DONE] = 1.0  # the last segment goes on without limits
+            state[g.ARRIVED] = 0.0
         elif over:
             _enter(table, state, index + 1, t, depth, altitude, heading)
             return

@@ -58,6 +58,14 @@ class NavigationState:
     """[m/s] through the water"""
     velocity_east: float
     """[m/s] through the water"""
+    surge: float
+    """[m/s] through the water, forward"""
+    sway: float
+    """[m/s] to starboard"""
+    heave: float
+    """[m/s] downward in body axes"""
+    depth_rate: float
+    """[m/s] since the sample before"""
 
 
 class Navigator:
@@ -151,7 +159,7 @@ class Navigator:
                 # the two horizontal axes of the body, in no particular direction of the sea
                 level = 0.5 * (found.covariance[0, 0] + found.covariance[1, 1])
                 self._spread = max(level, 1e-8) * np.eye(2)
-        velocity = self._through_water(sample)
+        velocity, heave, rate = self._through_water(sample)
         if self._count:
             self._moved += 0.5 * self.period * (velocity + self._velocity)
             self._waited += self.period
@@ -173,17 +181,24 @@ class Navigator:
             current_east=float(self._current[1]),
             velocity_north=float(velocity[0]),
             velocity_east=float(velocity[1]),
+            surge=float(self._body[0]),
+            sway=float(self._body[1]),
+            heave=heave,
+            depth_rate=rate,
         )
 
-    def _through_water(self, sample: Mapping[str, float]) -> Array:
-        """North and east [m/s] through the water, (2,); see `dead_reckoning.rotate_to_ned`."""
+    def _through_water(self, sample: Mapping[str, float]) -> tuple[Array, float, float]:
+        """North and east through the water, (2,), heave and depth rate, all [m/s].
+
+        As `dead_reckoning.horizontal_velocity`, of one sample.
+        """
         roll, pitch, heading = (math.radians(sample[name]) for name in ATTITUDE)
         depth = sample[DEPTH]
         rate = (depth - self._depth) / self.period if self._count else 0.0
         self._depth = depth
         s_roll, c_roll = math.sin(roll), math.cos(roll)
         s_pitch, c_pitch = math.sin(pitch), math.cos(pitch)
-        surge, sway, heave = self._body
+        surge, sway, heave = self._body.tolist()
         if math.isnan(heave):
             cosine = c_pitch * c_roll
             rest = rate + surge * s_pitch - sway * c_pitch * s_roll
@@ -192,7 +207,7 @@ class Navigator:
         starboard = sway * c_roll - heave * s_roll
         c_head, s_head = math.cos(heading), math.sin(heading)
         north = forward * c_head - starboard * s_head
-        return np.array([north, forward * s_head + starboard * c_head])
+        return np.array([north, forward * s_head + starboard * c_head]), heave, rate
 
     def _update(self, *, known: bool) -> None:
         """Bring the filter to this sample; `known`: the motion since its last step is."""

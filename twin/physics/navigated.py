@@ -125,6 +125,10 @@ class OnBoard:
                 self._altitude = OUT_OF_REACH
         return self.belief
 
+    def seen(self, name: str) -> float:
+        """The last reading of a channel, in the schema's unit."""
+        return self._sample[name]
+
     def observe(self, time: float) -> Observation:
         """What guidance sees at `time` [s], from the last sample."""
         assert self.belief is not None

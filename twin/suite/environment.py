@@ -10,6 +10,9 @@ import numpy as np
 from dm_control.rl import control
 
 from twin.errors import InputError
+from twin.navigation.estimator import VelocityEstimator
+from twin.navigation.settings import Navigation
+from twin.suite.believed import Believed
 from twin.suite.physics import Physics
 from twin.suite.task import GliderTask
 
@@ -28,14 +31,43 @@ class Environment(control.Environment):
         task: GliderTask,
         *,
         raise_on_instability: bool = False,
+        navigate: str | VelocityEstimator | Navigation | None = None,
         **settings: Any,
     ):
+        """See `control.Environment` for the other settings.
+
+        Args:
+          navigate: what observations show, as `Scenario.navigate`: the truth, or what is known on
+            board. Rewards and the ends of episodes go by the truth. A Navigation's own seed is not
+            used: every episode draws one from the task's `random`.
+
+        Raises:
+          InputError: there is no such estimator, or the episodes have no time limit.
+        """
+        navigation = Navigation.of(navigate)
         super().__init__(physics, task, **settings)
+        task.believed = None
+        if navigation is not None:
+            if not np.isfinite(self._step_limit):
+                raise InputError(
+                    "a navigated environment needs a time limit: its sensors' errors are drawn "
+                    "for an episode"
+                )
+            task.believed = Believed(
+                task.vehicle,
+                navigation,
+                period=self._n_sub_steps * physics.timestep(),
+                samples=int(self._step_limit) + 2,
+                random=task.random,
+            )
+        self._believed = task.believed
         self._raise_on_instability = raise_on_instability
         self._last_observation: Mapping[str, Any] = {}
 
     def reset(self) -> dm_env.TimeStep:
         """Start a new episode."""
+        if self._believed is not None:
+            self._believed.restart()
         return self._remember(super().reset())
 
     def step(self, action: Any) -> dm_env.TimeStep:

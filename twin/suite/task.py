@@ -17,6 +17,7 @@ from twin.errors import InputError, VehicleError
 from twin.mission.way import Way
 from twin.mission.way import way as steady_way
 from twin.physics.start import Start
+from twin.suite.believed import Believed
 from twin.suite.physics import Physics
 from twin.vehicle.vehicle import Vehicle
 
@@ -90,6 +91,8 @@ class GliderTask(base.Task):
             self.cruise_mass = vehicle.net_mass_for_pump(float(volume))
         self.cruise = self.way(-self.cruise_pitch)
         self._colour: Array | None = None
+        self.believed: Believed | None = None
+        """What observations are made of in place of the truth, in a navigated environment."""
 
     # --- actions ------------------------------------------------------------------------------
 
@@ -193,9 +196,14 @@ class GliderTask(base.Task):
         )
 
     def get_observation(self, physics: Physics) -> Observation:
-        """The vehicle's state and then what the task asks for."""
-        observation = self.observe_vehicle(physics)
-        observation.update(self.observe_goal(physics))
+        """The vehicle's state and then what the task asks for; as it is believed on board where the
+        environment is navigated."""
+        seen: Any = physics
+        if self.believed is not None:
+            self.believed.look(physics)
+            seen = self.believed
+        observation = self.observe_vehicle(seen)
+        observation.update(self.observe_goal(seen))
         return observation
 
     def observe_goal(self, physics: Physics) -> dict[str, Array]:

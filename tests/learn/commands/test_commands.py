@@ -78,6 +78,7 @@ def test_fit_writes_everything_a_run_needs(here):
     folder = here / "runs" / "first"
     assert {p.name for p in folder.iterdir()} == {
         *("run.json", "metrics.jsonl", "evaluation.json", "README.md", "report"),
+        "checksums.json",
         *(f"{target}-0{end}" for target in ("surge", "sway") for end in (".json", ".safetensors")),
     }
     run = open_run(folder)
@@ -195,6 +196,7 @@ def test_ablation_trains_without_each_group(here, capsys):
     assert set(json.loads((folder / "ablation.json").read_text())) == {
         "without imu",
         "without controls",
+        "sha256",
     }
     assert "Ablation" in (folder / "report" / "index.html").read_text()
 

@@ -347,3 +347,13 @@ def alive(pid):
     except OSError:
         return False
     return text.rpartition(")")[2].split()[0] != "Z"
+
+
+def test_what_a_kill_left_of_a_replacement_is_no_run(here):
+    """It was being removed when its description was gone."""
+    left = training_folder(here / "runs" / "done", replace=True)
+    left.mkdir(parents=True)
+    (left / "surge-0.safetensors").touch()
+    run = fit(small_config("s.zarr"), here / "runs" / "done", replace=True, resume=True)
+    assert run.networks()
+    assert not left.parent.exists()

@@ -141,7 +141,18 @@ def test_geojson_holds_points_ellipses_and_the_track(steps) -> None:
     assert points[0] == pytest.approx(points[-1])
     surfacing = steps[-1].surfacings[0]
     assert points.mean(axis=0) == pytest.approx([surfacing.longitude, surfacing.latitude], abs=2e-3)
+    x, y = points.T
+    assert np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) > 0.0  # counterclockwise, as RFC 7946 has it
     json.dumps(document, allow_nan=False)
+
+
+def test_the_date_line_tears_nothing() -> None:
+    place = Origin(latitude_deg=-45.0, longitude_deg=179.99, time=PLACE.time)
+    flights = [_flight((0.0, east)) for east in (500.0, 1500.0, 2500.0)]
+    (one,) = surfacings_of(flights, place)
+    assert one.longitude == pytest.approx(-179.991, abs=0.002)
+    ring = one.ring(NINETY, place)
+    assert np.abs(np.diff(ring[:, 0])).max() < 0.1
 
 
 def test_the_page_needs_no_network_and_shows_every_surfacing(steps, tmp_path) -> None:
@@ -223,6 +234,9 @@ def test_the_command_begins_at_the_last_fix_of_the_logs(store, tmp_path, capsys)
         (["--from", "36.8,-122.4,2026-11-22", "--goto", "37 -122"], "write LAT,LON"),
         (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--members", "1"], "members"),
         (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--way", "modle"], "model"),
+        (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--way", "log"], "for --logs"),
+        (["--from", "36.8,-122.4,2026-11-22", "--mission", "field", "--depth", "9"], "for --goto"),
+        (["--from", "1,2,2026-11-22", "--goto", "3,4", "--current-error", "1"], "for --current"),
     ],
 )
 def test_what_cannot_be_forecast_is_refused_in_a_line(words, message, capsys) -> None:

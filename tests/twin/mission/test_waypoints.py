@@ -128,6 +128,21 @@ def test_a_list_of_targets_is_flown_in_order_with_degrees_and_metres():
     assert again.run_time() == scenario.run_time()
 
 
+def test_a_held_target_is_a_virtual_mooring():
+    """Yos about the place in a cross current, with a fix now and then."""
+    segment = to_waypoint({"north_m": 300.0, "east_m": 0.0}, surface_after_yos=2.0)
+    mission = Mission(segments=(segment,), at_end="hold", duration_s=9000.0)
+    run = twin.simulate(
+        twin.Scenario(plan=mission, current=twin.Uniform(north=0.0, east=0.08), sample_period=5.0)
+    )
+    late = run.time > 3000.0
+    away = np.hypot(*(run.position[late, :2] - [300.0, 0.0]).T)
+    assert away.max() < 450.0
+    # without anyone flying it, the current would have taken it 480 m from there
+    dives = np.diff((run["true_depth"][late] > 30.0).astype(int)) == 1
+    assert dives.sum() >= 6
+
+
 def test_python_guidance_flies_it_as_the_native_one():
     mission = Mission(segments=(to_waypoint(surface_after_s=900.0),), start_heading_deg=90.0)
     water = twin.Uniform(north=0.05, east=0.0)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import twin
+from twin.__main__ import PROGRAM
 from twin.errors import InputError
 from twin.mission.controller import Command
 from twin.mission.segments import Waypoint
@@ -234,3 +235,17 @@ def test_native_loops_refuse_navigated_scenarios():
     with pytest.raises(InputError, match="leave sensors, seed and bottom_depth out"):
         twin.simulate(scenario, sensors="field")
     assert Scenario(navigate="truth", duration=1.0).navigate is None
+
+
+def test_the_command_says_how_far_the_belief_was_off(tmp_path, capsys):
+    out = tmp_path / "run.zarr"
+    arguments = ["simulate", "--duration", "60", "--navigate", "ekf", "--seed", "2", "--json"]
+    assert PROGRAM.main([*arguments, "--out", str(out)]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert 0.0 < figures["onboard_error_end_m"] <= figures["onboard_error_max_m"] < 20.0
+    store = twin.open_store(out)
+    assert "measured_onboard_north" in store
+    assert PROGRAM.main(["simulate", "--duration", "60", "--navigate", "efk"]) == 2
+    assert "did you mean 'ekf'" in capsys.readouterr().err
+    assert PROGRAM.main(["simulate", "--duration", "60", "--seed", "2"]) == 2
+    assert "--seed is for the sensors" in capsys.readouterr().err

@@ -34,6 +34,7 @@ WPT_DIST = 7.0
 USUAL_RADIUS_M = 10.0
 FOREVER, ONCE = -1.0, -2.0
 """num_legs_to_run"""
+MOST_LEGS = 1000
 LAST_ACHIEVED, CLOSEST = -1.0, -2.0
 """initial_wpt"""
 LAT_LONG = 2.0
@@ -242,11 +243,13 @@ def _list(goto: Behavior, notes: list[str]) -> dict[str, Any]:
         notes.append(f"{goto.label}: num_legs_to_run -1 is for ever: the list is flown once")
     elif legs == ONCE:
         round_trip = places[int(first) :]
-    elif legs > 0.0:
+    elif 0.0 < legs <= MOST_LEGS:
         turns = math.ceil(legs / len(round_trip))
         round_trip = (round_trip * turns)[: int(legs)]
     else:
-        raise MissionError(f"{goto.label}: num_legs_to_run {legs:g}: give -2, -1 or a number")
+        raise MissionError(
+            f"{goto.label}: num_legs_to_run {legs:g}: give -2, -1 or a number up to {MOST_LEGS}"
+        )
     stop, radius = arguments.pop("list_stop_when", WPT_DIST), USUAL_RADIUS_M
     if stop != WPT_DIST:
         notes.append(f"{goto.label}: list_stop_when {stop:g} is flown as 7, by distance")

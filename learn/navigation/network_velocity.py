@@ -1,0 +1,129 @@
+"""Network velocity: a trained run on board, sample by sample: features, networks, scales."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Self
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from learn.networks.predictor import Ensemble
+from learn.runs.run import TARGETS, open_run
+from twin.errors import InputError
+from twin.navigation.estimator import BodyVelocity, State, VelocityEstimator
+from twin.navigation.features import FeatureSteps
+from twin.vehicle.vehicle import Vehicle
+
+
+class NetworkVelocity(VelocityEstimator):
+    """Surge and sway by the networks of a run, equal to `Run.predict` to rounding of float32.
+
+    The spread over the members of an ensemble is the claimed deviation. Heave is left to the depth
+    rate.
+    """
+
+    kind = "network"
+    summary = "networks of a run of `learn fit`: network:RUN"
+
+    def __init__(self, networks: Mapping[str, Ensemble], period: float):
+        """Begin before the first sample.
+
+        Args:
+          networks: `surge` and `sway`.
+          period: [s] between the samples that they were trained on.
+        """
+        self.period = period
+        self._members = {name: networks[name].members for name in TARGETS}
+        names = dict.fromkeys(
+            feature
+            for members in self._members.values()
+            for one in members
+            for feature in one.features
+        )
+        self._features = FeatureSteps(list(names), period)
+        self.channels = self._features.channels
+        place = {name: k for k, name in enumerate(names)}
+        self._columns = {
+            name: [np.array([place[f] for f in one.features], int) for one in members]
+            for name, members in self._members.items()
+        }
+        for members in self._members.values():
+            for one in members:
+                one.network.eval()
+        self.reset()
+
+    @classmethod
+    def open(cls, argument: str, vehicle: Vehicle, period: float) -> Self:
+        """The networks of the run in the folder `argument`, at the period of their training.
+
+        Raises:
+          InputError: no folder is given. StoreError: there is no run in it.
+        """
+        if not argument:
+            raise InputError("the estimator network needs a run: network:runs/NAME")
+        run = open_run(argument)
+        return cls(run.networks(), run.period)
+
+    def reset(self) -> None:
+        """See `VelocityEstimator`."""
+        self._features.reset()
+        self._states = {
+            name: [one.network.initial_state(1) for one in members]
+            for name, members in self._members.items()
+        }
+
+    def step(self, sample: Mapping[str, float]) -> BodyVelocity:
+        """See `VelocityEstimator`.
+
+        Raises:
+          InputError: a channel is missing or not finite.
+        """
+        seen = self._features.step(sample).astype(np.float32)
+        mean, variance = {}, {}
+        with torch.inference_mode():
+            for name, members in self._members.items():
+                said = []
+                for k, one in enumerate(members):
+                    scaled = one.normalisation.inputs(seen[self._columns[name][k]])
+                    y, self._states[name][k] = one.network.step(
+                        torch.from_numpy(scaled)[None], self._states[name][k]
+                    )
+                    scales = one.normalisation
+                    said.append(scales.target_scale * float(y[0, 0]) + scales.target_mean)
+                mean[name] = float(np.mean(said))
+                variance[name] = float(np.var(said, ddof=1)) if len(said) > 1 else None
+        spread = [variance[name] for name in TARGETS]
+        covariance = None
+        if all(one is not None for one in spread):
+            covariance = np.diag(np.array([*spread, spread[0]], np.float64))
+        return BodyVelocity(surge=mean["surge"], sway=mean["sway"], covariance=covariance)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """See `VelocityEstimator`."""
+        found: dict[str, NDArray[Any]] = {
+            f"features:{name}": value for name, value in self._features.state().items()
+        }
+        for name, states in self._states.items():
+            found |= {f"{name}-{k}": one.cpu().numpy().copy() for k, one in enumerate(states)}
+        return found
+
+    def restore(self, state: State) -> None:
+        """See `VelocityEstimator`.
+
+        Raises:
+          InputError: it is of other networks.
+        """
+        for name, states in self._states.items():
+            for k, one in enumerate(states):
+                saved = state.get(f"{name}-{k}")
+                if saved is None or saved.shape != tuple(one.shape):
+                    raise InputError(
+                        "this state is of other networks: open the run that it was saved of"
+                    )
+                states[k] = torch.from_numpy(np.array(saved, np.float32))
+        prefix = "features:"
+        self._features.restore(
+            {k[len(prefix) :]: v for k, v in state.items() if k.startswith(prefix)}
+        )
