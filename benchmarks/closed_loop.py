@@ -90,9 +90,11 @@ def main() -> None:
     parser.add_argument("--side", type=float, default=2000.0, help="[m] of the box")
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--estimator", default="ekf")
+    parser.add_argument("--sensors", choices=tuple(GOALS), help="one suite; default: both")
     parser.add_argument("--json", action="store_true", help="print every round")
     options = parser.parse_args()
-    for sensors, goal in GOALS.items():
+    for sensors in [options.sensors] if options.sensors else GOALS:
+        goal = GOALS[sensors]
         rounds = [fly(options.side, sensors, k, options.estimator) for k in range(options.seeds)]
         if options.json:
             print(json.dumps([dataclasses.asdict(one) for one in rounds]))

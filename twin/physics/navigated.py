@@ -19,6 +19,7 @@ from twin.mission.controller import MissionController, Observation
 from twin.mission.plan import Mission
 from twin.navigation.navigator import ATTITUDE, DEPTH, FIX, NavigationState, Navigator
 from twin.navigation.settings import Navigation
+from twin.physics.part_signals import declare_parts
 from twin.sensors.base import Surroundings
 from twin.sensors.live import LiveSuite
 
@@ -62,6 +63,7 @@ class OnBoard:
         assert isinstance(settings, Navigation)
         suite = settings.suite
         self.vehicle, self.period = scenario.vehicle, scenario.sample_period
+        declare_parts(self.vehicle)
         estimator = settings.open(scenario.believed_vehicle, self.period)
         begin = scenario.begin
         self.navigator = Navigator(

@@ -249,3 +249,21 @@ def test_the_command_says_how_far_the_belief_was_off(tmp_path, capsys):
     assert "did you mean 'ekf'" in capsys.readouterr().err
     assert PROGRAM.main(["simulate", "--duration", "60", "--seed", "2"]) == 2
     assert "--seed is for the sensors" in capsys.readouterr().err
+
+
+def test_a_propelled_vehicle_goes_by_its_doppler_log():
+    """In bottom lock the log sees the current, too, and no filter adds it again."""
+    navigate = Navigation(sensors="survey-field", seed=2)
+    run = Simulation(
+        Scenario(
+            vehicle=twin.load_vehicle("tethys"),
+            plan=twin.load_mission("transects"),
+            floor=twin.parse_floor("depth:60"),
+            current=twin.parse_current("uniform:0.1,-0.1"),
+            duration=300.0,
+            navigate=navigate,
+        )
+    ).run()
+    way = np.hypot(np.diff(run["true_north"]), np.diff(run["true_east"])).sum()
+    assert way > 150.0
+    assert error(run, -1) < 0.03 * way + 2.0

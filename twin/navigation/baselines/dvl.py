@@ -140,25 +140,42 @@ class Dvl(Baseline):
 
 
 class DvlSteps(BaselineSteps):
-    """The Doppler log under way."""
+    """The Doppler log under way.
+
+    Of a vehicle whose flight is not modelled the last velocity that the log measured holds: through
+    the water in water lock, over ground in bottom lock, where a navigator then finds no current.
+    """
 
     baseline: Dvl
 
     def step(self, sample: Mapping[str, float]) -> BodyVelocity:
-        """See `VelocityEstimator`; without any lock the flight model's, or at rest."""
+        """See `VelocityEstimator`; without any lock a glider's flight model's."""
         self.recent.add(sample)
         if self.recent.count < 2:
             return BodyVelocity(surge=0.0, sway=0.0)
         signals = self.recent.signals()
+        if no_glider(self.baseline.vehicle):
+            return _last_measured(signals)
         found = self.baseline._estimate(signals, self.period, 0.0)
         if found.surge is not None and found.sway is not None:
             return BodyVelocity(surge=float(found.surge[-1]), sway=float(found.sway[-1]))
-        if no_glider(self.baseline.vehicle):
-            return BodyVelocity(surge=0.0, sway=0.0)
         flight = SteadyFlight(vehicle=self.baseline.vehicle).estimate(signals, self.period)
         assert flight.surge is not None
         assert flight.sway is not None
         return BodyVelocity(surge=float(flight.surge[-1]), sway=float(flight.sway[-1]))
+
+
+def _last_measured(signals: Signals) -> BodyVelocity:
+    """The log's last velocity that is no outlier; at rest before the first."""
+    names = [f"measured_dvl_{n}" for n in ("surge", "sway", "heave")]
+    log = np.stack([np.asarray(signals[name], float) for name in names], axis=1)
+    good = np.isfinite(log).all(axis=1) & (np.nan_to_num(signals["measured_dvl_mode"]) > 0.0)
+    for i in range(3):
+        good &= ~spikes(np.nan_to_num(log[:, i]), good)
+    if not good.any():
+        return BodyVelocity(surge=0.0, sway=0.0)
+    surge, sway, heave = log[np.flatnonzero(good)[-1]]
+    return BodyVelocity(surge=float(surge), sway=float(sway), heave=float(heave))
 
 
 def _filled(values: Array, valid: Mask, fallback: Array | None, period: float) -> Array:

@@ -75,4 +75,4 @@ class ByDvl(ByBaseline):
     """See `twin.navigation.baselines.dvl`."""
 
     kind = baseline = "dvl"
-    summary = "Doppler log in water lock, else the flight model or the last velocity"
+    summary = "Doppler log, filled by a glider's flight model or else by its last velocity"
