@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -33,6 +33,9 @@ class Flight(JsonOption):
     estimator: str = "flight"
     """of the velocity through the water: flight (with inertia), steady (forces in balance), or one
     that a package or a file of your own adds, as NAME or NAME:ARGUMENT"""
+    track: Literal["smoother", "linear"] = "smoother"
+    """correction of the track at the fixes: smoother (with the current, by all fixes of a
+    deployment), or linear (each dive's misclosure spread in time, for comparison)"""
     no_thermal_lag: bool = False
     """take the CTD's salinity and density as stored, without looking for its thermal lag"""
 
@@ -57,6 +60,7 @@ class Flight(JsonOption):
                 missions=rows,
                 estimator=self.estimator,
                 thermal_lag=not self.no_thermal_lag,
+                track=self.track,
                 advance=progress.update,
             )
         write_flight(found, self.out, overwrite=self.overwrite)
@@ -104,6 +108,7 @@ class Flight(JsonOption):
             out=self.out,
             vehicle=found.calibration.vehicle.name,
             estimator=found.estimator,
+            track=found.track,
             missions=len(found.missions),
             flown=len(found.flown),
             samples=summary.samples,

@@ -12,7 +12,7 @@ from twin.flight.flight import Flight, FlownMission, estimate_flight
 from twin.flight.logged_trajectory import logged_trajectory
 from twin.flight.summary import FlightSummary
 from twin.flight.thermal_lag import ThermalLag
-from twin.flight.track import Drift, corrected_track
+from twin.flight.track import Drift, corrected_track, linear_track
 
 __all__ = [
     "DiveCurrent",
@@ -25,6 +25,7 @@ __all__ = [
     "corrected_track",
     "estimate_flight",
     "flight_dataset",
+    "linear_track",
     "logged_trajectory",
     "write_flight",
 ]

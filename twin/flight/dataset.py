@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.flight.flight import Flight
+from twin.flight.track import LINEAR, SMOOTHER
 from twin.records.attributes import (
     COMMENT,
     DEPLOYMENT,
@@ -81,11 +82,23 @@ COMMENTS = {
     "missing above 3 m, in gaps of the log and while the model settles; "
     "not to be trusted to better than 0.01 m s-1: w_profile_difference_m_s is the largest "
     "difference of dives and climbs in a bin of depth",
-    "position_sd": "of the fix at a fix; between two fixes of a random walk that the change of "
-    "the depth-averaged current from dive to dive sets",
-    "latitude": "dead-reckoned, the misclosure at each fix spread linearly in time",
-    "longitude": "dead-reckoned, the misclosure at each fix spread linearly in time",
 }
+SMOOTHED = "dead-reckoned, smoothed with the current by all fixes of the deployment"
+SPREAD = "dead-reckoned, the misclosure at each fix spread linearly in time"
+TRACK_COMMENTS = {
+    SMOOTHER: {
+        "position_sd": "of the fix at a fix; elsewhere of the smoother",
+        "latitude": SMOOTHED,
+        "longitude": SMOOTHED,
+    },
+    LINEAR: {
+        "position_sd": "of the fix at a fix; between two fixes of a random walk that the change of "
+        "the depth-averaged current from dive to dive sets",
+        "latitude": SPREAD,
+        "longitude": SPREAD,
+    },
+}
+"""By the correction at the fixes"""
 PER_DIVE: dict[str, tuple[str, str, str | None]] = {
     "dac_north": (
         "m s-1", "depth-averaged current, northward", "northward_sea_water_velocity"
@@ -226,8 +239,9 @@ def _attributes(flight: Flight, name: str) -> dict[str, Any]:
     attributes: dict[str, Any] = {"units": units, "long_name": long_name}
     if standard:
         attributes["standard_name"] = standard
-    if name in COMMENTS:
-        attributes["comment"] = COMMENTS[name]
+    comments = COMMENTS | TRACK_COMMENTS[flight.track]
+    if name in comments:
+        attributes["comment"] = comments[name]
     if name not in ("latitude", "longitude") and any(one.place.known for one in flight.missions):
         attributes["coordinates"] = "latitude longitude"
     return attributes

@@ -8,7 +8,7 @@ flight_dataset(found)["w_water"]
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +19,17 @@ from twin.flight.current import DiveCurrent, currents, drift_of
 from twin.flight.dive import FlownDive, fly_dive, still
 from twin.flight.estimators import FlightEstimator, open_estimator
 from twin.flight.fixes import Fixes, fixes_of
+from twin.flight.phase_speed import phase_duration, phase_speed
 from twin.flight.place import Place, places_of
+from twin.flight.smoothed_track import PHASE, Way
 from twin.flight.summary import FlightSummary, summarise
 from twin.flight.thermal_lag import ThermalLag
-from twin.flight.track import Drift, corrected_track
+from twin.flight.track import (
+    SMOOTHER,
+    check_correction,
+    corrected_tracks,
+    linear_track,
+)
 from twin.identify.calibration import Calibration, load_calibration
 from twin.identify.logged import load_logs
 from twin.identify.start import start_vehicle
@@ -57,6 +64,8 @@ class Flight:
     store: MissionStore
     calibration: Calibration
     estimator: str
+    track: str
+    """How tracks are corrected at the fixes"""
     missions: tuple[FlownMission, ...]
     currents: tuple[DiveCurrent, ...]
     """of all dives between fixes, in the order of the missions"""
@@ -77,6 +86,7 @@ def estimate_flight(
     missions: Sequence[int] | None = None,
     estimator: str | FlightEstimator = "flight",
     thermal_lag: bool = True,
+    track: str = SMOOTHER,
     advance: Callable[[], object] = lambda: None,
 ) -> Flight:
     """Speed through the water, vertical water velocity, currents and corrected tracks of a store.
@@ -87,14 +97,17 @@ def estimate_flight(
         shipped one of the log's kind, or a simulated store's own.
       missions: which, all by default.
       estimator: of the velocity through the water, or its name.
+      track: correction at the fixes, `smoother` or `linear`.
       thermal_lag: whether to look for the CTD's thermal lag and to correct it.
       advance: called once for each mission that is done.
 
     Raises:
       StoreError: no such store or mission, a missing channel, or no dive in any of them.
       VehicleError: no such vehicle, or one whose flight is not modelled.
-      InputError: an unknown estimator, or a log that does not say which glider it is of.
+      InputError: an unknown estimator or correction, or a log that does not say which glider it
+        is of.
     """
+    check_correction(track)
     if isinstance(vehicle, Calibration):
         calibration = vehicle
     else:
@@ -131,33 +144,77 @@ def estimate_flight(
         for mission, dive in dives.items()
         if mission in logs
     }
-    drifts: dict[str, Drift] = {}
-    for name in dict.fromkeys(deployments[mission] for mission in chosen):
-        own_dacs = [d for m in chosen if deployments[m] == name for d in dacs.get(m, [])]
-        drifts[name] = drift_of(sorted(own_dacs, key=lambda one: (one.start, one.mission)))
-    flown = []
-    for mission in chosen:
-        position, deviation = corrected_track(
-            dives[mission].velocity, found.period, fixes[mission], drifts[deployments[mission]]
+    names = {name: [m for m in chosen if deployments[m] == name] for name in
+             dict.fromkeys(deployments[mission] for mission in chosen)}  # fmt: skip
+    tracks = _tracks(found, list(names.values()), dives, fixes, dacs, places, track, way)
+    flown = [
+        FlownMission(
+            dive=dives[mission],
+            place=places[mission],
+            fixes=fixes[mission],
+            position=tracks[mission][0],
+            deviation=tracks[mission][1],
         )
-        flown.append(
-            FlownMission(
-                dive=dives[mission],
-                place=places[mission],
-                fixes=fixes[mission],
-                position=position,
-                deviation=deviation,
-            )
-        )
+        for mission in chosen
+    ]
     return Flight(
         store=found,
         calibration=calibration,
         estimator=way.kind,
+        track=track,
         missions=tuple(flown),
         currents=tuple(d for mission in chosen for d in dacs.get(mission, [])),
         lags=lags,
         flown=tuple(mission for mission in chosen if mission in logs),
     )
+
+
+def _tracks(
+    store: MissionStore,
+    deployments: Sequence[Sequence[int]],
+    dives: Mapping[int, FlownDive],
+    fixes: Mapping[int, Fixes],
+    dacs: Mapping[int, Sequence[DiveCurrent]],
+    places: Mapping[int, Place],
+    correction: str,
+    estimator: FlightEstimator,
+) -> dict[int, tuple[Array, Array]]:
+    """Corrected track and its deviation by mission.
+
+    A mission that no model can fly moved with the water as far as anybody knows: it has the linear
+    correction, and the smoother does not learn from it.
+    """
+    tracks: dict[int, tuple[Array, Array]] = {}
+    starts = start_times(store)
+    records, rows, latitudes = [], [], []
+    for own in deployments:
+        flown = [m for m in own if dives[m].motion is not None and correction == SMOOTHER]
+        if len(flown) < len(own):
+            every = [d for m in own for d in dacs.get(m, [])]
+            drift = drift_of(sorted(every, key=lambda one: (one.start, one.mission)))
+            for m in sorted({*own} - {*flown}):
+                tracks[m] = linear_track(dives[m].velocity, store.period, fixes[m], drift)
+        if not flown:
+            continue
+        modelled = [dives[m] for m in flown] if estimator.modelled else []
+        speed = phase_speed(modelled, store.period)
+        records.append(
+            [
+                Way(
+                    velocity=speed.scaled(dives[m]),
+                    fixes=fixes[m],
+                    start=float(starts[m]),
+                    phase=phase_duration(dives[m], store.period) or PHASE,
+                )
+                for m in flown
+            ]
+        )
+        rows.append(flown)
+        latitudes.append(float(np.median([places[m].latitude for m in flown])))
+    smoothed = corrected_tracks(records, store.period, latitudes)
+    for flown, answers in zip(rows, smoothed, strict=True):
+        tracks |= dict(zip(flown, answers, strict=True))
+    return tracks
 
 
 def _deployments(store: MissionStore) -> list[str]:

@@ -1,24 +1,31 @@
 """Track: the way over ground, dead-reckoned and corrected at the fixes.
 
-Between two fixes a dead-reckoned track misses the second by the way that the current and the errors
-of the speed have made. That misclosure is spread linearly in time, which is a current constant from
-fix to fix. How far the truth strays from it in between is taken for a random walk, tied to both
-fixes (a Brownian bridge): its variance is d t (T - t) / T, t after one fix and T from fix to fix.
-The diffusivity d follows from how much the depth-averaged current changes from dive to dive
-(`twin.flight.current`).
+Two corrections: `smoother`, a current filter over all fixes of a deployment
+(`twin.flight.smoothed_track`), which `twin flight` and exports use; and `linear`, for comparison
+and for quick looks.
 
-Whatever reads a corrected track asks `corrected_track` for it.
+The linear one: between two fixes a dead-reckoned track misses the second by the way that the
+current and the errors of the speed have made. That misclosure is spread linearly in time, which is
+a current constant from fix to fix. How far the truth strays from it in between is taken for a
+random walk, tied to both fixes (a Brownian bridge): its variance is d t (T - t) / T, t after one
+fix and T from fix to fix. The diffusivity d follows from how much the depth-averaged current
+changes from dive to dive (`twin.flight.current`).
+
+Whatever reads a corrected track asks this module for it.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import UnknownName
 from twin.flight.fixes import Fixes
+from twin.flight.smoothed_track import Way, smoothed_tracks, track_parameters
 
 Array = NDArray[np.float64]
 
@@ -39,19 +46,63 @@ class Drift:
     """North, east [m/s] that hold for a mission without two fixes."""
 
 
+SMOOTHER, LINEAR = "smoother", "linear"
+CORRECTIONS = (SMOOTHER, LINEAR)
+NOMINAL_LATITUDE = 45.0
+"""[degree] for the inertial period of a log without a position"""
+
+
+def check_correction(name: str) -> None:
+    """Raise UnknownName for a correction that there is not."""
+    if name not in CORRECTIONS:
+        raise UnknownName("correction of tracks", name, CORRECTIONS)
+
+
+def corrected_tracks(
+    records: Sequence[Sequence[Way]], period: float, latitudes: Sequence[float]
+) -> list[list[tuple[Array, Array]]]:
+    """Smoothed positions and deviations of the ways of several deployments.
+
+    Args:
+      records: the ways of each deployment, all in the same kind of water: the missions of one
+        store. Each is smoothed on its own, with parameters that all of them tell.
+      period: [s] between samples.
+      latitudes: [degree] of each deployment; `NOMINAL_LATITUDE` where one is NaN.
+    """
+    places = [x if np.isfinite(x) else NOMINAL_LATITUDE for x in latitudes]
+    if not records:
+        return []
+    parameters = track_parameters(records, period, float(np.median(places)))
+    return [
+        smoothed_tracks(ways, period, latitude, parameters)
+        for ways, latitude in zip(records, places, strict=True)
+    ]
+
+
 def corrected_track(
-    velocity: Array, period: float, fixes: Fixes, drift: Drift
+    velocity: Array, period: float, fixes: Fixes, latitude: float = NOMINAL_LATITUDE
 ) -> tuple[Array, Array]:
-    """Position north and east [m], (time, 2), and its standard deviation [m], (time,), each way.
+    """Smoothed position north and east [m], (time, 2), and its deviation [m], each way, (time,).
+
+    Args:
+      velocity: north, east through the water [m/s], (time, 2).
+      period: [s] between samples.
+      fixes: of the same mission. Without any the track begins at the origin.
+      latitude: [degree]
+    """
+    way = Way(velocity=velocity, fixes=fixes, start=0.0)
+    return corrected_tracks([[way]], period, [latitude])[0][0]
+
+
+def linear_track(velocity: Array, period: float, fixes: Fixes, drift: Drift) -> tuple[Array, Array]:
+    """Linearly corrected position north and east [m], (time, 2), and its deviation [m], (time,).
 
     At a fix the position is the fix. Before the first and after the last one the current of the
     interval between the nearest fixes holds, or `drift.usual` where there is none of
     `LEAST_INTERVAL`. Without any fix the track begins at the origin.
 
     Args:
-      velocity: north, east through the water [m/s], (time, 2).
-      period: [s] between samples.
-      fixes: of the same mission.
+      velocity, period, fixes: as `corrected_track`.
       drift: for the deviation, and for the current where two fixes do not tell.
     """
     steps = 0.5 * period * (velocity[1:] + velocity[:-1])

@@ -14,17 +14,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import TwinError
-from twin.flight import DiveCurrent, Drift, Fixes, corrected_track, estimate_flight
+from twin.flight import (
+    DiveCurrent,
+    Drift,
+    Fixes,
+    corrected_track,
+    estimate_flight,
+    linear_track,
+)
 from twin.flight.current import USUAL_CHANGE, USUAL_DURATION
 from twin.flight.dive import FlownDive
 from twin.flight.fixes import fixes_of
+from twin.flight.place import place_of
 from twin.flight.track import track_velocity
 from twin.records.reader import MissionStore
 
 Array = NDArray[np.float64]
 
-BY_MODEL = "dead-reckoned by a flight model, misclosure at the GPS fixes spread linearly in time"
-ON_BOARD = "on-board dead reckoning, misclosure at the GPS fixes spread linearly in time"
+BY_MODEL = "dead-reckoned by a flight model, smoothed with the current by all GPS fixes"
+ON_BOARD = "on-board dead reckoning, smoothed with the current by the GPS fixes"
 STRAIGHT = "straight line between GPS fixes"
 UNKNOWN = "unknown: no GPS fix and no track"
 
@@ -102,8 +110,12 @@ def _unmodelled(run: MissionStore, mission: int) -> Track:
     method = ON_BOARD
     if velocity is None:
         velocity, method = np.zeros((int(run.samples[mission]), 2)), STRAIGHT
-    usual = Drift(diffusivity=0.5 * USUAL_CHANGE**2 * USUAL_DURATION, change=USUAL_CHANGE)
-    position, deviation = corrected_track(velocity, run.period, fixes, usual)
+    if method == STRAIGHT:
+        usual = Drift(diffusivity=0.5 * USUAL_CHANGE**2 * USUAL_DURATION, change=USUAL_CHANGE)
+        position, deviation = linear_track(velocity, run.period, fixes, usual)
+    else:
+        latitude = place_of(run, mission).latitude
+        position, deviation = corrected_track(velocity, run.period, fixes, latitude)
     if method == STRAIGHT and not len(fixes):
         position[:], deviation[:], method = np.nan, np.nan, UNKNOWN
     return Track(

@@ -51,7 +51,7 @@ def row_positions(
       driven: part of the time with the thruster on: then the depth rate says nothing of the speed.
     """
     from twin.flight.fixes import Fixes
-    from twin.flight.track import Drift, corrected_track, track_velocity
+    from twin.flight.track import Drift, linear_track, track_velocity
 
     count = len(signals["measured_gap"])
     nowhere = Positions(
@@ -73,7 +73,7 @@ def row_positions(
             velocity, method = track_velocity(track, period, fixes), "onboard_track"
     if velocity is None:
         velocity, method = np.zeros((count, 2)), "straight_line"
-    track, _ = corrected_track(velocity, period, fixes, Drift(diffusivity=0.0, change=0.0))
+    track, _ = linear_track(velocity, period, fixes, Drift(diffusivity=0.0, change=0.0))
     if method == "straight_line":
         track[: sample[0]], track[sample[-1] + 1 :] = np.nan, np.nan
     latitude, longitude = position(track[:, 0], track[:, 1], *origin)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from twin.flight import Drift, Fixes, corrected_track
+from twin.flight import Drift, Fixes, linear_track
 from twin.flight.current import USUAL_CHANGE, currents, drift_of
 
 PERIOD = 2.0
@@ -25,7 +25,7 @@ def fixes(sample: list[int], position: list[tuple[float, float]]) -> Fixes:
 def test_the_track_goes_through_every_fix_and_bends_between_as_the_dead_reckoning_does() -> None:
     velocity = through_water()
     given = fixes([10, 300, 590], [(5.0, -3.0), (120.0, 60.0), (100.0, 250.0)])
-    position, deviation = corrected_track(velocity, PERIOD, given, DRIFT)
+    position, deviation = linear_track(velocity, PERIOD, given, DRIFT)
     np.testing.assert_allclose(position[given.sample], given.position, atol=1e-9)
     np.testing.assert_allclose(deviation[given.sample], given.deviation)
     # between two fixes the rate is that through the water and one constant current
@@ -35,16 +35,16 @@ def test_the_track_goes_through_every_fix_and_bends_between_as_the_dead_reckonin
 
 def test_a_steady_current_is_corrected_to_nothing() -> None:
     velocity, current = through_water(), np.array([0.08, -0.05])
-    truth, _ = corrected_track(velocity + current, PERIOD, fixes([0], [(0.0, 0.0)]), DRIFT)
+    truth, _ = linear_track(velocity + current, PERIOD, fixes([0], [(0.0, 0.0)]), DRIFT)
     given = fixes([0, 400], [tuple(truth[0]), tuple(truth[400])])
-    position, _ = corrected_track(velocity, PERIOD, given, DRIFT)
+    position, _ = linear_track(velocity, PERIOD, given, DRIFT)
     np.testing.assert_allclose(position, truth, atol=1e-6)  # after the last fix too
 
 
 def test_two_fixes_of_one_stay_at_the_surface_tell_no_current() -> None:
     """5 m of noise within 2 s would be a current of 2.5 m/s for the rest of the mission."""
     given = fixes([598, 599], [(100.0, 0.0), (105.0, 0.0)])
-    position, _ = corrected_track(np.zeros((601, 2)), PERIOD, given, DRIFT)
+    position, _ = linear_track(np.zeros((601, 2)), PERIOD, given, DRIFT)
     np.testing.assert_allclose(position[0], [100.0, 0.0])
     np.testing.assert_allclose(position[-1], [105.0, 0.0])
 
@@ -60,7 +60,7 @@ def test_the_deviation_is_that_of_a_random_walk_tied_to_both_fixes() -> None:
         given = Fixes(
             sample=np.array([0, samples - 1]), position=walk[[0, samples - 1]], deviation=1e-6
         )
-        position, deviation = corrected_track(np.zeros((samples, 2)), PERIOD, given, DRIFT)
+        position, deviation = linear_track(np.zeros((samples, 2)), PERIOD, given, DRIFT)
         errors.append(position - walk)
     seen = np.std(np.stack(errors), axis=(0, 2))
     np.testing.assert_allclose(seen[20:-20], deviation[20:-20], rtol=0.12)
@@ -68,7 +68,7 @@ def test_the_deviation_is_that_of_a_random_walk_tied_to_both_fixes() -> None:
 
 def test_without_fixes_the_track_starts_at_the_origin_and_grows_unsure() -> None:
     drift = Drift(diffusivity=2.0, change=0.03, usual=(0.1, 0.0))
-    position, deviation = corrected_track(np.zeros((501, 2)), PERIOD, fixes([], []), drift)
+    position, deviation = linear_track(np.zeros((501, 2)), PERIOD, fixes([], []), drift)
     np.testing.assert_allclose(position[-1], [100.0, 0.0])
     assert deviation[0] == 0.0
     assert (np.diff(deviation) > 0.0).all()

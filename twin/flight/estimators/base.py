@@ -25,6 +25,9 @@ class FlightEstimator(abc.ABC):
     summary: ClassVar[str]
     """What it does, for help texts and documents."""
 
+    modelled: ClassVar[bool] = False
+    """Whether its speed is the flight model's, so that the depth rate tells its error."""
+
     @classmethod
     def open(cls, argument: str) -> Self:
         """Make one; `argument` is what stood behind the colon, empty without.

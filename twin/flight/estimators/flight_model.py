@@ -15,6 +15,7 @@ class FlightModel(FlightEstimator):
 
     kind = "flight"
     summary = "the vehicle's flight model with its inertia"
+    modelled = True
 
     def motion(
         self,

@@ -15,6 +15,7 @@ class SteadyModel(FlightEstimator):
 
     kind = "steady"
     summary = "forces in balance at every sample, zero at inflections"
+    modelled = True
 
     def motion(
         self,

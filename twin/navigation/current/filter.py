@@ -83,6 +83,8 @@ class CurrentFilter:
       memory: [s] over which errors of the velocity through the water are alike: longer than a
         step, they add up along and not in squares.
       record: whether to keep what `smooth` needs, some 20 kB a step.
+      outlier: [1] squared distance of a fix beyond which an eddy has come up since the fix before;
+        infinity where dives are smoothed: the eddy would come up at their end.
     """
 
     def __init__(
@@ -93,12 +95,14 @@ class CurrentFilter:
         time: float = 0.0,
         memory: float = 60.0,
         record: bool = False,
+        outlier: float = OUTLIER,
     ):
         if not (math.isfinite(latitude) and abs(latitude) <= 90.0):
             raise InputError(f"a latitude of {latitude:g} degree; it must be from -90 to 90")
         self.parameters = CurrentParameters() if parameters is None else parameters
         self.latitude, self.memory = float(latitude), float(memory)
         self.modes: Modes = modes_of(self.parameters, latitude)
+        self.outlier = float(outlier)
         self.time = float(time)
         self.inflation = INFLATION
         self.size = MODES + 2 * len(self.modes)
@@ -229,8 +233,8 @@ class CurrentFilter:
         found = Innovation(
             residual=residual, covariance=spread, distance=distance, duration=self._since
         )
-        if self._since >= LEAST_LEG and distance > OUTLIER:
-            self._blame_eddy((distance / OUTLIER - 1.0) * spread)
+        if self._since >= LEAST_LEG and distance > self.outlier:
+            self._blame_eddy((distance / self.outlier - 1.0) * spread)
         observed = np.zeros((2, self.size))
         observed[:, POSITION] = np.eye(2)
         self._update(observed, residual, sigma**2 * np.eye(2))
@@ -453,6 +457,11 @@ class CurrentFilter:
         if self._nodes is not None:
             self._nodes.clear()
             self._note(np.eye(self.size))
+
+    @property
+    def recorded(self) -> int:
+        """Nodes that `smooth` will answer for so far; 0 without `record`."""
+        return 0 if self._nodes is None else len(self._nodes)
 
     def smooth(self) -> SmoothedTrack:
         """Position and current at every step, by all measurements before and after it.

@@ -104,8 +104,9 @@ class Unknown:
 
 
 SCALE = "scale"
-UNKNOWNS: tuple[Unknown, ...] = (  # the scale first: few legs tell only that
+UNKNOWNS: tuple[Unknown, ...] = (  # few legs tell the first, several short records the first two
     Unknown(SCALE, 0.15, 1.0),
+    Unknown("dive", 0.012, 0.4),
     Unknown("wander", 0.25, 0.6, of_scale=True),
     Unknown("eddy", 0.35, 0.6, of_scale=True),
     Unknown("eddy_time", 8.0, 0.5),
@@ -113,7 +114,6 @@ UNKNOWNS: tuple[Unknown, ...] = (  # the scale first: few legs tell only that
     Unknown("diurnal", 0.177, 0.7, of_scale=True),
     Unknown("tide_time", 20.0, 0.5),
     Unknown("inertial", 0.15, 0.6, of_scale=True),
-    Unknown("dive", 0.012, 0.4),
     Unknown("inertial_time", 3.0, 0.4),
 )
 """What tuning finds, with priors that are wide in the scale of the currents (0.02 m/s on a slope to

@@ -34,7 +34,8 @@ DEGREES = 5.0
 MOST_STEPS = 30
 """of the search; the likelihood is flat beyond what a few dozen dives can tell"""
 FEWEST = 8
-"""Legs below which only the scale of the currents is sought, and the rest is the prior's"""
+"""Legs of one record below which only the scale of the currents is sought, and what single dives
+add where records have so many together; the rest is the prior's"""
 WANDER, WANDER_SPREAD = 0.14, 1.0
 """[m/s] in a day: prior of persistence, 0.05 m/s in three hours, and spread of its logarithm"""
 
@@ -49,58 +50,78 @@ class Tuned:
     persistence_cost: float
     """The same of persistence"""
     legs: int
-    """that had a surprise to count"""
+    """Legs that had a say"""
 
 
 def tune(
     legs: Sequence[Leg],
     *,
     latitude: float,
+    others: Sequence[Sequence[Leg]] = (),
     constituents: Sequence[str] | None = None,
+    speed_scale: float = CurrentParameters.speed_scale,
+    compass: float = CurrentParameters.compass,
+    may_persist: bool = True,
 ) -> Tuned:
     """The most likely parameters; the prior's centre where no leg tells anything.
 
     Args:
       legs: of the training part, in order of time.
       latitude: [degree]
-      constituents: of the tide; by default those that the record can tell apart.
+      others: legs of other records in the same waters, each in order of time.
+      constituents: of the tide; by default those that the longest record can tell apart.
+      speed_scale: [1] of the relative error of the speed through the water.
+      compass: [degree] of the compass' offset.
+      may_persist: whether persistence may be chosen: it says nothing of what happens in a dive.
 
     Raises:
       InputError: legs that are not in order of time.
     """
     from scipy.optimize import minimize
 
-    check_order(legs)
+    records = [list(record) for record in (legs, *others) if record]
+    for record in records:
+        check_order(record)
+    longest = max(records, key=len, default=[])
     if constituents is None:
-        constituents = constituents_of(legs)
+        constituents = constituents_of(longest)
+    start = likely_logarithms()
+
+    def parameters_at(sought: Array) -> CurrentParameters:
+        found = parameters_of(_filled(start, sought), constituents)
+        return dataclasses.replace(found, speed_scale=speed_scale, compass=compass)
 
     def cost(sought: Array) -> float:
-        logarithms = start.copy()
-        logarithms[: len(sought)] = sought
-        parameters = parameters_of(logarithms, constituents)
-        return surprise(parameters, legs, latitude)[0] + prior_cost(logarithms)
+        return surprise(parameters_at(sought), records, latitude) + prior_cost(
+            _filled(start, sought)
+        )
 
     def persistence_cost(logarithm: Array) -> float:
         parameters = CurrentParameters.persistence(math.exp(float(logarithm[0])))
         away = (float(logarithm[0]) - math.log(WANDER)) / WANDER_SPREAD
-        return surprise(parameters, legs, latitude)[0] + 0.5 * away**2
+        return surprise(parameters, records, latitude) + 0.5 * away**2
 
-    start = likely_logarithms()
-    many = len(start) if len(legs) >= FEWEST else 1
-    found = minimize(cost, start[:many], method="L-BFGS-B", options={"maxiter": MOST_STEPS})
-    simple = minimize(
-        persistence_cost, [math.log(WANDER)], method="L-BFGS-B", options={"maxiter": MOST_STEPS}
-    )
-    start[:many] = found.x
-    parameters = parameters_of(start, constituents)
-    if simple.fun < found.fun:
+    count = sum(len(record) for record in records)
+    many = len(start) if len(longest) >= FEWEST else 2 if count >= FEWEST else 1
+    options = {"maxiter": MOST_STEPS}
+    found = minimize(cost, start[:many], method="L-BFGS-B", options=options)
+    simple = minimize(persistence_cost, [math.log(WANDER)], method="L-BFGS-B", options=options)
+    parameters = parameters_at(found.x)
+    chosen = float(found.fun)
+    if may_persist and simple.fun < found.fun:
+        chosen = float(simple.fun)
         parameters = CurrentParameters.persistence(math.exp(float(simple.x[0])))
     return Tuned(
         parameters=parameters,
-        cost=float(min(found.fun, simple.fun)),
+        cost=chosen,
         persistence_cost=float(simple.fun),
-        legs=surprise(parameters, legs, latitude)[1],
+        legs=sum(leg.through_water is not None for record in records for leg in record),
     )
+
+
+def _filled(start: Array, sought: Array) -> Array:
+    """All logarithms, the first of them sought."""
+    return np.concatenate([sought, start[len(sought) :]])
 
 
 def constituents_of(legs: Sequence[Leg]) -> tuple[str, ...]:
@@ -114,14 +135,14 @@ def constituents_of(legs: Sequence[Leg]) -> tuple[str, ...]:
 
 
 def surprise(
-    parameters: CurrentParameters, legs: Sequence[Leg], latitude: float
-) -> tuple[float, int]:
-    """Negative log-likelihood of the fixes of legs, without constants, and how many counted."""
-    if not legs:
-        return 0.0, 0
-    filter_ = CurrentFilter(parameters, latitude=latitude, time=legs[0].start)
-    found = replay(filter_, legs)
-    return sum(_one(innovation) for innovation in found), len(found)
+    parameters: CurrentParameters, records: Sequence[Sequence[Leg]], latitude: float
+) -> float:
+    """Negative log-likelihood of the fixes of the legs of some records, without constants."""
+    total = 0.0
+    for legs in records:
+        filter_ = CurrentFilter(parameters, latitude=latitude, time=legs[0].start)
+        total += sum(_one(innovation) for innovation in replay(filter_, legs))
+    return total
 
 
 def _one(innovation: Innovation) -> float:
