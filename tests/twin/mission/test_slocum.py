@@ -145,6 +145,18 @@ def test_every_argument_is_used_or_listed(tmp_path):
         path.write_text(text, encoding="utf-8")
 
 
+def test_decimal_degrees_are_told_from_minutes(tmp_path):
+    path = written(
+        tmp_path, goto_l10=[("-12221.000   3648.000", "-122.36 36.81"),
+                            ("-12221.000   3649.500", "-122.36 36.82")],
+    )  # fmt: skip
+    mission = read_slocum(path).mission
+    with pytest.raises(
+        MissionError, match=r"did you mean 36\.81, -122\.36 .*DDMM\.mmm.*-12221\.600"
+    ):
+        mission.placed(36.8, -122.4)
+
+
 def test_the_pump_is_clipped_as_the_glider_does(tmp_path):
     path, vehicle = written(tmp_path), load_vehicle("glider")
     reading = read_slocum(path, vehicle)
