@@ -11,7 +11,7 @@ from twin.vehicle.vehicle import Vehicle
 from twin.water.current.base import Current
 from twin.water.current.origin import Origin
 
-HOUR = 3600.0
+HOUR, DAY = 3600.0, 86400.0
 FIELD_ERROR = 0.1
 """[m/s] of a forecast field's depth-averaged current, north and east each: of the size that models
 of shelf seas have against gliders"""
@@ -83,10 +83,10 @@ class Request:
                     f"already within {first.arrival_radius_m:g} m of target 1 ({away:.0f} m): it "
                     "counts as reached at the start"
                 )
-            elif away > FASTEST * self.horizon:
+            elif away > FASTEST * max(self.horizon, DAY):
                 said.append(
-                    f"target 1 is {away / 1e3:.0f} km away, farther than {self.hours:g} h at "
-                    f"{FASTEST:g} m/s: is it the place that is meant?"
+                    f"target 1 is {away / 1e3:.0f} km away, farther than anything goes in "
+                    f"{max(self.hours, DAY / HOUR):g} h: is it the place that is meant?"
                 )
         return tuple(said)
 
