@@ -20,7 +20,11 @@ class Hindcast(JsonOption):
         twin hindcast real.zarr --train-fraction 0.4 --out hindcast
     """
 
-    stores: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    stores: Annotated[
+        tuple[Path, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="STORE [STORE ...]", help_behavior_hint="(required)"),
+    ]
     """stores of logs, as `factory import` writes them; several are scored together, too"""
     train_fraction: float = 0.4
     """part of each deployment, at its beginning, that the current's parameters are learned from;
