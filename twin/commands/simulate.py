@@ -282,9 +282,7 @@ class Simulate(JsonOption):
                     f"{figures['min_pitch_deg']:z.1f}, {figures['max_pitch_deg']:z.1f} deg"
                 ),
                 "largest roll": f"{figures['max_roll_deg']:.1f} deg",
-                "largest angle of attack, 98 % of the time": (
-                    f"{figures['angle_of_attack_p98_deg']:.2f} deg"
-                ),
+                "largest angle of attack, 98 % of the time under water": _angle(figures),
                 "mean current (north, east)": (
                     f"{figures['mean_current_north_m_s']:z.3f}, "
                     f"{figures['mean_current_east_m_s']:z.3f} m/s"
@@ -299,6 +297,12 @@ class Simulate(JsonOption):
         for label, path in (("store", self.out), ("plot", self.plot)):
             if path is not None:
                 console.say(f"{label}: {path}")
+
+
+def _angle(figures: dict[str, Any]) -> str:
+    """Angle of attack under water."""
+    angle = float(figures["angle_of_attack_p98_deg"])
+    return "-" if math.isnan(angle) else f"{angle:.2f} deg"
 
 
 def _parts(scenario: Scenario, trajectory: Trajectory) -> dict[str, str]:
