@@ -27,7 +27,11 @@ class ImportLogs(JsonOption):
 
     kind: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar=CHOICES)]
     """kind of the logs"""
-    files: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(help=FILES)]
+    files: Annotated[
+        tuple[Path, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="FILE [FILE ...]", help=FILES, help_behavior_hint="(required)"),
+    ]
     out: Path
     """the store"""
     period: Annotated[

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import difflib
+import io
+import re
+import shutil
 import sys
+import textwrap
 import types
 import typing
 from collections.abc import Iterator, Sequence
@@ -43,13 +48,53 @@ def parse_options(command: type[Options], *, prog: str, words: Sequence[str]) ->
 
     _spell_unions_out(command)
     _hide_missing_defaults(command)
+    asked = not {"-h", "--help"}.isdisjoint(words)
+    said = _HelpText(sys.stdout)
+    kept = contextlib.redirect_stdout(said) if asked else contextlib.nullcontext()
     try:
-        with parse_errors.on_parse_error(reject):
+        with parse_errors.on_parse_error(reject), kept:
             return tyro.cli(command, prog=prog, args=list(words), config=MARKERS)
     except SystemExit as leaving:
         if leaving.code not in (0, None):
             raise InputError(f"these options cannot be used (see {prog} --help)") from None
+        sys.stdout.write(_wrapped(said.getvalue()))
         return None
+
+
+WIDEST = 100
+"""Columns of a paragraph in a help text at most"""
+
+
+class _HelpText(io.StringIO):
+    """A help text on its way to a stream, whose colours and lines tyro draws as it can show."""
+
+    def __init__(self, stream: typing.TextIO) -> None:
+        super().__init__()
+        self._stream = stream
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        """Of the stream."""
+        return self._stream.encoding
+
+    def isatty(self) -> bool:
+        """Whether the stream is a terminal."""
+        return self._stream.isatty()
+
+
+def _wrapped(text: str) -> str:
+    """The text with its paragraphs wrapped to the terminal; tyro wraps those in boxes only.
+
+    Examples are indented and stay on one line.
+    """
+    width = min(shutil.get_terminal_size().columns, WIDEST)
+    lines = [
+        textwrap.fill(line, width, break_long_words=False, break_on_hyphens=False)
+        if line[:1].isalnum() and len(line) > width
+        else line
+        for line in text.split("\n")
+    ]
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines))
 
 
 def option_names(command: type) -> Iterator[str]:

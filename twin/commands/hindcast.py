@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from twin.cli.console import Console, JsonOption
+
+if TYPE_CHECKING:
+    from twin.hindcast import DeploymentHindcast
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +23,11 @@ class Hindcast(JsonOption):
         twin hindcast real.zarr --train-fraction 0.4 --out hindcast
     """
 
-    stores: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    stores: Annotated[
+        tuple[Path, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="STORE [STORE ...]", help_behavior_hint="(required)"),
+    ]
     """stores of logs, as `factory import` writes them; several are scored together, too"""
     train_fraction: float = 0.4
     """part of each deployment, at its beginning, that the current's parameters are learned from;
@@ -52,31 +59,33 @@ class Hindcast(JsonOption):
                 vehicle=self.vehicle,
                 advance=progress.update,
             )
-        rows = [(one.name, one.scores) for one in found.deployments]
+        rows = [(one.name, one.scores) for one in found.deployments if one.scores.segments]
         if len(rows) > 1:
             rows.append(("all", found.scores))
-        console.table(
-            [
-                {
-                    "deployment": name,
-                    "scored": scores.segments,
-                    **{method.replace("_", " "): scores.mean[method] for method in METHODS},
-                    "forecast/persistence": scores.ratio,
-                    "in 50 %": scores.coverage_50,
-                    "in 90 %": scores.coverage_90,
-                }
-                for name, scores in rows
-            ],
-            title="mean error, m per hour under way",
-            digits=3,
-        )
+        partial = {method for _, scores in rows for method in scores.partial}
+        if rows:
+            console.table(
+                [
+                    {
+                        "deployment": name,
+                        "scored": scores.segments,
+                        **{m.replace("_", " "): scores.mean[m] for m in METHODS},
+                        **{
+                            f"{m.replace('_', ' ')} scored": scores.segments_of[m]
+                            for m in METHODS
+                            if m in partial
+                        },
+                        "forecast/persistence": scores.ratio,
+                        "in 50 %": scores.coverage_50,
+                        "in 90 %": scores.coverage_90,
+                    }
+                    for name, scores in rows
+                ],
+                title="mean error, m per hour under way",
+                digits=3,
+            )
         for one in found.deployments:
-            if not one.scores.segments:
-                console.note(
-                    f"{one.name}: {len(one.legs)} dives between fixes are too few to score any"
-                )
-            kind = "persistence" if one.tuned.parameters.persists else "tide and eddies"
-            console.note(f"{one.name}: {kind}, learned from {one.train} of {len(one.legs)} dives")
+            console.note(f"{one.name}: {_told(one)}")
         pages = []
         if self.out is not None:
             from twin.hindcast.page import build_page
@@ -105,3 +114,17 @@ class Hindcast(JsonOption):
             pages=pages,
         )
         return 0
+
+
+def _told(one: DeploymentHindcast) -> str:
+    """What its forecasts rest on, or why there are none."""
+    dives = f"{len(one.legs)} dive{'' if len(one.legs) == 1 else 's'}"
+    if not one.scores.segments:
+        return (
+            f"{dives} between fixes: too few to score: a dive is scored beside the current of "
+            "one before it, and after those that parameters are learned from"
+        )
+    kind = "persistence" if one.tuned.parameters.persists else "tide and eddies"
+    if not one.train:
+        return f"{kind} by the usual parameters, nothing learned from its {dives}"
+    return f"{kind}, learned from {one.train} of {dives}"

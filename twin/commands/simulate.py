@@ -286,9 +286,7 @@ class Simulate(JsonOption):
                     f"{figures['min_pitch_deg']:z.1f}, {figures['max_pitch_deg']:z.1f} deg"
                 ),
                 "largest roll": f"{figures['max_roll_deg']:.1f} deg",
-                "largest angle of attack, 98 % of the time": (
-                    f"{figures['angle_of_attack_p98_deg']:.2f} deg"
-                ),
+                "largest angle of attack, 98 % of the time under water": _angle(figures),
                 "mean current (north, east)": (
                     f"{figures['mean_current_north_m_s']:z.3f}, "
                     f"{figures['mean_current_east_m_s']:z.3f} m/s"
@@ -322,6 +320,12 @@ def _stronger_current(simulation: Simulation, run: Trajectory) -> str:
         f"the current of {flow:.2f} m/s is stronger than the vehicle, which makes {speed:.2f} m/s "
         "through the water: it reaches places downstream only"
     )
+
+
+def _angle(figures: dict[str, Any]) -> str:
+    """Angle of attack under water."""
+    angle = float(figures["angle_of_attack_p98_deg"])
+    return "-" if math.isnan(angle) else f"{angle:.2f} deg"
 
 
 def _parts(scenario: Scenario, trajectory: Trajectory) -> dict[str, str]:

@@ -67,7 +67,7 @@ def hindcast(
 
     Raises:
       StoreError: no store of logs, or none of its dives has two fixes and a way through the water.
-      InputError: a fraction that is not from 0 to below 1, or no store.
+      InputError: a fraction that is not from 0 to below 1, no store, or the same dives twice.
       VehicleError: no such vehicle.
     """
     if not stores:
@@ -77,14 +77,35 @@ def hindcast(
             f"a training fraction of {train_fraction:g}; it must be from 0 to below 1, so that "
             "some of the dives are left to score"
         )
+    paths = [Path(path) for path in stores]
+    for k, path in enumerate(paths):
+        if path.resolve() in [before.resolve() for before in paths[:k]]:
+            raise InputError(f"{path} is named twice: its dives would count double, name it once")
     found: list[DeploymentHindcast] = []
-    for path in stores:
-        found += _store(Path(path), train_fraction, vehicle, advance)
+    for path in paths:
+        for one in _store(path, train_fraction, vehicle, advance):
+            _check_new(one, found)
+            found.append(one)
     return Hindcast(
         deployments=tuple(found),
         train_fraction=train_fraction,
         scores=scores_of([one.surfacings for one in found]),
     )
+
+
+def _check_new(one: DeploymentHindcast, before: Sequence[DeploymentHindcast]) -> None:
+    """Raise where a deployment holds dives of one before: the same place at the same second."""
+    dives = {_moment(leg) for leg in one.legs}
+    for other in before:
+        if shared := len(dives & {_moment(leg) for leg in other.legs}):
+            raise InputError(
+                f"{shared} dives of {one.name} in {one.store} are those of {other.name} in "
+                f"{other.store}: they would count double, leave one of the stores out"
+            )
+
+
+def _moment(one: LoggedLeg) -> tuple[float, float, float]:
+    return round(one.leg.start), round(one.begin[0], 4), round(one.begin[1], 4)
 
 
 def _store(

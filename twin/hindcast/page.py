@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,13 +31,14 @@ def build_page(folder: Path, found: Hindcast, command: str = "") -> Path:
         "the current; every later surfacing was forecast from the fixes before its dive.",
     )
     page.numbers(_large(found.scores))
+    rows = [(one.name, one.scores) for one in found.deployments]
+    if len(rows) > 1:
+        rows.append(("all", found.scores))
+    partial = [name for name in METHODS if any(name in scores.partial for _, scores in rows)]
     page.table(
         [
-            {"deployment": name, "scored": scores.segments, **_row(scores)}
-            for name, scores in (
-                *((one.name, one.scores) for one in found.deployments),
-                *((("all", found.scores),) if len(found.deployments) > 1 else ()),
-            )
+            {"deployment": name, "scored": scores.segments, **_row(scores, partial)}
+            for name, scores in rows
         ],
         "Mean error, metres per hour since the fix before. All methods are given the same way "
         "through the water; persistence adds the current of the dive before.",
@@ -63,9 +65,10 @@ def _large(scores: Scores) -> dict[str, str]:
     return shown
 
 
-def _row(scores: Scores) -> dict[str, object]:
+def _row(scores: Scores, partial: Sequence[str]) -> dict[str, object]:
     return {
         **{TITLES[name]: scores.mean[name] for name in METHODS},
+        **{f"{TITLES[name]}, scored": scores.segments_of[name] for name in partial},
         "forecast/persistence": scores.ratio,
         "in 50 %": scores.coverage_50,
         "in 90 %": scores.coverage_90,

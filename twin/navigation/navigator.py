@@ -35,7 +35,7 @@ VELOCITY_DEVIATION = 0.02
 """[m/s] north and east each, of estimators that claim nothing: what the dead reckoning of a glider
 by attitude and depth errs by in a minute"""
 START_DEVIATION = 1.0
-"""[m] of the place where a mission begins without a fix"""
+"""[m] north and east each, of a place that is told as the start"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
@@ -77,7 +77,7 @@ class Navigator:
         *,
         latitude: float,
         period: float | None = None,
-        start: tuple[float, float] = (0.0, 0.0),
+        start: tuple[float, float] | None = None,
         current: CurrentFilter | CurrentParameters | None = None,
     ):
         """Begin before the first sample.
@@ -87,7 +87,8 @@ class Navigator:
           latitude: [degree] for the inertial period.
           period: [s] between samples; None: the estimator's. The estimator's must be a whole
             multiple of it, and holds in between.
-          start: north, east [m] where it begins, unless a fix says it.
+          start: north, east [m] where it begins, known to `START_DEVIATION`: the first fix then
+            teaches the current. None: not known, the origin until the first fix says where it is.
           current: the filter, its parameters, or None: the usual ones.
 
         Raises:
@@ -116,7 +117,7 @@ class Navigator:
         """Begin before the first sample again."""
         self.estimator.reset()
         self.filter.restore(self._first)
-        self.filter.locate(self._start, START_DEVIATION)
+        self.filter.locate(self._start or (0.0, 0.0), START_DEVIATION)
         self._count = 0
         self._body = np.zeros(3)  # surge, sway and heave, NaN where the depth rate says it
         self._spread = VELOCITY_DEVIATION**2 * np.eye(2)
@@ -124,7 +125,7 @@ class Navigator:
         self._velocity = np.zeros(2)
         self._moved = np.zeros(2)  # through the water since the filter's last step
         self._waited = 0.0
-        self._since_fix = math.inf
+        self._since_fix = math.inf if self._start is None else 0.0
         self._hold()
 
     def _hold(self) -> None:
@@ -219,7 +220,7 @@ class Navigator:
     def _take(self, fix: list[float]) -> None:
         self._update(known=self._since_fix > AFLOAT_S)
         if math.isinf(self._since_fix):
-            self.filter.locate(fix)  # where the mission began was only believed
+            self.filter.locate(fix)  # where it began was not known
         else:
             self.filter.fix(fix)
         self._since_fix = 0.0

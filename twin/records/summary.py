@@ -12,15 +12,21 @@ from twin.records.trajectory import Trajectory
 from twin.vehicle.consumption import ENERGY
 
 KILO = 1e3
+UNDER_WATER_M, UNDER_WAY_M_S = 1.0, 0.05
+"""Depth and speed above which a vehicle flies: at the surface it lies in the water as it floats"""
 
 
 def summarise(trajectory: Trajectory) -> dict[str, Any]:
-    """Figures of a trajectory: SI units and degrees, as the names say; parts in stored units."""
+    """Figures of a trajectory: SI units and degrees, as the names say; parts in stored units.
+
+    The angle of attack is that under way under water, NaN where it never was.
+    """
     t = trajectory
     position, v_rel = t.position, t.v_rel
     speed = np.linalg.norm(v_rel, axis=1)
     horizontal = np.hypot(*np.diff(position[:, :2], axis=0).T).sum()
-    alpha = np.rad2deg(np.arctan2(v_rel[:, 2], v_rel[:, 0]))
+    flying = (position[:, 2] > UNDER_WATER_M) & (speed > UNDER_WAY_M_S)
+    alpha = np.rad2deg(np.arctan2(v_rel[flying, 2], v_rel[flying, 0]))
     return {
         "ended": str(t.provenance.get("ended", "unknown")),
         "last_segment": int(t["commanded_segment"][-1]),
@@ -38,7 +44,9 @@ def summarise(trajectory: Trajectory) -> dict[str, Any]:
         "min_pitch_deg": float(t["true_pitch"].min()),
         "max_pitch_deg": float(t["true_pitch"].max()),
         "max_roll_deg": float(np.abs(t["true_roll"]).max()),
-        "angle_of_attack_p98_deg": float(np.percentile(np.abs(alpha), 98)),
+        "angle_of_attack_p98_deg": (
+            float(np.percentile(np.abs(alpha), 98)) if alpha.size else math.nan
+        ),
         "mean_current_north_m_s": float(t["true_current_north"].mean()),
         "mean_current_east_m_s": float(t["true_current_east"].mean()),
         "parts": {

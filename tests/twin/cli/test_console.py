@@ -217,6 +217,25 @@ def test_help_of_an_option_that_may_be_absent_names_its_kind_only(
     assert "default: None" not in help_text
 
 
+@pytest.mark.parametrize(
+    ("command", "columns"),
+    [(c, w) for p in (TWIN, FACTORY, LEARN) for c in p.commands for w in ("80", "140")][::3],
+    ids=lambda value: value if isinstance(value, str) else value.name,
+)
+def test_help_is_no_wider_than_the_terminal(
+    command: Command, columns: str, monkeypatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    assert parse_options(command.load(), prog=f"twin {command.name}", words=["--help"]) is None
+    text = capsys.readouterr().out
+    paragraphs = [line for line in text.splitlines() if line[:1].isalnum()]
+    assert paragraphs[0].startswith("usage: ")
+    assert max(map(len, paragraphs)) <= min(int(columns), 100)
+    assert "\n\n\n" not in text
+    assert "[[" not in text.split("\n\n")[0]
+    assert "(default: )" not in text
+
+
 def test_option_names_include_nested_ones() -> None:
     assert list(option_names(Glide)) == [
         "--json",
@@ -247,7 +266,8 @@ def test_help_of_a_command_imports_nothing_heavy(program: Program, command: Comm
     loaded, text = _modules_after(program.name, [command.name, "--help"])
     assert not loaded & set(HEAVY)
     assert text.startswith(f"usage: {program.name} {command.name}")
-    assert (command.load().__doc__ or "").split(".")[0].split("\n")[0] in text
+    first = (command.load().__doc__ or "").split(".")[0].split("\n")[0]
+    assert first in " ".join(text.split())
 
 
 @pytest.mark.parametrize("program", [TWIN, FACTORY, LEARN], ids=lambda program: program.name)

@@ -47,9 +47,14 @@ def started(tmp_path, *before):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        # a test run started in the background of a shell inherits an ignored SIGINT
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        preexec_fn=_as_in_a_terminal,
     )
+
+
+def _as_in_a_terminal():
+    """Tests that run in the background or under nohup inherit ignored signals."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 @pytest.mark.parametrize(
@@ -85,15 +90,21 @@ def test_a_hang_up_that_is_ignored_stays_so(tmp_path):
     assert process.returncode == 143
 
 
-def test_handlers_of_others_are_left_alone():
-    before = signal.signal(signal.SIGTERM, lambda *_: None)
-    try:
-        mine = signal.getsignal(signal.SIGTERM)
-        with Endings():
-            assert signal.getsignal(signal.SIGTERM) is mine
-    finally:
-        signal.signal(signal.SIGTERM, before)
+@pytest.fixture
+def handled():
+    """A handler of somebody else's for SIGTERM, none for SIGHUP."""
+    before = {
+        signal.SIGTERM: signal.signal(signal.SIGTERM, lambda *_: None),
+        signal.SIGHUP: signal.signal(signal.SIGHUP, signal.SIG_DFL),
+    }
+    yield signal.getsignal(signal.SIGTERM)
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def test_handlers_of_others_are_left_alone(handled):
     with Endings() as endings:
         assert (endings.word, endings.code) == ("interrupted", 130)
+        assert signal.getsignal(signal.SIGTERM) is handled
         assert signal.getsignal(signal.SIGHUP) is not signal.SIG_DFL
     assert signal.getsignal(signal.SIGHUP) is signal.SIG_DFL

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -117,6 +118,56 @@ def test_two_deployments_are_scored_together(found) -> None:
     assert both.coverage_90 == found.scores.coverage_90
 
 
+def test_a_method_with_fewer_segments_says_so(found) -> None:
+    (one,) = found.deployments
+    some = [
+        dataclasses.replace(s, missed={**s.missed, "onboard": (100.0, 0.0)})
+        if k % 4 == 0
+        else dataclasses.replace(s, missed={n: m for n, m in s.missed.items() if n != "onboard"})
+        for k, s in enumerate(one.surfacings)
+    ]
+    scores = scores_of([some])
+    assert scores.segments_of == {"forecast": 15, "persistence": 15, "no_current": 15, "onboard": 3}
+    assert scores.partial == ("onboard",)
+    assert scores.mean_interval["onboard"] is None
+
+
+def test_few_segments_have_no_interval(found) -> None:
+    (one,) = found.deployments
+    scored = [s for s in one.surfacings if s.scored]
+    few, enough = scores_of([scored[:8]]), scores_of([scored[:12]])
+    assert few.ratio is not None
+    assert few.ratio_interval is None
+    assert set(few.mean_interval.values()) == {None}
+    low, high = enough.mean_interval["persistence"]
+    assert high > 1.05 * low
+
+
+def test_the_same_dives_are_not_scored_twice(store, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is named twice"):
+        hindcast([store, store.parent / ".." / store.parent.name / store.name])
+    shutil.copytree(store, tmp_path / "copy.zarr")
+    with pytest.raises(InputError, match=r"24 dives of .* would count double"):
+        hindcast([store, tmp_path / "copy.zarr"])
+
+
+def test_too_few_dives_are_told_in_a_line(tmp_path: Path, capsys) -> None:
+    dataset, _ = import_logs("slocum", write_slocum(tmp_path, Flight(dives=1)))
+    write_store(dataset, tmp_path / "one.zarr")
+    assert PROGRAM.main(["hindcast", str(tmp_path / "one.zarr")]) == 0
+    said = capsys.readouterr()
+    assert said.out == ""
+    (line,) = said.err.splitlines()
+    assert "1 dive between fixes: too few to score" in line
+
+
+def test_without_a_training_part_nothing_is_said_to_be_learned(store, capsys) -> None:
+    assert PROGRAM.main(["hindcast", str(store), "--train-fraction", "0"]) == 0
+    said = capsys.readouterr().err
+    assert "nothing learned" in said
+    assert "learned from 0" not in said
+
+
 def test_the_command_says_the_figures_by_their_names(store, tmp_path: Path, capsys) -> None:
     out = tmp_path / "page"
     words = ["hindcast", str(store), "--train-fraction", "0.3", "--json", "--out", str(out)]
@@ -125,6 +176,7 @@ def test_the_command_says_the_figures_by_their_names(store, tmp_path: Path, caps
     for name in ("mean_m_per_h", "median_m_per_h"):
         assert set(said[name]) == {"forecast", "persistence", "no_current", "onboard"} == {*METHODS}
     assert said["segments"] == 17
+    assert said["segments_of"]["forecast"] == 17
     assert 0.0 <= said["coverage_90"] <= 1.0
     assert said["deployments"][0]["trained_on"] == 7
     page = (out / "index.html").read_text()

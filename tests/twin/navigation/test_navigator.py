@@ -77,6 +77,23 @@ def test_fixes_teach_it_the_current():
     assert current == pytest.approx((0.1, -0.2), abs=0.05)
 
 
+@pytest.mark.parametrize(("start", "learned"), [((0.0, 0.0), True), (None, False)])
+def test_from_a_known_start_the_first_fix_teaches_the_current(start, learned):
+    signals = steady_mission(2000, velocity=(0.4, 0.0, 0.02), current=(0.1, -0.05))
+    begin = {name: signals[f"true_{name}"][0] for name in ("north", "east")}
+    for name in ("north", "east"):
+        fixes = np.full(2000, np.nan)
+        fixes[1800] = signals[f"true_{name}"][1800] - begin[name]
+        signals[f"measured_gps_{name}"] = fixes
+    measured = {n: v for n, v in signals.items() if n.startswith("measured_")}
+    navigator = Navigator(Given(0.4, 0.0), latitude=30.0, start=start)
+    walk(navigator, measured)
+    current, _ = navigator.filter.current
+    assert np.allclose(current, (0.1, -0.05), atol=0.03) == learned
+    if not learned:
+        assert np.array_equal(current, (0.0, 0.0))
+
+
 def test_it_goes_on_from_a_saved_state_and_begins_again():
     signals = steady_mission(900, velocity=(0.4, 0.0, 0.02), turn_rate=0.02)
     signals["measured_gps_north"][:] = np.nan

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -267,3 +269,13 @@ def test_a_propelled_vehicle_goes_by_its_doppler_log():
     way = np.hypot(np.diff(run["true_north"]), np.diff(run["true_east"])).sum()
     assert way > 150.0
     assert error(run, -1) < 0.03 * way + 2.0
+
+
+def test_a_fresh_process_knows_the_parts_of_a_propelled_vehicle():
+    """Elsewhere in the suite a run before may have declared them."""
+    words = ["simulate", "--vehicle", "tethys", "--navigate", "estimate", "--duration", "5"]
+    done = subprocess.run(
+        [sys.executable, "-m", "twin", *words], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "error of the on-board position" in done.stdout
