@@ -1,6 +1,7 @@
 """Versions: of the distribution, and of the physics that its results depend on."""
 
 __version__ = "0.1.0"
-PHYSICS_VERSION = 2
+PHYSICS_VERSION = 3
 """Counted up when the same recipe flies another way. 1: up to the first stores of this program; 2:
-water that accelerates and shears acts on the hull, and scales with its density."""
+water that accelerates and shears acts on the hull, and scales with its density; 3: no sensor knows
+what comes later."""
