@@ -52,8 +52,9 @@ class Forecast(JsonOption):
     radius: float | None = None
     """of --goto: distance [m] at which a place is reached; default: 500"""
     current: str | None = None
-    """forecast of the current: a file (CF netCDF or zarr), or a text as `twin simulate --current`
-    takes it; default: what the logs told goes on"""
+    """forecast of the current: a file (CF netCDF or zarr) that covers --hours and some more, or
+    grid:FILE,hold=SECONDS to let its first and last time last longer, or any other text that
+    `twin simulate --current` takes; default: what the logs told goes on"""
     current_error: float | None = None
     """standard deviation [m/s], north and east each, of the error of --current; default: 0.1"""
     density: str = "usual"
@@ -65,9 +66,9 @@ class Forecast(JsonOption):
     """way through the water in the logs: model (the vehicle's flight model), log (depth rate and
     pitch, or the reported current) or usual (model where the vehicle was identified)"""
     members: int = 200
-    """drawn and flown"""
+    """drawn and flown, at least 10"""
     hours: float = 12.0
-    """how far ahead"""
+    """how far ahead surfacings are told; members fly on until the late ones are up, too"""
     energy_left_kwh: float | None = None
     """energy left in the batteries [kW h], for the days left"""
     seed: int = 0
@@ -96,6 +97,9 @@ class Forecast(JsonOption):
 
         if self.json:
             raise InputError("--watch never ends, so it has no --json: read forecast.json in --out")
+        from twin.forecast.watch import check_watched
+
+        check_watched(self.watch)
         console.note(f"watching {self.watch}; Ctrl-C ends it")
         for store in arrivals(self.watch):
             try:
@@ -177,6 +181,8 @@ class Forecast(JsonOption):
             time = _utc(known.time)
         if known is None:
             known = known_without_logs(latitude, unix_seconds(time))
+        if stale := known.check_begin(latitude, longitude, unix_seconds(time)):
+            console.warn(stale)
         request = Request(
             vehicle=vehicle,
             mission=self._mission(vehicle),
@@ -189,6 +195,8 @@ class Forecast(JsonOption):
             energy_left_kwh=self.energy_left_kwh,
             seed=self.seed,
         )
+        for note in request.notes():
+            console.warn(note)
         return request, known.at(unix_seconds(time))
 
     def _mission(self, vehicle: Vehicle) -> Mission:
@@ -263,12 +271,15 @@ class _Shows:
         console.answer(**found.describe())
         if found.surfacings:
             console.table([row(found, one) for one in found.surfacings])
-        else:
+            console.say("semi-axes: from the middle of an ellipse to its edge")
+        elif not found.left_out:
             console.say(f"no surfacing within {found.request.hours:g} h")
+        if found.left_out:
+            console.warn(found.left_out)
         if found.failed:
             console.warn(f"{found.failed} of {found.request.members} members went unstable")
         left = "" if found.days_left is None else f", {found.days_left:.1f} days left"
-        console.say(f"{found.power_w * 86.4:.0f} kJ per day{left}")
+        console.say(f"{found.energy_per_day} per day{left}")
         for name, words in found.spread.items():
             console.say(f"{name}: {words}")
         if self._command.out is not None:
@@ -282,7 +293,7 @@ def _near(found: Found) -> dict[str, str]:
     from twin.forecast.surfacing import NINETY
 
     one = found.surfacings[0]
-    return {"90 %": f"{one.ellipse(NINETY).major_m / 1e3:.2f} km"}
+    return {"90 %": f"{one.ellipse(NINETY).semi_major_m / 1e3:.2f} km"}
 
 
 def _utc(seconds: float) -> str:

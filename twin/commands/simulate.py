@@ -151,6 +151,7 @@ class Simulate(JsonOption):
     def _warn(self, console: Console, simulation: Simulation, trajectory: Trajectory) -> None:
         """Say when the mission was not flown, or left the gridded current's file."""
         ended = trajectory.provenance.get("ended")
+        stronger = _stronger_current(simulation, trajectory)
         if ended in ("aborted", "time limit"):
             reason = {
                 "aborted": "it went deeper than max_depth_m"
@@ -159,10 +160,13 @@ class Simulate(JsonOption):
                     if trajectory["true_depth"][-1] < 0.5 * trajectory["true_depth"].max()
                     else ", and its climb to the surface failed: it is too heavy"
                 ),
-                "time limit": "its segments took more than a generous estimate of their time "
+                "time limit": stronger
+                or "its segments took more than a generous estimate of their time "
                 "(too light or too heavy for this water, or a depth it cannot reach?)",
             }[ended]
             console.warn(f"the mission was not flown to its end: {reason}")
+        if stronger and ended != "time limit":
+            console.warn(stronger)
         self._warn_floor(console, simulation, trajectory)
         if not simulation.tables.current.size:
             return
@@ -297,6 +301,25 @@ class Simulate(JsonOption):
         for label, path in (("store", self.out), ("plot", self.plot)):
             if path is not None:
                 console.say(f"{label}: {path}")
+
+
+def _stronger_current(simulation: Simulation, run: Trajectory) -> str:
+    """That a vehicle that goes to places met a current beyond its speed; empty where not."""
+    from twin.mission import Waypoint
+    from twin.records.summary import summarise
+
+    plan = simulation.scenario.plan
+    if not any(isinstance(one, Waypoint) for one in getattr(plan, "segments", ())):
+        return ""
+    figures = summarise(run)
+    flow = math.hypot(figures["mean_current_north_m_s"], figures["mean_current_east_m_s"])
+    speed = figures["mean_speed_m_s"]
+    if flow <= speed:
+        return ""
+    return (
+        f"the current of {flow:.2f} m/s is stronger than the vehicle, which makes {speed:.2f} m/s "
+        "through the water: it reaches places downstream only"
+    )
 
 
 def _angle(figures: dict[str, Any]) -> str:

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import SimulationUnstable, TwinError
-from twin.forecast.flights import Flight, fly
+from twin.forecast.flights import THINNED, Flight, fly
 from twin.forecast.known import Known
-from twin.forecast.members import members_of
+from twin.forecast.members import SAMPLE_PERIOD, members_of
 from twin.forecast.request import Request
-from twin.forecast.surfacing import HALF, NINETY, Surfacing, degrees, surfacings_of
+from twin.forecast.surfacing import HALF, NINETY, Surfacing, degrees, left_out, surfacings_of
 
 Array = NDArray[np.float64]
 
@@ -41,6 +41,8 @@ class Forecast:
     """What was drawn, in words."""
     power_w: float
     """Mean electrical power."""
+    left_out: str = ""
+    """Why a surfacing within the hours is not told; empty: none is left out."""
 
     @property
     def complete(self) -> bool:
@@ -53,6 +55,11 @@ class Forecast:
         if self.request.energy_left_kwh is None or self.power_w <= 0.0:
             return None
         return self.request.energy_left_kwh * KWH / self.power_w / DAY
+
+    @property
+    def energy_per_day(self) -> str:
+        """In words, in kJ as the surfacings' and in kW h as what is left."""
+        return f"{self.power_w * DAY / KILO:.0f} kJ ({self.power_w * DAY / KWH:.2f} kWh)"
 
     @property
     def begins(self) -> datetime.datetime:
@@ -90,6 +97,8 @@ class Forecast:
             "flown": self.flown,
             "failed": self.failed,
             "spread": self.spread,
+            "notes": list(request.notes()),
+            "left_out": self.left_out,
             "surfacings": [
                 {
                     **one.describe(),
@@ -101,6 +110,7 @@ class Forecast:
             ],
             "power_W": self.power_w,
             "energy_kJ_per_day": self.power_w * DAY / KILO,
+            "energy_kWh_per_day": self.power_w * DAY / KWH,
             "days_left": self.days_left,
         }
 
@@ -113,9 +123,9 @@ class Forecast:
         ]
         for one in self.surfacings:
             said = {"number": one.number, "time": self.moment(one.time_s)}
-            for part, quantile in ((90, NINETY), (50, HALF)):
-                ring = one.ring(quantile, self.request.place).tolist()
-                said_of_it = {"what": f"ellipse of {part} %", "holds": part / 100.0, **said}
+            for part in (NINETY, HALF):
+                ring = one.ring(part, self.request.place).tolist()
+                said_of_it = {"what": f"ellipse of {100.0 * part:.0f} %", "holds": part, **said}
                 features.append(_feature("Polygon", [ring], said_of_it))
             point = [one.longitude, one.latitude]
             features.append(_feature("Point", point, {"what": "surfacing", **said}))
@@ -159,10 +169,13 @@ def forecast(
         if not flights:
             continue
         if first is None:
-            first = degrees(flights[0].track, request.place)
+            points = 1 + round(request.horizon / (THINNED * SAMPLE_PERIOD))
+            first = degrees(flights[0].track[:points], request.place)
+        told = surfacings_of(flights, request.place, request.horizon)
         found = Forecast(
             request=request,
-            surfacings=surfacings_of(flights, request.place),
+            surfacings=told,
+            left_out=left_out(flights, len(told), request.horizon),
             flown=len(flights),
             failed=failed,
             track=first,

@@ -1,7 +1,8 @@
 """Known: what is known of the water and of the vehicle's way before a forecast begins.
 
-A current filter holds it: without logs its prior (a current of 0.15 m/s each way, a speed known to
-6 %, a compass to 3.4 degree), with logs what the fixes of their last deployment have told it.
+A current filter holds it: without logs its prior (mean current, eddies, tide, inertial oscillation,
+speed and compass, as `twin.navigation.current.CurrentParameters` has them), with logs what the
+fixes of their last deployment have told it.
 """
 
 from __future__ import annotations
@@ -12,11 +13,16 @@ from pathlib import Path
 import numpy as np
 
 from twin.errors import InputError, StoreError
-from twin.geodesy import position
+from twin.geodesy import great_circle, position
 from twin.hindcast.legs import MODEL, LoggedLeg, flown_velocities, legs_of
 from twin.navigation.current import CurrentFilter, replay, tune
 from twin.records.logs import LogStore
 
+DAY, KILO = 86400.0, 1e3
+OLD, FAR = 2.0, 30.0
+"""[d], [km] beyond which logs are warned of: eddies and tides decorrelate over these"""
+MOST_DAYS, MOST_AWAY, MOST_PER_DAY = 30.0, 100.0, 100.0
+"""[d], [km], [km/d] beyond which they are refused: more than a glider drifts at 1.2 m/s"""
 MOST_BEFORE = 60.0
 """[s] by which clocks may differ"""
 
@@ -33,7 +39,7 @@ class Known:
     """[s] unix of the last fix; None without logs."""
     last_current: tuple[float, float] | None = None
     """North, east [m/s], mean over the last dive: what the vehicle itself believes."""
-    source: str = "no logs: the current is known to 0.15 m/s only"
+    source: str = "no logs"
     """In words."""
     legs: int = 0
     """Dives that told it."""
@@ -56,6 +62,32 @@ class Known:
         if wait > 0.0:
             self.filter_.step(wait, None)
         return self
+
+    def check_begin(self, latitude: float, longitude: float, time: float) -> str:
+        """Whether the logs tell anything of a place [degree] and a unix time [s]; else why not.
+
+        Returns:
+          A warning where they are old or from elsewhere; empty where not.
+
+        Raises:
+          InputError: they are too old, or from farther away than a glider goes meanwhile.
+        """
+        if self.place is None or self.time is None:
+            return ""
+        days = max(time - self.time, 0.0) / DAY
+        away = great_circle(latitude, longitude, *self.place) / KILO
+        said = (
+            f"the last fix of the logs is {days:.1f} days before the forecast and {away:.0f} km "
+            f"from its start ({self.source})"
+        )
+        if days > MOST_DAYS or away > MOST_AWAY + MOST_PER_DAY * days:
+            raise InputError(
+                f"{said}: they tell nothing of this water; give logs of the deployment that goes "
+                "on, or leave --logs out"
+            )
+        if days > OLD or away > FAR:
+            return f"{said}: what they tell of the current may not hold"
+        return ""
 
 
 def known_without_logs(latitude: float, time: float) -> Known:

@@ -10,13 +10,21 @@ from numpy.typing import NDArray
 
 from twin.facade import in_water
 from twin.forecast.known import Known
-from twin.forecast.request import HOUR, Request, believing, longest_dive
+from twin.forecast.request import Request, believing, longest_dive
 from twin.forecast.vehicle_draws import SPEED, draw_vehicles, known_compass, scaled_speed
-from twin.forecast.water_draws import INTERVAL, WaterDraws, draw_field_error, draw_water
+from twin.forecast.water_draws import (
+    INTERVAL,
+    WaterDraws,
+    calibration_deviation,
+    draw_deviation,
+    draw_field_error,
+    draw_water,
+)
 from twin.mission import Mission
 from twin.physics.scenario import Scenario
 from twin.water.current import Series
 from twin.water.current.base import Current
+from twin.water.current.sampler import sample_track
 
 Array = NDArray[np.float64]
 
@@ -44,25 +52,29 @@ def members_of(request: Request, known: Known) -> Members:
       CurrentError, MissionError, VehicleError: the field, the mission or the vehicle does not do.
     """
     rng = np.random.default_rng(request.seed)
-    duration, count = HOUR * request.hours, request.members
+    duration, count = request.flown, request.members
     water = draw_water(known.filter_, duration, count, rng, longest_dive(request.mission))
-    spread = {"current": known.source}
+    spread = {
+        "current": f"{known.source}: known to {draw_deviation(known.filter_):.2f} m/s each way"
+    }
     if request.field is not None:
         water, spread["current"] = _with_field(request, known, water, rng)
     vehicles, drawn = draw_vehicles(request.vehicle, count, rng, speed=not known.by_model)
     spread["vehicle"] = f"identified: {', '.join(drawn)}" if drawn else "not identified"
     scale, source = water.speed_scale, "by the fixes"
+    deviation, _ = calibration_deviation(known.filter_)
     if not known.by_model:
-        scale, source = _normal(rng, count, known.filter_.parameters.speed_scale), "assumed"
+        deviation = known.filter_.parameters.speed_scale
+        scale, source = _normal(rng, count, deviation), "assumed"
     if known.by_model or not set(drawn) & set(SPEED):
         vehicles = [
             scaled_speed(one, float(part)) for one, part in zip(vehicles, scale, strict=True)
         ]
-        percent = 100.0 * scale
-        spread["speed"] = f"{percent[0]:+.1f} %, +-{np.std(percent[1:]):.1f} %, {source}"
-    compass, source = _compass(request, known, water, rng)
-    degrees = np.degrees(compass)
-    spread["compass"] = f"{degrees[0]:+.1f} degree, +-{np.std(degrees[1:]):.1f} degree, {source}"
+        spread["speed"] = f"{100.0 * scale[0]:+.1f} %, +-{100.0 * deviation:.1f} %, {source}"
+    compass, deviation, source = _compass(request, known, water, rng)
+    spread["compass"] = (
+        f"{math.degrees(compass[0]):+.1f} degree, +-{math.degrees(deviation):.1f} degree, {source}"
+    )
     mission = believing(request.mission, known.last_current)
     nominal = _scenario(request, mission)
     scenarios = tuple(
@@ -87,21 +99,23 @@ def _normal(rng: np.random.Generator, count: int, deviation: float) -> Array:
 
 def _compass(
     request: Request, known: Known, water: WaterDraws, rng: np.random.Generator
-) -> tuple[Array, str]:
-    """True heading less the compass's [rad], (member,), and who says so."""
+) -> tuple[Array, float, str]:
+    """True heading less the compass's [rad], (member,), its deviation, and who says so."""
     identified, deviation = known_compass(request.vehicle)
+    _, filtered = calibration_deviation(known.filter_)
     if known.by_model:  # of what the model leaves of it
-        return identified + water.compass, "by the fixes"
+        return identified + water.compass, filtered, "by the fixes"
     if known.legs:
-        return water.compass, "by the fixes"
+        return water.compass, filtered, "by the fixes"
     if deviation is not None:
-        return identified + _normal(rng, request.members, deviation), "identified"
-    return water.compass, "assumed"
+        drawn = _normal(rng, request.members, deviation)
+        return identified + drawn, deviation, "identified"
+    return water.compass, filtered, "assumed"
 
 
 def _scenario(request: Request, mission: Mission) -> Scenario:
     """The nominal one; its current is put in later."""
-    duration = HOUR * request.hours
+    duration = request.flown
     flown = dataclasses.replace(mission, duration_s=duration)
     place = request.place
     scenario = Scenario(
@@ -154,9 +168,10 @@ def _mean_field(request: Request) -> tuple[float, float]:
     assert request.field is not None
     deepest = max(getattr(s, "max_depth_m", 0.0) for s in request.mission.segments)
     depths = np.linspace(0.0, max(deepest, 1.0), 21)
-    velocity = request.field.velocity(0.0, 0.0, 0.0, depths, request.place)
-    north, east, _ = velocity.mean(axis=0)
-    return float(north), float(east)
+    rest = np.zeros_like(depths)
+    program = request.field.compile(request.flown, request.place)
+    north, east = sample_track(program, rest, rest, rest, depths, rest, rest, rest)[:, :2].T
+    return float(north.mean()), float(east.mean())
 
 
 def _current(field: Current | None, course: Array) -> Current:

@@ -106,7 +106,7 @@ def page(found: Forecast, *, reload_s: float | None = None) -> str:
     again = "" if reload_s is None else f'<meta http-equiv="refresh" content="{reload_s:g}">\n'
     facts = {
         "members": f"{found.flown}" + (f" ({found.failed} failed)" if found.failed else ""),
-        "energy per day": f"{found.power_w * 86.4:.0f} kJ",
+        "energy per day": found.energy_per_day,
         "days left": "-" if found.days_left is None else f"{found.days_left:.1f}",
         **{f"drawn: {name}": words for name, words in found.spread.items()},
     }
@@ -119,22 +119,25 @@ def page(found: Forecast, *, reload_s: float | None = None) -> str:
         f"{again}<title>{_text(title)}</title>\n<style>{STYLE}</style></head>\n<body>\n"
         f'<h1>{_text(title)}</h1>\n<p class="lead">{_text(lead)}</p>\n'
         f"{draw_map(found)}\n"
-        '<p class="lead">Ellipses hold 50 and 90 % of the surfacings; dots are members, the broken '
-        "line is the mean of what is known. Coast: Natural Earth 1:50m, coarse.</p>\n"
+        '<p class="lead">Ellipses hold 50 and 90 % of the surfacings; the table has their '
+        "semi-axes, from the middle to the edge, and the bearing of the longer. "
+        "Dots are members, the broken line is the mean of what is known. "
+        "Coast: Natural Earth 1:50m, coarse.</p>\n"
         f"{_table(found)}\n<dl>{cells}</dl>\n<script>{SCRIPT}</script>\n</body></html>\n"
     )
 
 
 def _table(found: Forecast) -> str:
     rows = [row(found, one) for one in found.surfacings]
+    note = f"<p>{_text(found.left_out)}</p>" if found.left_out else ""
     if not rows:
-        return f"<p>No surfacing within {found.request.hours:g} h.</p>"
+        return note or f"<p>No surfacing within {found.request.hours:g} h.</p>"
     head = "".join(f"<th>{_text(name)}</th>" for name in rows[0])
     lines = [
         "<tr>" + "".join(f"<td>{_text(value)}</td>" for value in one.values()) + "</tr>"
         for one in rows
     ]
-    return f'<div class="scroll"><table><tr>{head}</tr>{"".join(lines)}</table></div>'
+    return f'<div class="scroll"><table><tr>{head}</tr>{"".join(lines)}</table></div>{note}'
 
 
 def row(found: Forecast, one: Surfacing) -> Mapping[str, str]:
@@ -145,8 +148,8 @@ def row(found: Forecast, one: Surfacing) -> Mapping[str, str]:
         "5 to 95 %": f"{found.moment(one.early_s)[11:16]} to {found.moment(one.late_s)[11:16]}",
         "latitude": f"{one.latitude:.4f}",
         "longitude": f"{one.longitude:.4f}",
-        "50 % ellipse": _axes(one.ellipse(HALF)),
-        "90 % ellipse": _axes(one.ellipse(NINETY)),
+        "50 % semi-axes": _axes(one.ellipse(HALF)),
+        "90 % semi-axes": _axes(one.ellipse(NINETY)),
         "energy": f"{one.energy_kj:.1f} kJ",
         "members": f"{100.0 * one.part:.0f} %",
     }
@@ -154,8 +157,8 @@ def row(found: Forecast, one: Surfacing) -> Mapping[str, str]:
 
 def _axes(ellipse: Ellipse) -> str:
     return (
-        f"{ellipse.major_m / 1e3:.2f} x {ellipse.minor_m / 1e3:.2f} km, {ellipse.bearing_deg:.0f}"
-        "\N{DEGREE SIGN}"
+        f"{ellipse.semi_major_m / 1e3:.2f} x {ellipse.semi_minor_m / 1e3:.2f} km, "
+        f"{ellipse.bearing_deg:.0f}\N{DEGREE SIGN}"
     )
 
 

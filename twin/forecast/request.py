@@ -11,11 +11,18 @@ from twin.vehicle.vehicle import Vehicle
 from twin.water.current.base import Current
 from twin.water.current.origin import Origin
 
-HOUR = 3600.0
+HOUR, DAY = 3600.0, 86400.0
 FIELD_ERROR = 0.1
 """[m/s] of a forecast field's depth-averaged current, north and east each: of the size that models
 of shelf seas have against gliders"""
 LONGEST_HOURS = 240.0
+LEAST_MEMBERS, MOST_MEMBERS = 10, 100_000
+FASTEST = 3.0
+"""[m/s] over ground: a glider's speed and 2 m/s of current, rounded up"""
+SLOWEST = 0.1
+"""[m/s] of a climb, for how far beyond the horizon members fly"""
+LATE = 0.25
+"""Of a dive, by which members come up later than others"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -47,8 +54,11 @@ class Request:
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and least < value <= most):
                 raise InputError(f"forecast: {name} = {value:g} must be above 0, at most {most:g}")
-        if not 2 <= self.members <= 100_000:
-            raise InputError(f"forecast: members = {self.members} must be from 2 to 100000")
+        if not LEAST_MEMBERS <= self.members <= MOST_MEMBERS:
+            raise InputError(
+                f"forecast: members = {self.members} must be from {LEAST_MEMBERS} to "
+                f"{MOST_MEMBERS}: fewer say nothing of an ellipse"
+            )
         if self.seed < 0:
             raise InputError(f"forecast: seed = {self.seed} must be at least 0")
         if self.place.time is None:
@@ -58,6 +68,38 @@ class Request:
                 f"mission {self.mission.name!r} goes by {self.mission.needs_floor}, and a forecast "
                 f"has no sea floor: leave {self.mission.needs_floor} out"
             )
+
+        self.notes()  # refuses targets that are too far
+
+    def notes(self) -> tuple[str, ...]:
+        """What is odd about the targets; MissionError where one is too far to be meant."""
+        said = []
+        placed = self.mission.placed(self.place.latitude_deg, self.place.longitude_deg)
+        first = placed.segments[0]
+        if isinstance(first, Waypoint):
+            away = math.hypot(first.targets[0]["north_m"], first.targets[0]["east_m"])
+            if away <= first.arrival_radius_m:
+                said.append(
+                    f"already within {first.arrival_radius_m:g} m of target 1 ({away:.0f} m): it "
+                    "counts as reached at the start"
+                )
+            elif away > FASTEST * max(self.horizon, DAY):
+                said.append(
+                    f"target 1 is {away / 1e3:.0f} km away, farther than anything goes in "
+                    f"{max(self.hours, DAY / HOUR):g} h: is it the place that is meant?"
+                )
+        return tuple(said)
+
+    @property
+    def horizon(self) -> float:
+        """[s] within which surfacings are told."""
+        return HOUR * self.hours
+
+    @property
+    def flown(self) -> float:
+        """[s] that members fly: beyond the horizon, until those that are late are up, too."""
+        deepest = max(getattr(one, "max_depth_m", 0.0) for one in self.mission.segments)
+        return self.horizon + deepest / SLOWEST + LATE * longest_dive(self.mission)
 
 
 def mission_to(

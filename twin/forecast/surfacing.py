@@ -16,23 +16,24 @@ from twin.water.current.origin import Origin
 
 Array = NDArray[np.float64]
 
-HALF, NINETY = 2.0 * math.log(2.0), 2.0 * math.log(10.0)
-"""Quantiles of chi-squared with two degrees of freedom: squared half-axes in deviations"""
+HALF, NINETY = 0.5, 0.9
+"""Parts that ellipses hold of the surfacings to expect"""
 FIX_DEVIATION = 5.0
 """[m] north and east each, of the GPS fix that will be taken"""
-LEAST = 0.5
-"""Part of the members that must have a surfacing for it to be told"""
+LEAST = 0.99
+"""Part of the members that must have a surfacing for it to be told: without the late ones, place,
+time and ellipse would be those of the early ones"""
 ELLIPSE_POINTS = 64
 KILO = 1e3
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Ellipse:
-    """Of a normal distribution."""
+    """Of a normal distribution, by its semi-axes: from the middle to the edge."""
 
-    major_m: float
+    semi_major_m: float
     """[m] half of the longer axis"""
-    minor_m: float
+    semi_minor_m: float
     """[m] half of the shorter axis"""
     bearing_deg: float
     """[degree] of the longer axis, clockwise from north, 0 to 180"""
@@ -68,20 +69,29 @@ class Surfacing:
     members: Array
     """North, east [m] of every member that has it, (member, 2)"""
 
-    def ellipse(self, quantile: float) -> Ellipse:
-        """That which holds as much as a quantile of chi-squared: HALF or NINETY."""
-        values, vectors = np.linalg.eigh(quantile * self.covariance)
+    def ellipse(self, holds: float) -> Ellipse:
+        """That which holds a part of the surfacings to expect, such as 0.9.
+
+        Of few members it is wider: their mean and covariance are known by them alone.
+        """
+        values, vectors = np.linalg.eigh(self._shape(holds))
         axis = vectors[:, 1]
         return Ellipse(
-            major_m=float(math.sqrt(max(values[1], 0.0))),
-            minor_m=float(math.sqrt(max(values[0], 0.0))),
+            semi_major_m=float(math.sqrt(max(values[1], 0.0))),
+            semi_minor_m=float(math.sqrt(max(values[0], 0.0))),
             bearing_deg=float(math.degrees(math.atan2(axis[1], axis[0])) % 180.0),
         )
 
-    def ring(self, quantile: float, place: Origin) -> Array:
+    def _shape(self, holds: float) -> Array:
+        """[m2], (2, 2): squared semi-axes, from north and east."""
+        fix = FIX_DEVIATION**2 * np.eye(2)
+        known = -2.0 * math.log(1.0 - holds)  # of chi-squared with 2 degrees of freedom
+        return prediction_quantile(holds, len(self.members)) * (self.covariance - fix) + known * fix
+
+    def ring(self, holds: float, place: Origin) -> Array:
         """Longitude, latitude [degree] around it, closed, counterclockwise, (point, 2)."""
         angles = np.linspace(0.0, 2.0 * math.pi, ELLIPSE_POINTS + 1)
-        values, vectors = np.linalg.eigh(quantile * self.covariance)
+        values, vectors = np.linalg.eigh(self._shape(holds))
         circle = np.stack([np.cos(angles), np.sin(angles)])
         if np.linalg.det(vectors) > 0.0:  # north and east, seen from above, turn the other way
             vectors = vectors * [1.0, -1.0]
@@ -105,17 +115,30 @@ class Surfacing:
         }
 
 
-def surfacings_of(flights: Sequence[Flight], place: Origin) -> tuple[Surfacing, ...]:
-    """The surfacings that at least half of the members have, in order.
+def prediction_quantile(holds: float, count: int) -> float:
+    """Squared deviations, in those of `count` draws, within which a further draw falls in a plane.
+
+    (n^2 - 1) p / (n (n - p)) of the quantile of F(p, n - p), p = 2 (Hotelling 1931, Ann. Math.
+    Stat. 2); chi-squared's for many draws. Fewer than three tell no more than three do.
+    """
+    n = max(count, 3)
+    return (n * n - 1.0) / n * ((1.0 - holds) ** (-2.0 / (n - 2)) - 1.0)
+
+
+def surfacings_of(
+    flights: Sequence[Flight], place: Origin, within: float = math.inf
+) -> tuple[Surfacing, ...]:
+    """The surfacings whose median time is within a horizon, in order, while all members have them.
 
     Args:
-      flights: of the members so far; of a single one the ellipses are those of its fix.
-      place: of the start.
+      flights: of the members so far, flown beyond the horizon; of a single one the ellipses are
+        those of its fix.
+      place: of the start. within: [s] the horizon.
     """
     found = []
     for index in range(max((len(one.time) for one in flights), default=0)):
         having = [one for one in flights if len(one.time) > index]
-        if len(having) < LEAST * len(flights):
+        if not _due(flights, index, within) or len(having) < LEAST * len(flights):
             break
         places = np.array([one.place[index] for one in having])
         times = np.array([one.time[index] for one in having])
@@ -144,6 +167,23 @@ def surfacings_of(flights: Sequence[Flight], place: Origin) -> tuple[Surfacing, 
             )
         )
     return tuple(found)
+
+
+def left_out(flights: Sequence[Flight], told: int, within: float) -> str:
+    """Why the surfacing after those told is not told; empty where none is due."""
+    if not _due(flights, told, within):
+        return ""
+    part = sum(len(one.time) > told for one in flights) / len(flights)
+    return (
+        f"surfacing {told + 1} is left out: only {100.0 * part:.0f} % of the members have it, the "
+        "others end at their last target or are late; their mean would be that of the early ones"
+    )
+
+
+def _due(flights: Sequence[Flight], index: int, within: float) -> bool:
+    """Whether half of the members have a surfacing within a time [s]."""
+    early = sum(len(one.time) > index and one.time[index] <= within for one in flights)
+    return 2 * early >= max(len(flights), 1)
 
 
 def degrees(points: Array, place: Origin) -> Array:

@@ -21,11 +21,16 @@ def newest_store(folder: Path) -> tuple[Path, float] | None:
     Raises:
       InputError: there is no such folder.
     """
-    if not folder.is_dir():
-        raise InputError(f"--watch {folder}: there is no such folder; make it, or name another")
+    check_watched(folder)
     stores = [folder] if is_store(folder) else [p for p in folder.iterdir() if is_store(p)]
     dated = [(path, _written(path)) for path in stores]
     return max(dated, key=lambda one: (one[1], one[0].name), default=None)
+
+
+def check_watched(folder: Path) -> None:
+    """Raise InputError where there is no such folder."""
+    if not folder.is_dir():
+        raise InputError(f"--watch {folder}: there is no such folder; make it, or name another")
 
 
 def arrivals(

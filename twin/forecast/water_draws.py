@@ -99,6 +99,23 @@ def draw_field_error(
     return dataclasses.replace(drawn, current=course)
 
 
+def draw_deviation(filter_: CurrentFilter) -> float:
+    """[m/s] of the drawn currents at the start, mean of north and east."""
+    _, covariance = _state(filter_)
+    total = np.zeros((2, len(covariance)))
+    for axis in range(2):
+        total[axis, MODES + axis :: 2] = 1.0
+        total[axis, DIVE.start + axis] = 1.0
+    return math.sqrt(0.5 * np.trace(total @ covariance @ total.T))
+
+
+def calibration_deviation(filter_: CurrentFilter) -> tuple[float, float]:
+    """Of the drawn errors of the speed [1] and of the compass [rad]."""
+    _, covariance = _state(filter_)
+    scale, compass = np.sqrt(np.diag(covariance)[CALIBRATION])
+    return float(scale), float(compass)
+
+
 def _state(filter_: CurrentFilter) -> tuple[Array, Array]:
     """Mean and covariance of the state, as the filter's own forecasts spread it."""
     state = filter_.state()

@@ -207,3 +207,15 @@ def test_a_closed_output_is_no_error():
     done = subprocess.run(words, shell=True, capture_output=True, text=True, check=False)
     assert done.returncode == 0
     assert done.stderr == ""
+
+
+def test_a_current_beyond_the_vehicle_is_named(capsys, tmp_path):
+    mission = tmp_path / "wp.toml"
+    mission.write_text(
+        'duration_s = 900\n[[segments]]\nkind = "waypoint"\nmax_depth_m = 30\n'
+        "targets = [{ north_m = 1500, east_m = 0 }]\n",
+        encoding="utf-8",
+    )
+    code, _, err = call(capsys, "simulate", str(mission), "--current", "uniform:-0.6,0")
+    assert code == 0
+    assert "the current of 0.60 m/s is stronger than the vehicle" in err

@@ -13,21 +13,25 @@ from logs import START, Flight, write_slocum
 import twin
 from factory.importing import import_logs
 from twin.__main__ import PROGRAM
-from twin.errors import InputError, MissionError, StoreError, WriteError
+from twin.errors import CurrentError, InputError, MissionError, StoreError, WriteError
 from twin.forecast import Request, forecast, known_from_logs, known_without_logs, mission_to
 from twin.forecast.flights import surfacings
 from twin.forecast.members import members_of
 from twin.forecast.page import page, write_forecast
-from twin.forecast.surfacing import HALF, NINETY, surfacings_of
+from twin.forecast.surfacing import HALF, NINETY, left_out, prediction_quantile, surfacings_of
 from twin.forecast.watch import arrivals
+from twin.forecast.water_draws import draw_deviation, draw_water
 from twin.physics.scenario import Scenario
 from twin.records.store import write_store
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current import Uniform
 from twin.water.current.origin import Origin
+from twin.water.current.spec import parse_current
 
 PLACE = Origin(latitude_deg=36.8, longitude_deg=-122.4, time="2026-11-22T12:00:00")
 UNIX = 1.795e9
+CHI_HALF, CHI_NINETY = 2.0 * np.log(2.0), 2.0 * np.log(10.0)
+"""Quantiles of chi-squared with two degrees of freedom"""
 
 
 def to_north(**settings):
@@ -74,12 +78,13 @@ def test_the_first_member_is_the_nominal_flight(steps) -> None:
 
 def test_ellipses_grow_with_time_and_hold_the_members(steps) -> None:
     first, second = steps[-1].surfacings
-    assert second.ellipse(NINETY).major_m > first.ellipse(NINETY).major_m
-    assert first.ellipse(HALF).major_m < first.ellipse(NINETY).major_m
-    # a current known to 0.15 m/s, and the filter's allowance of half as much again
-    hours = first.time_s / 3600.0
-    expected = np.sqrt(1.5 * NINETY) * 0.17 * 3600.0 * hours
-    assert first.ellipse(NINETY).major_m == pytest.approx(expected, rel=0.45)
+    assert second.ellipse(NINETY).semi_major_m > first.ellipse(NINETY).semi_major_m
+    assert first.ellipse(HALF).semi_major_m < first.ellipse(NINETY).semi_major_m
+    deviation = draw_deviation(known_without_logs(36.8, UNIX).filter_)
+    ellipse = first.ellipse(NINETY)
+    expected = np.sqrt(prediction_quantile(0.9, 24)) * deviation * first.time_s
+    radius = np.sqrt(ellipse.semi_major_m * ellipse.semi_minor_m)
+    assert radius == pytest.approx(expected, rel=0.35)
 
 
 def test_an_ellipse_holds_its_part_of_normal_members() -> None:
@@ -90,20 +95,55 @@ def test_an_ellipse_holds_its_part_of_normal_members() -> None:
     (one,) = surfacings_of(flights, PLACE)
     off = places - [one.north, one.east]
     distance = np.einsum("mi,ij,mj->m", off, np.linalg.inv(one.covariance), off)
-    assert np.mean(distance < NINETY) == pytest.approx(0.90, abs=0.02)
-    assert np.mean(distance < HALF) == pytest.approx(0.50, abs=0.02)
+    assert np.mean(distance < CHI_NINETY) == pytest.approx(0.90, abs=0.02)
+    assert np.mean(distance < CHI_HALF) == pytest.approx(0.50, abs=0.02)
     ellipse = one.ellipse(NINETY)
-    values, vectors = np.linalg.eigh(NINETY * covariance)
-    assert ellipse.major_m == pytest.approx(np.sqrt(values[1]), rel=0.05)
+    values, vectors = np.linalg.eigh(CHI_NINETY * covariance)
+    assert ellipse.semi_major_m == pytest.approx(np.sqrt(values[1]), rel=0.05)
     bearing = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])) % 180.0
     assert ellipse.bearing_deg == pytest.approx(bearing, abs=2.0)
 
 
-def _flight(place):
+def _flight(place, time=60.0):
     from twin.forecast.flights import Flight as Flown
 
-    return Flown(time=np.array([60.0]), place=np.array([place]), energy=np.array([10.0]),
+    return Flown(time=np.array([time]), place=np.array([place]), energy=np.array([10.0]),
                  track=np.zeros((2, 2)), duration=100.0, taken=20.0)  # fmt: skip
+
+
+def test_an_ellipse_of_few_members_holds_its_part_of_further_ones() -> None:
+    rng = np.random.default_rng(1)
+    held, count, trials = 0, 10, 4000
+    for _ in range(trials):
+        draws = rng.standard_normal((count + 1, 2))
+        off = draws[-1] - draws[:-1].mean(axis=0)
+        squared = off @ np.linalg.inv(np.cov(draws[:-1], rowvar=False)) @ off
+        held += squared < prediction_quantile(0.9, count)
+    assert held / trials == pytest.approx(0.9, abs=0.015)
+    assert prediction_quantile(0.9, 10**6) == pytest.approx(CHI_NINETY, rel=1e-4)
+
+
+def test_a_surfacing_around_the_horizon_is_told_of_all_members_or_not_at_all() -> None:
+    horizon = 100.0
+    early, late = _flight((0.0, 0.0), 90.0), _flight((50.0, 0.0), 120.0)
+    none = dataclasses.replace(late, time=np.array([]), place=np.zeros((0, 2)))
+    (one,) = surfacings_of([early] * 60 + [late] * 40, PLACE, horizon)
+    assert (one.part, one.time_s, one.north) == (1.0, pytest.approx(102.0), pytest.approx(20.0))
+    # most come up after the horizon: not asked for
+    assert surfacings_of([early] * 40 + [late] * 60, PLACE, horizon) == ()
+    assert left_out([early] * 40 + [late] * 60, 0, horizon) == ""
+    # some are not up when their flights end: the mean of the others would be too early
+    cut = [early] * 60 + [none] * 40
+    assert surfacings_of(cut, PLACE, horizon) == ()
+    assert "surfacing 1 is left out: only 60 %" in left_out(cut, 0, horizon)
+
+
+def test_members_fly_on_until_the_late_ones_are_up() -> None:
+    drawn = members_of(asked(hours=0.5, members=12), known_without_logs(36.8, UNIX))
+    climb = 50.0 / 0.2
+    assert {one.duration > 1800.0 + climb for one in drawn.scenarios} == {True}
+    last = drawn.scenarios[-1]
+    assert len(last.current.north) * last.current.interval > last.duration  # drawn to the end, too
 
 
 def test_energy_and_days_follow_from_the_power(steps) -> None:
@@ -116,7 +156,7 @@ def test_energy_and_days_follow_from_the_power(steps) -> None:
 
 def test_results_do_not_depend_on_the_threads() -> None:
     found = [
-        forecast(asked(members=6, hours=0.5), known_without_logs(36.8, UNIX), threads=threads)
+        forecast(asked(members=10, hours=0.5), known_without_logs(36.8, UNIX), threads=threads)
         for threads in (1, 3)
     ]
     assert found[0].describe() == found[1].describe()
@@ -129,6 +169,34 @@ def test_a_field_carries_the_members_and_its_error_spreads_them() -> None:
     assert currents[0] == pytest.approx([0.0, 0.3], abs=1e-9)
     assert currents[1:, 1].std() == pytest.approx(0.05, rel=0.4)
     assert "field" in drawn.spread["current"]
+
+
+def test_what_is_said_to_be_drawn_is_what_is_drawn() -> None:
+    known = known_without_logs(36.8, UNIX)
+    drawn = draw_water(known.filter_, 3600.0, 4000, np.random.default_rng(2), 7200.0)
+    said = members_of(asked(members=10), known).spread
+    deviation = float(re.search(r"known to ([0-9.]+) m/s", said["current"])[1])
+    assert drawn.current[1:, 0].std() == pytest.approx(deviation, rel=0.03)
+    compass = float(re.search(r"\+-([0-9.]+) degree", said["compass"])[1])
+    assert np.degrees(drawn.compass[1:]).std() == pytest.approx(compass, rel=0.05)
+    assert "+-6.0 %" in said["speed"]  # and not the scatter of ten members
+
+
+def test_a_file_of_another_time_is_refused_with_the_way_out(tmp_path) -> None:
+    import xarray as xr
+
+    values = np.zeros((1, 2, 2))
+    axes = {"time": [np.datetime64("2026-11-20", "ns")], "latitude": [36.0, 38.0],
+            "longitude": [-124.0, -121.0]}  # fmt: skip
+    data = xr.Dataset({name: (tuple(axes), values) for name in ("uo", "vo")}, axes)
+    for name in ("uo", "vo"):
+        data[name].attrs["units"] = "m/s"
+    data.to_netcdf(tmp_path / "now.nc")
+    known = known_without_logs(36.8, UNIX)
+    with pytest.raises(CurrentError, match=r"begins at 2026-11-22T12.*grid:FILE,hold=216000"):
+        members_of(asked(field=parse_current(f"grid:{tmp_path}/now.nc")), known)
+    field = parse_current(f"grid:{tmp_path}/now.nc,hold=216000")
+    assert len(members_of(asked(field=field), known).scenarios) == 24
 
 
 def test_geojson_holds_points_ellipses_and_the_track(steps) -> None:
@@ -197,6 +265,29 @@ def test_logs_tell_the_place_the_time_and_the_current(store) -> None:
         known.at(end - 3600.0)
 
 
+def test_logs_of_another_time_or_place_are_not_taken(store) -> None:
+    known = known_from_logs(store)
+    latitude, longitude = known.place
+    assert known.check_begin(latitude, longitude, known.time + 3600.0) == ""
+    assert "3.0 days before" in known.check_begin(latitude, longitude, known.time + 3 * 86400.0)
+    assert "45 km from" in known.check_begin(latitude + 0.4, longitude, known.time + 3600.0)
+    with pytest.raises(InputError, match="tell nothing of this water"):
+        known.check_begin(latitude, longitude, known.time + 3650 * 86400.0)
+    with pytest.raises(InputError, match="tell nothing of this water"):
+        known.check_begin(36.8, -122.4, known.time + 3600.0)
+
+
+def test_a_target_at_the_start_or_beyond_reach_is_named() -> None:
+    here = mission_to("36.801,-122.4", depth=50, pitch_deg=26, surface_after_s=1500, radius=500)
+    assert "already within 500 m of target 1" in asked(mission=here).notes()[0]
+    assert asked().notes() == ()  # 22 km in an hour: the way to it is flown
+    far = mission_to("36.8,-119.4", depth=50, pitch_deg=26, surface_after_s=1500, radius=500)
+    assert "268 km away" in asked(mission=far).notes()[0]
+    slip = mission_to("37,122.4", depth=50, pitch_deg=26, surface_after_s=1500, radius=500)
+    with pytest.raises(MissionError, match=r"did you mean 37, -122\.4 \(the sign of the long"):
+        asked(mission=slip)
+
+
 def test_logs_without_fixes_are_refused(store) -> None:
     import xarray as xr
 
@@ -213,13 +304,13 @@ def test_the_command_begins_at_the_last_fix_of_the_logs(store, tmp_path, capsys)
     out = tmp_path / "next"
     assert PROGRAM.main([
         "forecast", "--logs", str(store), "--goto", "49.7,-58", "--depth", "50", "--hours", "1",
-        "--surface-every", "0.4", "--members", "8", "--out", str(out), "--json",
+        "--surface-every", "0.4", "--members", "10", "--out", str(out), "--json",
     ]) == 0  # fmt: skip
     said = capsys.readouterr()
     answer = json.loads(said.out)
-    assert answer["flown"] == 8
+    assert answer["flown"] == 10
     assert "8 dives" in answer["spread"]["current"]
-    assert answer["surfacings"][0]["ellipse_90"]["major_m"] > 20.0
+    assert answer["surfacings"][0]["ellipse_90"]["semi_major_m"] > 20.0
     # it drifts with what the fixes have told
     assert "surfacing 1: about" in said.err
     assert json.loads((out / "forecast.json").read_text())["surfacings"] == answer["surfacings"]
@@ -232,7 +323,7 @@ def test_the_command_begins_at_the_last_fix_of_the_logs(store, tmp_path, capsys)
         (["--goto", "37,-122"], "give --from"),
         (["--from", "36.8,-122.4", "--goto", "37,-122"], "the time is missing"),
         (["--from", "36.8,-122.4,2026-11-22", "--goto", "37 -122"], "write LAT,LON"),
-        (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--members", "1"], "members"),
+        (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--members", "9"], "from 10"),
         (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--way", "modle"], "model"),
         (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--way", "log"], "for --logs"),
         (["--from", "36.8,-122.4,2026-11-22", "--mission", "field", "--depth", "9"], "for --goto"),
@@ -242,6 +333,14 @@ def test_the_command_begins_at_the_last_fix_of_the_logs(store, tmp_path, capsys)
 def test_what_cannot_be_forecast_is_refused_in_a_line(words, message, capsys) -> None:
     assert PROGRAM.main(["forecast", *words]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_folder_to_watch_is_there_before_it_is_watched(tmp_path, capsys) -> None:
+    words = ["--goto", "37,-122", "--watch", str(tmp_path / "nowhere")]
+    assert PROGRAM.main(["forecast", *words]) == 2
+    said = capsys.readouterr().err
+    assert "no such folder" in said
+    assert "watching" not in said
 
 
 def test_a_mission_by_the_sea_floor_is_refused() -> None:

@@ -120,7 +120,7 @@ def test_everything_that_is_left_out_is_listed(tmp_path):
         "yo10.ma: yo: d_target_altitude 20 m needs a sea floor",
         "yo10.ma: yo: d_speed_min = 0.05 is left out",
         "keystroke_wait_time of the first; others say 240 s",
-        "sample10.ma is not there",
+        "box.mi: sample: no effect on the motion",
         "box.mi: prepare_to_dive: no effect on the motion",
         "box.mi: tack_upwind: this behavior is not flown",
     ):
@@ -143,6 +143,37 @@ def test_every_argument_is_used_or_listed(tmp_path):
         assert any("something_new" in note for note in after.notes), file
         assert after.mission == before.mission
         path.write_text(text, encoding="utf-8")
+
+
+def test_a_pitch_in_degrees_is_refused_with_its_line(tmp_path):
+    path = written(tmp_path, yo10=[("d_pitch_value(X)  -0.4538", "d_pitch_value(X)  -26")])
+    with pytest.raises(MissionError, match=r"yo10\.ma line 10: yo: .*radian: write -0\.4538"):
+        read_slocum(path)
+
+
+def test_the_mode_of_the_pump_is_taken_by_either_name(tmp_path):
+    before = read_slocum(written(tmp_path))
+    path = written(tmp_path, yo10=[("d_use_bpump(enum)", "d_bpump_mode(enum)")])
+    after = read_slocum(path)
+    assert after.mission == before.mission
+    assert not any("bpump_mode" in note for note in after.notes)
+
+
+def test_what_moves_nothing_has_one_line(tmp_path):
+    notes = read_slocum(written(tmp_path)).notes
+    assert sum(": sample:" in note for note in notes) == 1
+
+
+def test_decimal_degrees_are_told_from_minutes(tmp_path):
+    path = written(
+        tmp_path, goto_l10=[("-12221.000   3648.000", "-122.36 36.81"),
+                            ("-12221.000   3649.500", "-122.36 36.82")],
+    )  # fmt: skip
+    mission = read_slocum(path).mission
+    with pytest.raises(
+        MissionError, match=r"did you mean 36\.81, -122\.36 .*DDMM\.mmm.*-12221\.600"
+    ):
+        mission.placed(36.8, -122.4)
 
 
 def test_the_pump_is_clipped_as_the_glider_does(tmp_path):

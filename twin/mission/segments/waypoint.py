@@ -16,6 +16,7 @@ from twin import geodesy
 from twin.errors import MissionError, unknown_name
 from twin.mission import fields as check
 from twin.mission import table as g
+from twin.mission.far_targets import check_reachable
 from twin.mission.segments.base import command_of, limit
 from twin.mission.segments.profile import Profile
 from twin.mission.segments.surface import Surface
@@ -120,7 +121,15 @@ class Waypoint(Profile):
         return any("latitude" in target for target in self.targets)
 
     def placed(self, latitude: float, longitude: float) -> Waypoint:
-        """The segment with all targets in metres from an origin [degree]."""
+        """The segment with all targets in metres from an origin [degree].
+
+        Raises:
+          MissionError: a target is more than 1000 km away.
+        """
+        for number, target in enumerate(self.targets, start=1):
+            if "latitude" in target:
+                place = target["latitude"], target["longitude"]
+                check_reachable(f"{self.kind}: target {number}", place, (latitude, longitude))
         return dataclasses.replace(
             self, targets=tuple(_in_metres(target, latitude, longitude) for target in self.targets)
         )

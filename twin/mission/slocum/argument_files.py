@@ -30,8 +30,7 @@ def with_arguments(path: Path) -> Parsed:
         found = _find(path.parent, name)
         if found is None:
             if behavior.name == "sample":
-                mission.notes.append(f"{behavior.label}: {name} is not there; it moves nothing")
-                continue
+                continue  # it moves nothing, as the reading says
             raise MissionError(
                 f"{behavior.label}: its arguments are in {name}, which is neither in {path.parent} "
                 "nor in a folder mafiles there or beside it"
@@ -50,6 +49,7 @@ def _merge(behavior: Behavior, file: Parsed, name: str) -> None:
             f"behavior_name={behavior.name}"
         )
     behavior.arguments.update(own.arguments)
+    behavior.lines.update(own.lines)
     behavior.places = own.places or behavior.places
     behavior.file = name
 

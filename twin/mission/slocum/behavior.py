@@ -38,6 +38,8 @@ class Behavior:
     """Name of the file that says it, or its arguments."""
     arguments: dict[str, float] = dataclasses.field(default_factory=dict)
     """By name, without the unit."""
+    lines: dict[str, str] = dataclasses.field(default_factory=dict)
+    """File and line of each argument."""
     places: list[tuple[float, float]] = dataclasses.field(default_factory=list)
     """(latitude, longitude) [degree]"""
 
@@ -45,6 +47,20 @@ class Behavior:
     def label(self) -> str:
         """How lines call it."""
         return f"{self.file}: {self.name}"
+
+    def pitch_deg(self, name: str) -> float:
+        """Magnitude [degree] of the pitch that an argument gives in radian.
+
+        Raises:
+          MissionError: it cannot be radian.
+        """
+        value = self.arguments[name]
+        if abs(value) >= 0.5 * math.pi:
+            raise MissionError(
+                f"{self.lines.get(name, self.file)}: {self.name}: {name} = {value:g} is no pitch "
+                f"in radian: write {math.radians(value):.4f} for {value:g} degree"
+            )
+        return abs(math.degrees(value))
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -76,6 +92,7 @@ def parse(path: Path) -> Parsed:
             found.sensors[match[1].lower()] = _number(where, match[1], match[3])
         elif (match := _ARGUMENT.match(line)) and current is not None:
             current.arguments[match[1].lower()] = _number(where, match[1], match[3])
+            current.lines[match[1].lower()] = where
         else:
             found.notes.append(f"{where}: not understood: {line}")
     if not found.behaviors:

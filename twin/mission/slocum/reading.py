@@ -127,8 +127,8 @@ def _yo(
         settings["min_altitude_m"] = altitude
     elif altitude > 0.0:
         notes.append(
-            f"{yo.label}: d_target_altitude {altitude:g} m needs a sea floor (--floor): dives turn "
-            "at their depth only"
+            f"{yo.label}: d_target_altitude {altitude:g} m needs a sea floor (`twin simulate "
+            "--floor`): dives turn at their depth only"
         )
     if arguments.pop("c_target_altitude", -1.0) > 0.0:
         notes.append(f"{yo.label}: c_target_altitude is left out: climbs turn at their depth")
@@ -139,7 +139,7 @@ def _yo(
         )
         pitch = USUAL_PITCH_DEG
         if value is not None and use != BATTERY_POSITION:
-            pitch = abs(math.degrees(value))
+            pitch = yo.pitch_deg(f"{way}_pitch_value")
         elif value is not None:
             notes.append(
                 f"{yo.label}: {way}_use_pitch 1 gives a place of the battery: "
@@ -162,10 +162,9 @@ def _buoyancy(
     vehicle: Vehicle | None,
 ) -> dict[str, float]:
     """Net mass of one way, by its pump's volume; nothing where the vehicle's usual one is flown."""
-    use, value = (
-        arguments.pop(f"{way}_use_bpump", ABSOLUTE),
-        arguments.pop(f"{way}_bpump_value", None),
-    )
+    mode = arguments.pop(f"{way}_bpump_mode", ABSOLUTE)  # its name in some versions
+    use = arguments.pop(f"{way}_use_bpump", mode)
+    value = arguments.pop(f"{way}_bpump_value", None)
     if value is None:
         return {}
     if use not in (AUTOBALLAST, ABSOLUTE):

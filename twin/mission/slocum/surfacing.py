@@ -109,7 +109,7 @@ def _take_pitch(found: Surfacings, behavior: Behavior, notes: list[str]) -> None
             f"{behavior.label}: c_use_pitch {use:g} is left out: only 3, a servo, is flown"
         )
         return
-    pitch = abs(math.degrees(value))
+    pitch = behavior.pitch_deg("c_pitch_value")
     if found.pitch_deg is not None and abs(found.pitch_deg - pitch) > 0.05:
         notes.append(
             f"{behavior.label}: c_pitch_value is {pitch:.1f} degree; the ascent keeps the "

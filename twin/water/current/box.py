@@ -83,11 +83,19 @@ def choose_times(
     end = start + np.timedelta64(round(duration_s * NANOSECONDS), "ns")
     if times.size == 1:
         end = start
+        away = abs(start - times[0])
+        if away > hold:
+            seconds = math.ceil(away / np.timedelta64(1, "s"))
+            raise CurrentError(
+                f"the mission begins at {_iso(start)}, and the only time of {source} is"
+                f" {_iso(times[0])}: choose time= nearer to it, or let it last longer, such as"
+                f" grid:FILE,hold={seconds}"
+            )
     if start < times[0] - hold or end > times[-1] + hold:
         raise CurrentError(
             f"mission {_iso(start)} to {_iso(end)} is outside the time range of {source}:"
             f" {_iso(times[0])} to {_iso(times[-1])}; choose time= within it, a shorter mission,"
-            " or hold=SECONDS to keep its ends"
+            " or let its ends last longer: grid:FILE,hold=SECONDS"
         )
     first = max(int(np.searchsorted(times, start, side="right")) - 1, 0)
     last = min(int(np.searchsorted(times, end, side="left")), times.size - 1)
