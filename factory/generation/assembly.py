@@ -53,23 +53,32 @@ def assemble(job: Job, number: int) -> int:
 def _assemble_once(job: Job, number: int) -> int:
     site, layout = job.site, job.layout
     if shard_manifest(job, number) is None:
-        manifests: list[Manifest] = []
-        for block in layout.blocks_of_shard(number):
-            manifest = block_manifest(job, block)
-            if manifest is None:
-                raise StoreError(
-                    f"block {block} has disappeared from {site.files.name}; --resume flies it again"
-                )
-            manifests.append(manifest)
-        target = open_tree(job)
         try:
-            _assemble(job, number, manifests, target)
-        finally:
-            target.close()
+            _assemble_blocks(job, number)
+        except (StoreError, OSError):
+            if shard_manifest(job, number) is None:
+                raise
+            # another part assembled it meanwhile, and its blocks are gone
     for block in layout.blocks_of_shard(number):
         site.files.remove(site.block_manifest(block))  # first: it vouches for the other
         site.files.remove(site.block(block))
     return number
+
+
+def _assemble_blocks(job: Job, number: int) -> None:
+    manifests: list[Manifest] = []
+    for block in job.layout.blocks_of_shard(number):
+        manifest = block_manifest(job, block)
+        if manifest is None:
+            raise StoreError(
+                f"block {block} has disappeared from {job.site.files.name}; --resume flies it again"
+            )
+        manifests.append(manifest)
+    target = open_tree(job)
+    try:
+        _assemble(job, number, manifests, target)
+    finally:
+        target.close()
 
 
 def _assemble(job: Job, number: int, manifests: list[Manifest], target: ShardedStore) -> None:

@@ -92,19 +92,27 @@ def write_whole(path: Path, data: bytes) -> None:
         with dead(left) as gone:
             if gone:
                 remove(left)
-    temporary = temporary_name(path)
+    while not _written(temporary_name(path), path, data):
+        pass
+    sync_folder(path.parent)
+
+
+def _written(temporary: Path, path: Path, data: bytes) -> bool:
+    """Write a file and give it its name; False where another writer of the same name took it for
+    left over, which it can before the lock is held."""
     try:
         with temporary.open("wb") as file:
-            lock(file.fileno())
+            if not (lock(file.fileno()) and temporary.exists()):
+                return False
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
             temporary.replace(path)
-        sync_folder(path.parent)
     except BaseException:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
         raise
+    return True
 
 
 def temporary_name(path: Path) -> Path:
