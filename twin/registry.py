@@ -335,6 +335,12 @@ def self_named(
     return check
 
 
+def missing_method(kind: type) -> str:
+    """The first method that a class leaves abstract, as `lacks` says it; "" where none is."""
+    missing = sorted(getattr(kind, "__abstractmethods__", ()))
+    return f"the method `{missing[0]}`" if missing else ""
+
+
 def check_class(noun: str, name: str, kind: Any, base: type, words: tuple[str, ...]) -> None:
     """What a seam whose kinds are classes asks of each.
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import VehicleError
+from twin.forecast.normal_draws import normal_draws
 from twin.identify.calibration import PROVENANCE, load_calibration
 from twin.identify.unknowns import PARAMETERS
 from twin.vehicle.vehicle import Vehicle
@@ -78,8 +79,7 @@ def draw_vehicles(
     calibration = load_calibration(vehicle)
     deviation = np.array([float(said[name]["deviation"]) for name in drawn])
     covariance = _correlation(vehicle, drawn) * np.outer(deviation, deviation)
-    values, vectors = np.linalg.eigh(covariance)
-    draws = rng.standard_normal((count, len(drawn))) * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+    draws = normal_draws(covariance, count, rng)
     draws[0] = 0.0
     vehicles = []
     for row in draws:

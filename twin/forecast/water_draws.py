@@ -14,6 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.forecast.normal_draws import normal_draws
 from twin.navigation.current.filter import CALIBRATION, DIVE, MODES, CurrentFilter
 from twin.navigation.current.modes import passage
 
@@ -48,7 +49,9 @@ def draw_water(
       dive: [s] after which what single dives add is another.
     """
     mean, covariance = _state(filter_)
-    states = mean + np.concatenate([np.zeros((1, len(mean))), _normal(covariance, count - 1, rng)])
+    states = mean + np.concatenate(
+        [np.zeros((1, len(mean))), normal_draws(covariance, count - 1, rng)]
+    )
     times = np.arange(math.ceil(duration / INTERVAL) + 2)
     modes = states[:, MODES::2] + 1j * states[:, MODES + 1 :: 2]
     gone = passage(filter_.modes, INTERVAL)
@@ -91,7 +94,9 @@ def draw_field_error(
     count, steps, _ = drawn.current.shape
     kept = math.exp(-INTERVAL / FIELD_TIME)
     gained = deviation * math.sqrt(1.0 - kept**2)
-    error = mean + np.concatenate([np.zeros((1, 2)), _normal(prior - gain @ prior, count - 1, rng)])
+    error = mean + np.concatenate(
+        [np.zeros((1, 2)), normal_draws(prior - gain @ prior, count - 1, rng)]
+    )
     course = np.empty((count, steps, 2))
     for k in range(steps):
         course[:, k] = error
@@ -120,14 +125,6 @@ def _state(filter_: CurrentFilter) -> tuple[Array, Array]:
     """Mean and covariance of the state, as the filter's own forecasts spread it."""
     state = filter_.state()
     return state["mean"], filter_.inflation * state["covariance"]
-
-
-def _normal(covariance: Array, count: int, rng: np.random.Generator) -> Array:
-    """Draws of mean 0, (count, size); the covariance may be singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(
-        rng.standard_normal((count, len(values))) * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
-    )
 
 
 def _scattered(rng: np.random.Generator, count: int, size: int) -> Array:

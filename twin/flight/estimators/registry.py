@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from twin.errors import InputError
 from twin.flight.estimators.base import FlightEstimator
-from twin.registry import Registry, self_named
+from twin.registry import Registry, missing_method, self_named
 
 
 def _lacks(kind: type[FlightEstimator]) -> str:
     """What a kind lacks."""
     if not getattr(kind, "summary", ""):
         return "a `summary`"
-    missing = sorted(getattr(kind, "__abstractmethods__", ()))
-    return f"the method `{missing[0]}`" if missing else ""
+    return missing_method(kind)
 
 
 ESTIMATORS: Registry[type[FlightEstimator]] = Registry(

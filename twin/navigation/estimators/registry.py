@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from twin.errors import InputError
 from twin.navigation.estimator import VelocityEstimator
-from twin.registry import Registry, self_named
+from twin.registry import Registry, missing_method, self_named
 from twin.vehicle.vehicle import Vehicle
 
 USUAL = ("ekf", "steady_flight", "dvl")
@@ -16,8 +16,7 @@ def _lacks(kind: type[VelocityEstimator]) -> str:
         return "a `summary`"
     if kind.open.__func__ is VelocityEstimator.open.__func__:  # type: ignore[attr-defined]
         return "the method `open`"
-    missing = sorted(getattr(kind, "__abstractmethods__", ()))
-    return f"the method `{missing[0]}`" if missing else ""
+    return missing_method(kind)
 
 
 VELOCITY_ESTIMATORS: Registry[type[VelocityEstimator]] = Registry(

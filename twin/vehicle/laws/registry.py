@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from twin.errors import VehicleError
-from twin.registry import Registry, self_named
+from twin.registry import Registry, missing_method, self_named
 from twin.vehicle.laws.base import HullLaw
 
 
@@ -12,8 +12,7 @@ def _lacks(kind: type[HullLaw]) -> str:
     for name in ("native_wrench", "native_rate_damping", "fossen_wrench"):
         if getattr(kind, name) is None:
             return f"`{name}`"
-    missing = sorted(getattr(kind, "__abstractmethods__", ()))
-    return f"the method `{missing[0]}`" if missing else ""
+    return missing_method(kind)
 
 
 LAWS: Registry[type[HullLaw]] = Registry(
