@@ -46,7 +46,7 @@ def place(tmp_path_factory):
     """A folder with the file of the docs."""
     folder = tmp_path_factory.mktemp("user")
     blocks = re.findall(
-        r"```python\n(.*?)```", (ROOT / "docs" / "learn.md").read_text("utf-8"), re.DOTALL
+        r"```python\n(.*?)```", (ROOT / "docs" / "howto" / "train.md").read_text("utf-8"), re.DOTALL
     )
     (text,) = [block for block in blocks if "register" in block]
     (folder / "leaky.py").write_text(text)

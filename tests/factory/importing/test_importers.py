@@ -38,7 +38,7 @@ from twin.records.schema import VARIABLES
 from twin.records.store import open_store
 
 ROOT = Path(__file__).resolve().parents[3]
-PAGE = (ROOT / "docs" / "real.md").read_text()
+PAGE = (ROOT / "docs" / "howto" / "import_logs.md").read_text()
 FLIGHT = Flight(depth=100.0, surface=600.0)
 
 WRITERS: dict[str, tuple[Callable[[Path, Flight], list[Path]], ...]] = {

@@ -21,7 +21,7 @@ from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError, WriteError
 from twin.navigation.baselines.registry import BASELINES
 
-PAGE = Path(__file__).parents[3] / "docs" / "learn.md"
+PAGE = Path(__file__).parents[3] / "docs" / "howto" / "train.md"
 SMALL = {"epochs": 1, "hidden": 6, "layers": 1, "members": 1, "workers": 1}
 QUICK = tuple(word for name, value in SMALL.items() for word in (f"--{name}", str(value)))
 
