@@ -89,15 +89,15 @@ SEAMS = (
     Seam("control task", "twin.suite.registry:TASKS", "twin.suite.task.GliderTask",
          "howto/dm_control.md"),
     Seam("importer", "factory.importing.formats.registry:IMPORTERS",
-         "factory.importing.Importer", "howto/import_logs.md#import"),
+         "factory.importing.Importer", "howto/import_tables.md#a-kind-of-log-of-your-own"),
     Seam("exporter", "factory.exporting.registry:EXPORTERS", "factory.exporting.Exporter",
          "reference/factory.md#exports"),
     Seam("network", "learn.networks.registry:NETWORKS", "learn.Network",
-         "howto/train.md#one-of-your-own"),
+         "reference/networks.md#one-of-your-own"),
     Seam("optimiser", "learn.training.optimisers.registry:OPTIMISERS",
-         "learn.MinibatchOptimiser", "howto/train.md#one-of-your-own"),
+         "learn.MinibatchOptimiser", "reference/networks.md#one-of-your-own"),
     Seam("figure of the report", "learn.report.figures.registry:REPORT_FIGURES",
-         "learn.ReportFigure", "howto/train.md#one-of-your-own"),
+         "learn.ReportFigure", "reference/networks.md#one-of-your-own"),
 )  # fmt: skip
 
 

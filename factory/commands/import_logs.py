@@ -51,7 +51,7 @@ class ImportLogs(JsonOption):
         tyro.conf.arg(
             metavar="FILE|NAME",
             help="what the columns of csv tables are: a TOML file "
-            "(docs/howto/import_logs.md shows one), or a shipped one by name",
+            "(docs/howto/import_tables.md shows one), or a shipped one by name",
         ),
     ] = None
     payload: tuple[str, ...] = ()

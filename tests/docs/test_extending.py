@@ -59,9 +59,9 @@ def files() -> dict[str, str]:
         **dict(FILE.findall(page())),
         "jet.py": fenced("reference/currents.md", "class Jet"),
         "turbidity.py": fenced("reference/sensors.md", "class Turbidity"),
-        "leaky.py": fenced("howto/train.md", "class Leaky"),
+        "leaky.py": fenced("reference/networks.md", "class Leaky"),
         "speed_histogram.py": fenced("howto/render.md", "FigureKind("),
-        "my_logs.py": example(page("howto/import_logs.md"), "my_logs.py"),
+        "my_logs.py": example(page("howto/import_tables.md"), "my_logs.py"),
         "my_format.py": example(page("reference/factory.md"), "my_format.py"),
     }
 
@@ -106,7 +106,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _write_log(folder: Path) -> None:
-    """A log with the columns that the importer of docs/howto/import_logs.md reads."""
+    """A log with the columns that the importer of docs/howto/import_tables.md reads."""
     state = FLIGHT.state(FLIGHT.time)
     columns = {"time": FLIGHT.time, "my_depth": state["depth"], "my_pitch": state["pitch"]}
     write_csv(folder / "log.csv", columns)

@@ -61,7 +61,7 @@ def load_mapping(name: str | Path) -> Mapping:
         raise InputError(
             f"no mapping file {name}: "
             f"{unknown_name('shipped mapping', str(name), shipped_names())}; "
-            "docs/howto/import_logs.md shows how to write one"
+            "docs/howto/import_tables.md shows how to write one"
         )
     return parse_mapping(read_toml(path, "mapping"), path.name)
 
@@ -75,7 +75,7 @@ def parse_mapping(data: Dict[str, Any], label: str) -> Mapping:
     for key in ("vehicle", "time", "signals"):
         if key not in data:
             raise InputError(
-                f"{label}: {key} is missing; docs/howto/import_logs.md shows a whole mapping"
+                f"{label}: {key} is missing; docs/howto/import_tables.md shows a whole mapping"
             )
     model = text(label, "model", data["model"]) if "model" in data else None
     if model is not None:
