@@ -6,7 +6,8 @@ it believes to be back, in percent of the way, for sensors without errors and wi
 
 `floor` is the same of a dead reckoning that knows the true velocity in body axes and has the
 measured attitude as it is: what the attitude alone, above all the compass, costs. `--without NAME`
-makes one device of the suite ideal, `--only NAME` all others: the budget of the errors.
+makes one device of the suite ideal, `--only NAME` all others: the budget of the errors. `--swing N`
+flies spirals before the box, from which the gyros tell the compass' deviation.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 
 import twin
 from twin.errors import unknown_name
-from twin.mission.segments import Waypoint
+from twin.mission.segments import Spiral, Waypoint
 from twin.navigation.dead_reckoning import Attitude, integrate, rotate_to_ned
 from twin.navigation.settings import Navigation
 from twin.physics.scenario import Scenario
@@ -30,6 +31,8 @@ from twin.sensors import SensorSuite
 
 GOALS = {"ideal": 0.3, "field": 1.5}
 """[%] of the way"""
+SWING_DEG = 45.0
+"""[degree] of the battery's rotation in a spiral: a circle in about 25 minutes"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -58,13 +61,27 @@ class Closed:
         return 100.0 * self.floor / self.distance
 
 
-def box(side: float, turn: float = 0.0, depth: float = 150.0) -> twin.Mission:
-    """Round a square of this side [m], turned by an angle [rad], in yos down to `depth` [m]."""
+def box(side: float, turn: float = 0.0, depth: float = 150.0, swing: int = 0) -> twin.Mission:
+    """Round a square of this side [m], turned by an angle [rad], in yos down to `depth` [m].
+
+    Before it, `swing` yos in spirals to starboard and as many to port.
+    """
     ahead, beside = side * math.cos(turn), side * math.sin(turn)
     corners = ((ahead, beside), (ahead - beside, ahead + beside), (-beside, ahead), (0.0, 0.0))
     return twin.Mission(
         name="box",
         segments=[
+            *(
+                Spiral(
+                    rotation_deg=rotation,
+                    max_depth_m=depth,
+                    min_depth_m=15.0,
+                    pitch_deg=26.0,
+                    yos=swing,
+                )
+                for rotation in (SWING_DEG, -SWING_DEG)
+                if swing
+            ),
             Waypoint(
                 targets=tuple({"north_m": n, "east_m": e} for n, e in corners),
                 max_depth_m=depth,
@@ -73,7 +90,7 @@ def box(side: float, turn: float = 0.0, depth: float = 150.0) -> twin.Mission:
                 arrival_radius_m=10.0,
                 surface_at_target=False,
                 renewed="continuously",
-            )
+            ),
         ],
     )
 
@@ -105,13 +122,15 @@ def attitude_floor(run: Trajectory, at: int) -> float:
     return float(np.hypot(*(ends[0] - ends[1])))
 
 
-def fly(side: float, sensors: SensorSuite, seed: int, estimator: str = "ekf") -> Closed:
+def fly(
+    side: float, sensors: SensorSuite, seed: int, estimator: str = "ekf", swing: int = 0
+) -> Closed:
     """One round of the box."""
     navigate = Navigation(estimator=estimator, sensors=sensors, seed=seed)
-    mission = box(side, np.random.default_rng(seed).uniform(0.0, 2.0 * math.pi))
+    mission = box(side, np.random.default_rng(seed).uniform(0.0, 2.0 * math.pi), swing=swing)
     run = Simulation(Scenario(plan=mission, navigate=navigate)).run()
     segment = run["commanded_segment"]
-    back = np.flatnonzero(segment >= 4)
+    back = np.flatnonzero(segment >= 4 + (2 if swing else 0))
     at = int(back[0]) if back.size else len(segment) - 1
     north, east = run["true_north"], run["true_east"]
     believed = run["measured_onboard_north"][at], run["measured_onboard_east"][at]
@@ -134,6 +153,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="seed of the first round")
     parser.add_argument("--estimator", default="ekf")
+    parser.add_argument("--swing", type=int, default=0, help="yos in spirals before, each way")
     parser.add_argument("--sensors", choices=tuple(GOALS), help="one suite; default: both")
     changed = parser.add_mutually_exclusive_group()
     changed.add_argument("--without", metavar="NAME", help="a device that is made ideal")
@@ -143,7 +163,9 @@ def main() -> None:
     for sensors in [options.sensors] if options.sensors else GOALS:
         suite = suite_of(sensors, options.without, options.only)
         seeds = range(options.first, options.first + options.seeds)
-        rounds = [fly(options.side, suite, seed, options.estimator) for seed in seeds]
+        rounds = [
+            fly(options.side, suite, seed, options.estimator, options.swing) for seed in seeds
+        ]
         if options.json:
             print(json.dumps({sensors: [dataclasses.asdict(one) for one in rounds]}), flush=True)
             continue
