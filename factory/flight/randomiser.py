@@ -7,6 +7,7 @@ no place in a task.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from factory.flight.mission_water import build_current, build_density
 from factory.flight.vehicle_errors import ballast_of, encoder_zeros, spread_vehicle
 from factory.recipe.distribution import Distribution, Fixed
-from factory.recipe.parameters import declared, override, parameter_table
+from factory.recipe.parameters import BOTTOM, declared, override, parameter_table
 from factory.recipe.sampling import Parameters
 from twin.errors import InputError
 from twin.suite.conditions import Conditions
@@ -115,4 +116,5 @@ def _made(
             )
     found = override({**declared(spread, rows), **base}, changes)
     used = {name: d for name, d in found.items() if name.partition(".")[0] in GROUPS}
+    used.setdefault(BOTTOM, Fixed(math.nan))  # surveys have a sea floor instead, tasks neither
     return TableRandomiser(used, vehicle=vehicle, depth=depth, duration=duration)
