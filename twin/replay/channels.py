@@ -130,19 +130,19 @@ def _motion(trajectory: Trajectory, found: Poses, kept: Integers) -> dict[str, A
 def thin(depth: Array, most: int) -> Integers:
     """Indices of at most `most` samples, (n,): all where they fit.
 
-    Else the mission is cut into parts of equally many samples, and of each the first, the
-    shallowest and the deepest stay: no turn of a dive is lost.
+    Else the mission is cut into parts of equally many samples, and of each the shallowest and the
+    deepest stay, with the first and the last of all: no turn of a dive is lost.
     """
     count = len(depth)
     if count <= most:
         return np.arange(count)
-    parts = max((most - 1) // 3, 1)
+    parts = max((most - 2) // 2, 1)
     edges = np.linspace(0, count, parts + 1).astype(int)
     long = int(np.diff(edges).max())
     rows = np.minimum(edges[:-1, None] + np.arange(long), edges[1:, None] - 1)
     cut = depth[rows]
-    picks = [edges[:-1], *(rows[np.arange(parts), f(cut, axis=1)] for f in (np.argmin, np.argmax))]
-    return np.unique(np.concatenate([*picks, [count - 1]]))
+    picks = [rows[np.arange(parts), f(cut, axis=1)] for f in (np.argmin, np.argmax)]
+    return np.unique(np.concatenate([[0], *picks, [count - 1]]))
 
 
 def _lost(time: Array, position: Array, chosen: Integers) -> dict[str, float]:

@@ -78,12 +78,12 @@ class LiveMission:
         """The samples from number `first` on that are flown by now, and whether more will come."""
         with self._turn:
             running = self._fly()
-            flown = self._simulation.trajectory() if not self._problem else None
-        if flown is None:
+            # the last sample is complete a step after its time
+            count = len(self._simulation.rows) - running
+            flown = self._simulation.trajectory() if count > max(first, 1) else None
+        if self._problem:
             return {"running": False, "problem": self._problem}
-        # the last sample is complete a step after its time
-        count = len(flown.time) if not running else len(flown.time) - 1
-        if count - first < 1:
+        if flown is None:
             return {"running": running}
         return {
             "running": running,

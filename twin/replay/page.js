@@ -323,9 +323,9 @@ class Page {
     };
     for (const track of tracks) row(swatch(track.colour), track.name);
     if (profile) {
-      const arrow = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-      arrow.setAttribute("viewBox", "0 0 26 12");
-      arrow.innerHTML = '<path d="M0 6h16M15 1l11 5-11 5z" stroke="#fff" stroke-width="2" fill="#fff"/>';
+      const arrow = document.createElement("span");
+      arrow.innerHTML = '<svg viewBox="0 0 26 12"><path d="M0 6h16M15 1l11 5-11 5z" stroke="#fff" '
+        + 'stroke-width="2" fill="#fff"/></svg>';
       row(arrow, `${profile.name}, up to ${profile.strongest.toFixed(profile.strongest < 0.01 ? 3 : 2)} m/s`);
     }
     const title = document.createElement("div"), bar = document.createElement("div");

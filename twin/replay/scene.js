@@ -242,7 +242,7 @@ class Scene {
     const narrow = wide < 640;
     // Shares of half the picture, for title, legend, labels and buttons.
     const margin = narrow ? { left: 0.3, right: 0.1, top: 0.5, bottom: 0.36 }
-      : { left: 0.16, right: 0.14, top: 0.26, bottom: 0.28 };
+      : { left: 0.2, right: 0.16, top: 0.26, bottom: 0.28 };
     camera.half = Math.tan(NARROW);
     if (this.name === "map") {
       camera.bearing = Math.PI;
@@ -403,7 +403,8 @@ class Scene {
     this.drawMarks(state, here, size);
   }
 
-  drawVehicle(state, here, size) {
+  // Where each body is from the hull's middle, and how it is turned, at true size.
+  bodyPoses(state) {
     const poses = [];
     this.bodies.forEach((body, k) => {
       let place = [0, 0, 0], turn = state.turn;
@@ -423,6 +424,11 @@ class Scene {
       }
       poses.push({ place, turn });
     });
+    return poses;
+  }
+
+  drawVehicle(state, here, size) {
+    const poses = this.bodyPoses(state);
     for (const blend of [false, true]) {
       this.bodies.forEach((body, k) => {
         const mesh = blend ? body.glass : body.solid, { place, turn } = poses[k];
@@ -445,7 +451,7 @@ class Scene {
     this.ladder = [];
     if (open) {
       const { profile } = this.mission, heading = state.heading * RADIANS;
-      const c = Math.cos(heading), s = Math.sin(heading), [ahead, aside] = [0.2, -3];
+      const c = Math.cos(heading), s = Math.sin(heading), [ahead, aside] = [0.2, -3 * Math.min(1, this.camera.aspect)];
       const x = state.north + ahead * c - aside * s, y = -state.east - (ahead * s + aside * c);
       const levels = profile.averaged ? [state.depth] : [];
       for (let d = Math.ceil(state.depth - 2.6); !profile.averaged && d <= state.depth + 2.6; d++) levels.push(d);
