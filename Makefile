@@ -6,7 +6,7 @@ BIN := .venv/bin
 BENCHMARKS := cli_startup physics_step current_sampling sensor_cost suite_step factory_speed store_writing layer_speed render_speed
 
 .NOTPARALLEL:
-.PHONY: setup demo test lint check mutants bench gallery lock clean
+.PHONY: setup demo test lint check mutants bench gallery docs lock clean
 
 setup: .venv/.installed .venv-s3/.installed ## virtual environment with the pinned versions, GL libraries
 	@scripts/gl.sh
@@ -40,9 +40,12 @@ bench: setup              ## measured costs, printed beside their yardsticks
 gallery: setup            ## the pictures of the README, from the commands shown beside them
 	@$(BIN)/python scripts/gallery.py README.md
 
+docs: setup               ## the documentation as a site: site/index.html; warnings are errors
+	@$(BIN)/python -m mkdocs build --quiet --strict
+
 lock:                     ## constraints.txt again, from the newest versions that pyproject.toml allows
 	@scripts/lock.sh "$(PYTHON)"
 
 clean:                    ## the environment and the caches; data/, runs/ and demo/ stay
-	rm -rf .venv .venv-s3 build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-s3 build dist site .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -1,7 +1,7 @@
-"""The picture and the table of seams in docs/architecture.md: `python scripts/architecture.py`.
+"""The picture and the table of seams of the page on the architecture.
 
-The picture is written to docs/architecture.png; the table is printed, and a test compares it with
-the page.
+`python scripts/architecture.py` writes docs/project/architecture.png. A test compares the table
+with docs/project/architecture.md.
 """
 
 from __future__ import annotations
@@ -64,38 +64,40 @@ class Seam:
 
 SEAMS = (
     Seam("current", "twin.water.current.registry:ENTRY_POINTS", "twin.water.current.Current",
-         "currents.md#a-kind-of-your-own"),
+         "reference/currents.md#a-kind-of-your-own"),
     Seam("sensor", "twin.sensors.registry:SENSORS", "twin.sensors.Sensor",
-         "sensors.md#a-sensor-of-your-own"),
+         "reference/sensors.md#a-sensor-of-your-own"),
     Seam("vehicle part", "twin.vehicle.parts.registry:PARTS", "twin.vehicle.parts.Part",
-         "extending.md#a-vehicle-part"),
+         "howto/extending.md#a-vehicle-part"),
     Seam("hull law", "twin.vehicle.laws.registry:LAWS", "twin.vehicle.laws.HullLaw",
-         "extending.md#a-hull-law"),
+         "howto/extending.md#a-hull-law"),
     Seam("mission segment", "twin.mission.segments.registry:SEGMENTS",
-         "twin.mission.segments.Segment", "extending.md#a-mission-segment"),
+         "twin.mission.segments.Segment", "howto/extending.md#a-mission-segment"),
     Seam("kind of drawn segment", "factory.recipe.kinds.registry:MISSION_KINDS",
-         "factory.recipe.kinds.MissionKind", "extending.md#a-kind-of-drawn-segment"),
-    Seam("figure", "twin.plot.registry:FIGURES", "twin.plot.FigureKind", "render.md#twin-plot"),
+         "factory.recipe.kinds.MissionKind", "howto/extending.md#a-kind-of-drawn-segment"),
+    Seam("figure", "twin.plot.registry:FIGURES", "twin.plot.FigureKind",
+         "howto/render.md#twin-plot"),
     Seam("flight estimator", "twin.flight.estimators.registry:ESTIMATORS",
-         "twin.flight.estimators.FlightEstimator", "flight.md#an-estimator-of-ones-own"),
+         "twin.flight.estimators.FlightEstimator", "howto/flight.md#an-estimator-of-ones-own"),
     Seam("feature", "twin.navigation.features.registry:FEATURES",
-         "twin.navigation.features.Feature", "extending.md#a-feature"),
+         "twin.navigation.features.Feature", "howto/extending.md#a-feature"),
     Seam("velocity estimator", "twin.navigation.estimators.registry:VELOCITY_ESTIMATORS",
-         "twin.navigation.estimator.VelocityEstimator", "navigation.md#an-estimator-of-ones-own"),
+         "twin.navigation.estimator.VelocityEstimator",
+         "howto/navigation.md#an-estimator-of-ones-own"),
     Seam("baseline", "twin.navigation.baselines.registry:BASELINES", "learn.Baseline",
-         "extending.md#a-baseline"),
+         "howto/extending.md#a-baseline"),
     Seam("control task", "twin.suite.registry:TASKS", "twin.suite.task.GliderTask",
-         "dm_control.md"),
+         "howto/dm_control.md"),
     Seam("importer", "factory.importing.formats.registry:IMPORTERS",
-         "factory.importing.Importer", "real.md#import"),
+         "factory.importing.Importer", "howto/import_tables.md#a-kind-of-log-of-your-own"),
     Seam("exporter", "factory.exporting.registry:EXPORTERS", "factory.exporting.Exporter",
-         "factory.md#exports"),
+         "reference/factory.md#exports"),
     Seam("network", "learn.networks.registry:NETWORKS", "learn.Network",
-         "learn.md#one-of-your-own"),
+         "reference/networks.md#one-of-your-own"),
     Seam("optimiser", "learn.training.optimisers.registry:OPTIMISERS",
-         "learn.MinibatchOptimiser", "learn.md#one-of-your-own"),
+         "learn.MinibatchOptimiser", "reference/networks.md#one-of-your-own"),
     Seam("figure of the report", "learn.report.figures.registry:REPORT_FIGURES",
-         "learn.ReportFigure", "learn.md#one-of-your-own"),
+         "learn.ReportFigure", "reference/networks.md#one-of-your-own"),
 )  # fmt: skip
 
 
@@ -118,9 +120,9 @@ def seam_table() -> str:
         assert found(f"{base[0]}:{base[2]}")
         folder = module.rpartition(".")[0].replace(".", "/")
         group = registry if isinstance(registry, str) else registry.group
-        page = seam.page.partition("#")[0]
+        page = Path(seam.page.partition("#")[0]).stem.replace("_", " ")
         rows.append(
-            f"| {seam.what} | `{folder}/` | `{seam.base}` | `{group}` | [{page}]({seam.page}) |"
+            f"| {seam.what} | `{folder}/` | `{seam.base}` | `{group}` | [{page}](../{seam.page}) |"
         )
     return "\n".join(rows) + "\n"
 
@@ -187,5 +189,5 @@ def draw(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    draw(ROOT / "docs" / "architecture.png")
+    draw(ROOT / "docs" / "project" / "architecture.png")
     print(seam_table())

@@ -236,7 +236,7 @@ def write_seaexplorer(path: Path, flight: Flight, delimiter: str = ",") -> Path:
 
 
 def table_columns(flight: Flight) -> dict[str, Array]:
-    """A table in the layout of the mapping that docs/real.md shows: forward-left-up, from east."""
+    """A table as the mapping of docs/howto/import_tables.md reads: forward-left-up, from east."""
     time, state = flight.time, flight.state(flight.time)
     under = state["under"] > 0.0
     latitude, longitude = flight.position(time)

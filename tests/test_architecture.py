@@ -1,4 +1,4 @@
-"""The rules of docs/architecture.md, over the source as it stands: imports, folders, names."""
+"""The rules of docs/project/architecture.md, over the source: imports, folders, names."""
 
 from __future__ import annotations
 
@@ -244,7 +244,7 @@ def test_every_place_that_may_name_an_actuator_exists() -> None:
 
 
 def page() -> str:
-    return (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    return (ROOT / "docs" / "project" / "architecture.md").read_text(encoding="utf-8")
 
 
 def script():
@@ -289,13 +289,14 @@ def test_the_tree_of_the_page_has_every_folder() -> None:
 
 
 @needs_docs
-@pytest.mark.parametrize("name", ["architecture.md", "extending.md"])
+@pytest.mark.parametrize("name", ["project/architecture.md", "howto/extending.md"])
 def test_tests_and_pages_that_a_page_names_exist(name: str) -> None:
-    text = (ROOT / "docs" / name).read_text(encoding="utf-8")
+    path = ROOT / "docs" / name
+    text = path.read_text(encoding="utf-8")
     for place in re.findall(r"`(tests/[\w/.]+)`", text):
         assert (ROOT / place).exists(), place
     for link in re.findall(r"\]\((\w[\w./-]*?)(#[\w-]+)?\)", text):
-        target = ROOT / "docs" / link[0]
+        target = path.parent / link[0]
         assert target.exists(), link
         if link[1]:
             heads = re.findall(r"^#+ (.+)$", target.read_text(encoding="utf-8"), re.MULTILINE)

@@ -269,16 +269,16 @@ def test_a_sensor_that_reads_what_nobody_measures_is_refused(monkeypatch):
 
 @needs_docs
 def test_the_table_of_sensors_is_the_registry_s():
-    assert sensor_table() in (ROOT / "docs/sensors.md").read_text()
+    assert sensor_table() in (ROOT / "docs/reference/sensors.md").read_text()
 
 
 @needs_docs
 def test_a_sensor_of_one_s_own_flies_in_one_file(tmp_path, monkeypatch, own_variables):
     monkeypatch.chdir(tmp_path)
-    with files_of("docs/sensors.md", tmp_path) as modules:
+    with files_of("docs/reference/sensors.md", tmp_path) as modules:
         assert modules == ["turbidity"]
         try:
-            names = run("docs/sensors.md")
+            names = run("docs/reference/sensors.md")
             stored = names["store"]
             _check_turbidity(stored)
             flown = twin.simulate(duration=60.0, sensors="field+turbidity", seed=1)
@@ -306,7 +306,7 @@ def test_an_installed_sensor_needs_no_import(tmp_path, own_variables):
     (installed / "entry_points.txt").write_text(
         "[glider_twin.sensors]\nturbidity = turbidity:Turbidity\n"
     )
-    with files_of("docs/sensors.md", tmp_path):
+    with files_of("docs/reference/sensors.md", tmp_path):
         for words in (
             "generate --hours 0.2 --sensors field+turbidity --workers 1 --out m.zarr",
             "verify m.zarr",
@@ -356,13 +356,13 @@ def test_a_figure_that_is_only_half_there_is_refused(changes, message):
 
 @needs_docs
 def test_the_table_of_figures_is_the_registry_s():
-    assert figure_table() in (ROOT / "docs/render.md").read_text()
+    assert figure_table() in (ROOT / "docs/howto/render.md").read_text()
 
 
 @needs_docs
 def test_a_figure_of_one_s_own_is_drawn_by_name(tmp_path):
     flown = twin.simulate(duration=60.0)
-    with files_of("docs/render.md", tmp_path) as (module,):
+    with files_of("docs/howto/render.md", tmp_path) as (module,):
         try:
             __import__(module)
             figure = flown.plot("speed_histogram", bins=7)
@@ -402,7 +402,7 @@ def test_a_task_that_is_only_half_there_is_refused():
 
 @needs_docs
 def test_every_task_is_on_its_page():
-    page = (ROOT / "docs/dm_control.md").read_text()
+    page = (ROOT / "docs/howto/dm_control.md").read_text()
     for name in TASKS.shipped():
         assert f"| `{name}` |" in page
-    assert blocks("docs/dm_control.md")
+    assert blocks("docs/howto/dm_control.md")

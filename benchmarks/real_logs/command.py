@@ -30,7 +30,7 @@ class RealLogs(JsonOption):
     out: Path | None = None
     """folder for a page with the tables and charts beside published figures"""
     keep: Path | None = None
-    """file for the rows as JSON, from which the tables of docs/real.md are made"""
+    """file for the rows as JSON, from which the tables of docs/results/real_logs.md are made"""
     no_networks: bool = False
     """leave the networks out, and with them the simulation that they are trained on"""
 

@@ -1,4 +1,4 @@
-"""Markdown: the tables of docs/real.md, from the rows that a run of the benchmark stored.
+"""Markdown: the tables of docs/results/real_logs.md, from rows that the benchmark stored.
 
 `MEASURED` is what `python -m benchmarks.real_logs FOLDER --keep FILE` wrote on the public logs; a
 test compares the page with it.

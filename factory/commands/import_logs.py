@@ -50,8 +50,8 @@ class ImportLogs(JsonOption):
         str | None,
         tyro.conf.arg(
             metavar="FILE|NAME",
-            help="what the columns of csv tables are: a TOML file (docs/real.md shows one), or a "
-            "shipped one by name",
+            help="what the columns of csv tables are: a TOML file "
+            "(docs/howto/import_tables.md shows one), or a shipped one by name",
         ),
     ] = None
     payload: tuple[str, ...] = ()

@@ -18,7 +18,7 @@ class RunEvaluation:
 
     evaluation: Evaluation
     figures: Mapping[str, Any]
-    """By the names of docs/learn.md: errors of the networks, of the floor and of each baseline."""
+    """By the names of `learn evaluate`: errors of the networks, the floor and each baseline."""
     shown: tuple[Shown, ...]
     """Missions that a page draws; none of a store of logs, whose true tracks nobody knows."""
 

@@ -1,4 +1,4 @@
-"""The blocks of docs/cluster.md run as they stand there: a changed page is a changed test.
+"""The blocks of docs/howto/cluster.md run as they stand there: a changed page is a changed test.
 
 What belongs to an installation is replaced by programs of the same name that stand in front of it:
 `sbatch` runs the tasks of an array here, `pip` only notes what it was asked for.
@@ -24,7 +24,7 @@ from s3 import s3_server
 from trees import contents
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "docs/cluster.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/howto/cluster.md").read_text(encoding="utf-8")
 PROGRAMS = Path(__file__).with_name("programs")
 SECONDS = 400.0
 

@@ -1,4 +1,4 @@
-"""Every kind of one's own that docs/extending.md shows: its file and its command, as written."""
+"""Every kind of one's own that docs/howto/extending.md shows: its file and command, as written."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ if __name__ == "__main__":
 """
 
 
-def page(name: str = "extending.md") -> str:
+def page(name: str = "howto/extending.md") -> str:
     return (ROOT / "docs" / name).read_text(encoding="utf-8")
 
 
@@ -57,12 +57,12 @@ def files() -> dict[str, str]:
     """Text of each file of the page, and of the pages that it leads to."""
     return {
         **dict(FILE.findall(page())),
-        "jet.py": fenced("currents.md", "class Jet"),
-        "turbidity.py": fenced("sensors.md", "class Turbidity"),
-        "leaky.py": fenced("learn.md", "class Leaky"),
-        "speed_histogram.py": fenced("render.md", "FigureKind("),
-        "my_logs.py": example(page("real.md"), "my_logs.py"),
-        "my_format.py": example(page("factory.md"), "my_format.py"),
+        "jet.py": fenced("reference/currents.md", "class Jet"),
+        "turbidity.py": fenced("reference/sensors.md", "class Turbidity"),
+        "leaky.py": fenced("reference/networks.md", "class Leaky"),
+        "speed_histogram.py": fenced("howto/render.md", "FigureKind("),
+        "my_logs.py": example(page("howto/import_tables.md"), "my_logs.py"),
+        "my_format.py": example(page("reference/factory.md"), "my_format.py"),
     }
 
 
@@ -106,7 +106,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _write_log(folder: Path) -> None:
-    """A log with the columns that the importer of docs/real.md reads."""
+    """A log with the columns that the importer of docs/howto/import_tables.md reads."""
     state = FLIGHT.state(FLIGHT.time)
     columns = {"time": FLIGHT.time, "my_depth": state["depth"], "my_pitch": state["pitch"]}
     write_csv(folder / "log.csv", columns)

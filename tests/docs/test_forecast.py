@@ -1,4 +1,4 @@
-"""The commands and the program of docs/forecast.md run as they stand there."""
+"""The commands and the program of docs/howto/forecast.md run as they stand there."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SECONDS = 600.0
 
 
 def page() -> str:
-    return (ROOT / "docs/forecast.md").read_text(encoding="utf-8")
+    return (ROOT / "docs/howto/forecast.md").read_text(encoding="utf-8")
 
 
 def test_the_commands_run(tmp_path: Path) -> None:
@@ -48,7 +48,7 @@ def test_the_commands_run(tmp_path: Path) -> None:
 
 def test_the_program_runs(capsys) -> None:
     (program,) = re.findall(r"^```python\n(.*?)^```", page(), re.M | re.S)
-    exec(compile(program, "docs/forecast.md", "exec"), {})
+    exec(compile(program, "docs/howto/forecast.md", "exec"), {})
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "1"
     assert "Ellipse" in said[-1]

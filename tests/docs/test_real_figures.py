@@ -1,4 +1,4 @@
-"""The figures of docs/real.md are those that the benchmark measured and stored."""
+"""The figures of docs/results/real_logs.md are those that the benchmark measured and stored."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ def test_every_table_stands_on_the_page(monkeypatch: pytest.MonkeyPatch) -> None
     rows = kept()
     tasks = dict.fromkeys(row.task for row in rows if row.kind not in NOT_COMPARED)
     assert len(tasks) >= 6
-    page = (ROOT / "docs" / "real.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "results" / "real_logs.md").read_text(encoding="utf-8")
     missing = [task for task in tasks if markdown(rows, task) not in page]
-    assert not missing, f"docs/real.md differs from benchmarks/real_logs/measured.json: {missing}"
+    assert not missing, (
+        f"docs/results/real_logs.md differs from benchmarks/real_logs/measured.json: {missing}"
+    )

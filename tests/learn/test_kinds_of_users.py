@@ -45,10 +45,8 @@ def program(folder, *words):
 def place(tmp_path_factory):
     """A folder with the file of the docs."""
     folder = tmp_path_factory.mktemp("user")
-    blocks = re.findall(
-        r"```python\n(.*?)```", (ROOT / "docs" / "learn.md").read_text("utf-8"), re.DOTALL
-    )
-    (text,) = [block for block in blocks if "register" in block]
+    page = (ROOT / "docs" / "reference" / "networks.md").read_text("utf-8")
+    (text,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     (folder / "leaky.py").write_text(text)
     return folder
 

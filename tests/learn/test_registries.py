@@ -24,7 +24,10 @@ from learn.training.optimisers.scg import ScaledConjugateGradient
 from twin.errors import InputError
 from twin.navigation.baselines.base import Baseline, Estimate, check_estimate
 
-PAGE = (Path(__file__).parents[2] / "docs" / "learn.md").read_text(encoding="utf-8")
+PAGE = "".join(
+    (Path(__file__).parents[2] / "docs" / "reference" / name).read_text(encoding="utf-8")
+    for name in ("networks.md", "evaluation.md")
+)
 REGISTRIES = {
     "NETWORKS": learn.NETWORKS,
     "OPTIMISERS": learn.OPTIMISERS,

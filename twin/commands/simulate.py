@@ -25,14 +25,14 @@ class Simulate(JsonOption):
     """Fly one mission: summary table, and on request a store and a plot."""
 
     mission: Annotated[str | None, tyro.conf.Positional] = None
-    """shipped mission name, or the path of a mission file, TOML or Slocum's .mi (docs/missions.md);
-    default: the shipped one that suits the vehicle"""
+    """shipped mission name, or the path of a mission file, TOML or Slocum's .mi; default: the
+    shipped one that suits the vehicle. docs/reference/missions.md explains them"""
     vehicle: str = "glider"
     """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
     current: str = "none"
     """current, such as uniform:-0.05,-0.002 (north, east [m/s]) or
-    grid:FILE.nc,lat=49,lon=-16,time=2000-01-05; parts are added with +; docs/currents.md lists
-    all kinds and settings"""
+    grid:FILE.nc,lat=49,lon=-16,time=2000-01-05; parts are added with +;
+    docs/reference/currents.md lists all kinds and settings"""
     density: str = "usual"
     """usual (one water of the reference density, compressed as sea water where the hull is),
     constant, thermocline, grid (the current's file, where it has temperature and salinity), or a
@@ -51,7 +51,8 @@ class Simulate(JsonOption):
     toward=0,shallowest=5,deepest=12000,reach=METRES], a mean depth with a random relief of that
     standard deviation and correlation length [m] on a slope that gets deeper toward a direction
     [deg], with these defaults (reach: what the mission can cover); or a bathymetry file such as
-    GEBCO.nc (latitude, longitude, elevation in m) about --start. docs/physics.md explains them"""
+    GEBCO.nc (latitude, longitude, elevation in m) about --start.
+    docs/physics/equations.md explains them"""
     start: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[,TIME]")] = None
     """where and when it begins: degrees north and east, and UTC, such as
     49,-16,2003-08-01T00:00. Gridded currents, density and the store use it; default: where a
@@ -69,13 +70,14 @@ class Simulate(JsonOption):
     """seconds between stored samples"""
     sensors: str | None = None
     """sensor suite, such as ideal or field: adds what its devices measure to the store and the
-    plots; docs/sensors.md lists all. Default: none"""
+    plots; docs/reference/sensors.md lists all. Default: none"""
     seed: int = 0
     """of the sensors' random draws"""
     navigate: str = "truth"
     """what guidance sees: truth; or the estimate made on board of what --sensors (default then:
     field) measure, by a velocity estimator: ekf, steady_flight, pitch_plus_alpha, dvl,
-    network:runs/NAME, or estimate for the vehicle's usual one. docs/navigation.md explains it"""
+    network:runs/NAME, or estimate for the vehicle's usual one.
+    docs/howto/navigation.md explains it"""
     out: Path | None = None
     """write the trajectory to this zarr store"""
     overwrite: bool = False

@@ -22,14 +22,14 @@ Array = NDArray[np.float64]
 UNDER_WATER = 3.0
 """[m] that a vehicle passes between two fixes of a dive; shallower it hangs at the surface"""
 SPEED_DEVIATION = 0.02
-"""[m/s] of a flight model's speed, against a Doppler log 0.017 (docs/real.md)"""
+"""[m/s] of a flight model's speed, against a Doppler log 0.017 (docs/results/real_logs.md)"""
 HEADING_DEVIATION = math.radians(2.0)
 """[rad] of a calibrated compass: what its deviation leaves"""
 FOLLOWS_WITHIN = 3600.0
 """[s] between two dives whose currents are compared"""
 USUAL_CHANGE = 0.03
 """[m/s] of the current, each way, from dive to dive, where a log has too few: the median of 23
-dives on the shelf off Newfoundland is 0.02 to 0.03 (docs/real.md)."""
+dives on the shelf off Newfoundland is 0.02 to 0.03 (docs/results/real_logs.md)."""
 USUAL_DURATION = 7200.0
 """[s] of the dives of that figure"""
 LEAST_PAIRS = 3

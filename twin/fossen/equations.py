@@ -16,7 +16,7 @@ cancels and only the current's own rate along the path remains (Fossen 2011, pro
 
 A uniform, steady current then changes nothing but the track, to the last bit but rounding.
 
-Water that accelerates or shears does more (Thomasson and Woolsey 2013; docs/physics.md):
+Water that accelerates or shears does more (Thomasson and Woolsey 2013; docs/physics/equations.md):
 
 - the pressure gradient of the water's own acceleration acts on the displaced mass m_d, the
   Froude-Krylov force m_d (dV_c/dt + (grad V_c) V_c);

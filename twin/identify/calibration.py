@@ -30,7 +30,7 @@ ALUMINIUM_EXPANSION = 7.1e-5
 hulls have 7.05e-5."""
 THERMAL_LAG = 200.0
 """[s] in which the hull follows the water's temperature; fitted to a Slocum in a thermocline of
-14 K (docs/real.md)."""
+14 K (docs/howto/identify.md)."""
 REFERENCE_TEMPERATURE = 10.0
 """[degree_Celsius] at which the hull has its neutral volume."""
 

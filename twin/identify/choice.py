@@ -28,7 +28,7 @@ LEAST_DIVES = 4
 """Dives below which none is left out."""
 LEAST_GAIN = 0.04
 """Part of the mean square error of left-out dives that a parameter must take away. The pitch
-offsets of ten public logs take 0 to 2.4 %, that of an eleventh 18 % (docs/real.md)."""
+offsets of ten public logs take 0 to 2.4 %, that of an eleventh 18 % (docs/howto/identify.md)."""
 LEAST_DEVIATIONS = 2.0
 """Standard deviations that the gain must lie above zero."""
 

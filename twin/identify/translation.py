@@ -6,9 +6,9 @@ With the attitude as input only three equations of the twin remain (Fossen 2011,
     (m I + A) dv/dt = -omega x (m I + A) v + F(v) + net mass * g * down,
 
 with v the velocity through the water in body axes, A the translational block of the added mass
-and F the force law of docs/physics.md. The steady flight model is what is left when dv/dt = 0; at
-an inflection, where the pump passes neutral and nothing is steady, the momentum carries the
-glider on for tens of seconds, which is why the speed there needs the equation above.
+and F the force law of docs/physics/equations.md. The steady flight model is what is left when
+dv/dt = 0; at an inflection, where the pump passes neutral and nothing is steady, the momentum
+carries the glider on for tens of seconds, which is why the speed there needs the equation above.
 
 Surge never falls below zero: a plate at a given attitude can glide backwards in these equations,
 which a vehicle's fins would turn round at once.

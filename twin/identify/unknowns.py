@@ -38,7 +38,7 @@ class Parameter:
     and trim when a log holds one pitch, and then take up what the model lacks. With a current
     between fixes lift can be told; left-out dives tell a pitch offset. They do not tell lift and
     induced drag: what predicts depth rates better made the speed worse where a Doppler log told it
-    (docs/real.md)."""
+    (docs/howto/identify.md)."""
     get: Callable[[Calibration], float]
     set: Callable[[Calibration, float], Calibration]
 

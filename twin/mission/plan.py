@@ -104,7 +104,7 @@ class Mission:
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Mission:
-        """Read a mission file; see docs/missions.md for its keys.
+        """Read a mission file; see docs/reference/missions.md for its keys.
 
         Raises:
           MissionError: unreadable file, broken TOML, unknown key or impossible value.
@@ -112,7 +112,7 @@ class Mission:
         path = Path(path)
         hint = (
             "; a mission is no table of columns but [[segments]] with NAME = VALUE lines, see "
-            "docs/missions.md"
+            "docs/reference/missions.md"
         )
         data = read_toml(path, "mission file", MissionError, hint=hint)
         data.setdefault("name", path.stem)

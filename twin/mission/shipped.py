@@ -30,7 +30,9 @@ def load_mission(
     Warns of everything in a Slocum file that is not flown, one line each.
 
     Args:
-      vehicle, above_floor: of Slocum files, as `twin.mission.slocum.read_slocum` takes them.
+      mission: name or path.
+      vehicle: that flies a Slocum file, as `twin.mission.slocum.read_slocum` takes it.
+      above_floor: likewise.
 
     Raises:
       MissionError: unknown name (the nearest is offered), unreadable or impossible mission.

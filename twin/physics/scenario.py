@@ -68,7 +68,7 @@ class Scenario:
     """[s]; None takes the vehicle file's"""
     integrator: str | None = None
     centred: bool = True
-    """Water at the time-centred velocity: second order in the step (docs/physics.md)."""
+    """Water at the time-centred velocity: second order in the step (docs/physics/equations.md)."""
     sample_period: float = SAMPLE_PERIOD
     """[s], a whole number of physics steps"""
 

@@ -130,7 +130,7 @@ def figure(trajectory: Trajectory, name: str = OVERVIEW, **options: Any) -> Figu
 
 
 def table() -> str:
-    """The shipped figures as a markdown table, as docs/render.md shows it."""
+    """The shipped figures as a markdown table, as docs/howto/render.md shows it."""
     rows = ["| `--figure` | shows |", "|---|---|"]
     rows += [f"| `{name}` | {FIGURES[name].summary} |" for name in FIGURES.shipped()]
     return "\n".join(rows) + "\n"

@@ -1,6 +1,6 @@
 """Sensors: seeded models that turn a mission's truth into what its devices would have logged.
 
-A sensor of one's own is one file: see docs/sensors.md and `register`.
+A sensor of one's own is one file: see docs/reference/sensors.md and `register`.
 """
 
 from twin.sensors.altimeter import Altimeter

@@ -146,7 +146,8 @@ class Sensor:
         """
         raise InputError(
             f"sensor {self.name!r} measures whole missions only, and here one is measured sample "
-            "by sample: give it a method `begin` (docs/sensors.md), or leave it out of the suite"
+            "by sample: give it a method `begin` (docs/reference/sensors.md), or leave it out "
+            "of the suite"
         )
 
     def measure(

@@ -123,7 +123,7 @@ SENSORS: Registry[type[Sensor]] = Registry(
 
 
 def table() -> str:
-    """The shipped sensors as a markdown table, as docs/sensors.md shows it."""
+    """The shipped sensors as a markdown table, as docs/reference/sensors.md shows it."""
     rows = ["| sensor | reads | measures | a mission draws |", "|---|---|---|---|"]
     for name in SENSORS.shipped():
         sensor = SENSORS[name]

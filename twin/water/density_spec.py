@@ -29,7 +29,9 @@ def parse_density(
     and `salinity` (practical). Lines that start with # are comments.
 
     Args:
-      latitude, longitude: [degree] where the water is, for densities that TEOS-10 gives.
+      text: one of these names, or a path.
+      latitude: [degree] north of where the water is, for densities that TEOS-10 gives.
+      longitude: [degree] east, likewise.
 
     Raises:
       InputError: unknown name, unreadable file, missing column or bad row (named).

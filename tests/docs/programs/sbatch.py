@@ -1,4 +1,4 @@
-"""Slurm's sbatch as the tests of docs/cluster.md need it: tasks run here, one after the other.
+"""Slurm's sbatch as the tests of docs/howto/cluster.md need it: tasks run here, in turn.
 
 In the environment: SLURM_STATE, a folder; SLURM_LOST, indices of tasks whose node fails the first
 time. A job that nobody waits for (not --parsable, a script) runs in the background, as workers do.

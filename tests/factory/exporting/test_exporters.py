@@ -19,7 +19,7 @@ from twin.errors import InputError, StoreError, WriteError
 from twin.records.store import write_store
 
 ROOT = Path(__file__).resolve().parents[3]
-PAGE = (ROOT / "docs" / "factory.md").read_text()
+PAGE = (ROOT / "docs" / "reference" / "factory.md").read_text()
 EVERY = pytest.mark.parametrize("exporter", list(EXPORTERS.values()), ids=lambda one: one.name)
 
 

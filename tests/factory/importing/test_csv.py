@@ -30,7 +30,7 @@ from twin.records.store import write_store
 
 Array = NDArray[np.float64]
 ROOT = Path(__file__).resolve().parents[3]
-PAGE = (ROOT / "docs" / "real.md").read_text()
+PAGE = (ROOT / "docs" / "howto" / "import_tables.md").read_text()
 TORPEDO = ROOT / "tests" / "vehicles" / "torpedo.xml"
 FLIGHT = Flight(depth=100.0, surface=600.0)
 SAILFISH = SHARED / "auv_sailfish"

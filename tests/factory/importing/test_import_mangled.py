@@ -13,7 +13,7 @@ from factory.importing import import_logs
 from twin.errors import InputError
 
 FLIGHT = Flight(dives=2)
-PAGE = (Path(__file__).resolve().parents[3] / "docs" / "real.md").read_text()
+PAGE = (Path(__file__).resolve().parents[3] / "docs" / "howto" / "import_tables.md").read_text()
 
 
 def with_semicolons(content: bytes) -> bytes:

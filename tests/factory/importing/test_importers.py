@@ -38,7 +38,9 @@ from twin.records.schema import VARIABLES
 from twin.records.store import open_store
 
 ROOT = Path(__file__).resolve().parents[3]
-PAGE = (ROOT / "docs" / "real.md").read_text()
+HOWTO = ROOT / "docs" / "howto"
+PAGE = (HOWTO / "import_logs.md").read_text()
+TABLES = (HOWTO / "import_tables.md").read_text()
 FLIGHT = Flight(depth=100.0, surface=600.0)
 
 WRITERS: dict[str, tuple[Callable[[Path, Flight], list[Path]], ...]] = {
@@ -53,7 +55,7 @@ WRITERS: dict[str, tuple[Callable[[Path, Flight], list[Path]], ...]] = {
         lambda folder, flight: [write_mat(folder / "log.mat", flight)],
         lambda folder, flight: [write_nc4(folder / "log.nc4", flight)],
     ),
-    "csv": (lambda folder, flight: write_table(folder, flight, PAGE),),
+    "csv": (lambda folder, flight: write_table(folder, flight, TABLES),),
 }
 """Logs of an imaginary flight in each layout of each kind."""
 LAYOUTS = [(kind, k) for kind, writers in WRITERS.items() for k in range(len(writers))]
@@ -226,7 +228,7 @@ def test_half_an_importer_is_refused(change: dict[str, object], message: str) ->
 
 def test_an_importer_of_ones_own_is_one_file_outside_the_package(tmp_path: Path) -> None:
     """The example of the page, as it stands there."""
-    (tmp_path / "my_logs.py").write_text(example(PAGE, "my_logs.py"))
+    (tmp_path / "my_logs.py").write_text(example(TABLES, "my_logs.py"))
     state = FLIGHT.state(FLIGHT.time)
     write_csv(
         tmp_path / "log.csv",

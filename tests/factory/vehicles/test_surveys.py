@@ -31,7 +31,7 @@ from twin.vehicle.vehicle import load_vehicle
 from twin.water.floor import RoughFloor
 from twin.water.floor.lookup import floor_depths
 
-PAGE = (Path(__file__).parents[3] / "docs" / "factory.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "factory.md").read_text(encoding="utf-8")
 LEVEL = ("transect", "circle", "lawn-mower")
 SHORT = {
     "mission.duration_h": "uniform(0.08, 0.12)",

@@ -21,7 +21,9 @@ from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError, WriteError
 from twin.navigation.baselines.registry import BASELINES
 
-PAGE = Path(__file__).parents[3] / "docs" / "learn.md"
+PAGES = [
+    Path(__file__).parents[3] / "docs" / "howto" / name for name in ("train.md", "on_board.md")
+]
 SMALL = {"epochs": 1, "hidden": 6, "layers": 1, "members": 1, "workers": 1}
 QUICK = tuple(word for name, value in SMALL.items() for word in (f"--{name}", str(value)))
 
@@ -446,16 +448,14 @@ def test_export_names_the_features_once_and_fits_a_terminal(here, capsys, tmp_pa
     assert ", ".join(features) in " ".join(out.split())
 
 
-def test_the_python_of_the_page_runs_as_it_is_written(here, capsys, tmp_path, monkeypatch):
+def test_the_python_of_the_pages_runs_as_it_is_written(here, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     shutil.copytree(here / "runs" / "first", "runs/first")
     shutil.copytree(here / "data", "data")
     assert call(capsys, "export")[0] == 0
-    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) == 3
-    for block in blocks:
-        if "register" not in block:  # test_kinds_of_users runs that one as a program
-            exec(block, {})
+    for page in PAGES:
+        (block,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+        exec(block, {})
     assert float(capsys.readouterr().out.split()[0]) >= 0.0
 
 

@@ -67,7 +67,7 @@ def test_random_manoeuvres_agree():
 
 
 def test_a_light_vehicle_agrees_as_well_as_its_battery_moves_slowly():
-    """docs/physics.md: at most 0.30 deg for ROGUE at any step, 0.068 deg with a slow battery.
+    """docs/physics/equations.md: at most 0.30 deg for ROGUE, 0.068 deg with a slow battery.
 
     The Fossen model leaves out the battery's reaction. Manoeuvre 2 is the one that differs most.
     """

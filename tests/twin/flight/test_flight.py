@@ -230,7 +230,7 @@ def test_the_shipped_estimators_agree_in_steady_flight(name: str, flight, store:
 
 @needs_docs
 def test_the_example_of_the_page_runs(store: Path, tmp_path: Path) -> None:
-    with files_of("docs/flight.md", tmp_path) as names:
+    with files_of("docs/howto/flight.md", tmp_path) as names:
         assert names == ["two_thirds"]
         import two_thirds
 

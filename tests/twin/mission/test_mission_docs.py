@@ -1,4 +1,4 @@
-"""What docs/missions.md says is true: its example flies, its code runs, its tables are complete."""
+"""docs/reference/missions.md is true: its example flies, its code runs, its tables are complete."""
 
 import dataclasses
 import re
@@ -10,7 +10,9 @@ from twin.mission import Mission, mission_names
 from twin.mission.segments import SEGMENTS
 from twin.vehicle.vehicle import load_vehicle
 
-PAGE = (Path(__file__).parents[3] / "docs" / "missions.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "missions.md").read_text(
+    encoding="utf-8"
+)
 
 
 def blocks(language):
@@ -30,7 +32,7 @@ def test_toml_example_can_be_flown(tmp_path):
 def test_python_examples_run():
     names = {}
     for block in blocks("python"):
-        exec(compile(block, "docs/missions.md", "exec"), names)
+        exec(compile(block, "docs/reference/missions.md", "exec"), names)
     assert names["run"].complete
 
 

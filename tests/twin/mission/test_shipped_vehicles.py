@@ -26,7 +26,9 @@ from twin.vehicle.vehicle import load_vehicle, vehicle_names
 IN_USE = ("slocum-200", "slocum-1000", "seaglider", "seaexplorer", "spray")
 RUDDER = ("slocum-200", "slocum-1000")
 BOTH_WAYS = (1.0, -1.0)  # heavy and nose down, light and nose up
-PAGE = (Path(__file__).parents[3] / "docs" / "vehicles.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "vehicles.md").read_text(
+    encoding="utf-8"
+)
 
 
 def usual(vehicle, sense):

@@ -150,7 +150,7 @@ BEYOND = [(1.0, 0.0, 0.0), (0.0, -9.0, 0.0), (0.0, 0.0, -9e3)]
 
 @pytest.mark.parametrize("command", BEYOND)
 def test_a_command_beyond_the_travel_is_one_to_its_end(command):
-    """It approaches the end at its lag, as docs/physics.md has it, and does not slam into it."""
+    """It approaches the end at its lag (docs/physics/equations.md) and does not slam into it."""
     end = np.clip(command, VEHICLE.actuator_min, VEHICLE.actuator_max)
     start = Start(depth=300.0)
     far, _ = fly_both(start, command, duration=20.0)

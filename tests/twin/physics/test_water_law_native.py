@@ -38,7 +38,7 @@ def rate_moment(alpha, beta, rates, speed=0.5):
     rates=st.tuples(*[st.floats(-1, 1)] * 3),
 )
 def test_rates_are_damped_axis_by_axis_in_a_flow_from_the_side(alpha, beta, rates):
-    """docs/physics.md: beyond 20 deg of EITHER angle the rate moments stand in body axes."""
+    """docs/physics/equations.md: beyond 20 deg of EITHER angle the axes are those of the body."""
     found = rate_moment(math.radians(alpha), math.radians(beta), rates)
     np.testing.assert_allclose(found, DAMPING * rates * 0.5**2, atol=1e-9)
 
@@ -52,7 +52,7 @@ def test_rates_are_damped_axis_by_axis_in_a_flow_from_below(alpha, beta, rates):
 
 
 def test_damping_never_falls_below_that_of_a_tenth_of_a_metre_per_second():
-    """docs/physics.md: 0.1 m/s, so that a hull that turns in still water is damped too."""
+    """docs/physics/equations.md: 0.1 m/s: a hull that turns in still water is damped too."""
     for speed in (0.0, 0.03, 0.0999):
         found = rate_moment(0.0, 0.0, RATES, speed)
         np.testing.assert_allclose(found, DAMPING * RATES * 0.1**2, rtol=1e-12)

@@ -1,4 +1,4 @@
-"""The README's pictures come from the commands beside them; the examples of docs/render.md run."""
+"""The README's pictures come from the commands beside them; docs/howto/render.md runs."""
 
 from __future__ import annotations
 
@@ -73,10 +73,10 @@ def test_the_first_failure_ends_it(tmp_path, monkeypatch):
 
 @needs_gl
 def test_the_examples_of_the_page_run():
-    page = (ROOT / "docs" / "render.md").read_text()
+    page = (ROOT / "docs" / "howto" / "render.md").read_text()
     blocks = re.findall(r"```python(?: gl)?\n(.*?)```", page, re.DOTALL)
     assert len(blocks) == 2
     names: dict[str, object] = {}
     for block in blocks:
-        exec(compile(block, "docs/render.md", "exec"), names)
+        exec(compile(block, "docs/howto/render.md", "exec"), names)
     assert names["pixels"].shape == (180, 320, 3)

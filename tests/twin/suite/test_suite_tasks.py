@@ -235,7 +235,7 @@ def test_a_second_marker_is_refused():
         with_marker(marked, type="sphere", size="1")
 
 
-DOCS = Path(__file__).parents[3] / "docs" / "dm_control.md"
+DOCS = Path(__file__).parents[3] / "docs" / "howto" / "dm_control.md"
 BLOCKS = re.findall(r"```python( gym)?\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.DOTALL)
 
 

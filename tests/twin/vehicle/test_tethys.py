@@ -442,7 +442,7 @@ def test_the_list_holds_one_fin_and_the_simulator_adds_four():
 
 
 def test_straight_flight_of_mbaris_set_needs_the_rudder():
-    """docs/vehicles.md: it grows into one of two mirror-image turns; a kick picks the side."""
+    """docs/reference/vehicles.md: it grows into one of two mirrored turns; a kick picks it."""
     with pytest.raises(NoSteadyState, match=r"grows by 0\.07"):
         FossenModel(MBARI).trim(positions={"propeller": RATE})
     command, kick = MBARI.rest, MBARI.rest

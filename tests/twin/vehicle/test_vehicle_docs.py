@@ -1,4 +1,4 @@
-"""The tables of docs/physics.md name every shipped hull law and part and what its file says."""
+"""docs/physics/equations.md names every shipped hull law and part and what its file says."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from twin.vehicle.laws import LAWS
 from twin.vehicle.parts import PARTS, Part
 
-PAGE = (Path(__file__).parents[3] / "docs" / "physics.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "physics" / "equations.md").read_text(encoding="utf-8")
 
 
 def table(header):

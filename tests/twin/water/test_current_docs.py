@@ -1,4 +1,4 @@
-"""What docs/currents.md says is true: names, units and defaults are the code's, examples run."""
+"""docs/reference/currents.md is true: names, units and defaults are the code's, examples run."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ from twin.water.current.profile import COLUMNS
 from twin.water.current.sampler import sample_gradient
 from twin.water.current.tide import ELLIPSE_SETTINGS, PERIOD_HOURS
 
-PAGE = (Path(__file__).parents[3] / "docs" / "currents.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "currents.md").read_text(
+    encoding="utf-8"
+)
 KINDS = registry.kinds()
 REQUIRED = "required"
 WORDS_FOR_NONE = {
@@ -159,7 +161,7 @@ def test_examples_run() -> None:
     for text in commands:
         parse_current(text)
     for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
-        code = compile(block, "docs/currents.md", "exec", dont_inherit=True)
+        code = compile(block, "docs/reference/currents.md", "exec", dont_inherit=True)
         exec(code, {"__name__": "docs_currents"})
     # The page's own kind is whole: its derivatives are exact.
     program = parse_current("jet:speed=0.3,width=5000,drift=0.2").compile(1e4)

@@ -31,7 +31,9 @@ from twin.water.current import (
 from twin.water.current import program as layout
 from twin.water.current.sampler import sample, sample_gradient, sample_track
 
-PAGE = (Path(__file__).parents[3] / "docs" / "currents.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "currents.md").read_text(
+    encoding="utf-8"
+)
 SHIPPED = [name for name, kind in registry.kinds().items() if kind.code < 65_536]
 DURATION = 40_000.0
 

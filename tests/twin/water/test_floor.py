@@ -32,7 +32,7 @@ from twin.water.floor.lookup import (
 )
 from twin.water.floor.spec import ROUGH_SETTINGS
 
-PAGE = (Path(__file__).parents[3] / "docs" / "physics.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "physics" / "equations.md").read_text(encoding="utf-8")
 RNG = np.random.default_rng(5)
 NORTH = np.array([-400.0, -100.0, 0.0, 250.0, 600.0])
 EAST = np.array([-300.0, 50.0, 90.0, 500.0])

@@ -13,7 +13,8 @@ from that of zero lift:
 (-D, SF, -L) and (T1, T2, T3) turn from the flow to the body. The terms with a_L are ours: what
 wings do in sideslip changes its sign with their lift, what a fin does keeps it, and the paper's
 dives cannot tell the two apart. They are 0 in vehicles as printed. Outside the identified range of
-the flow angles the terms blend into a law of the whole sphere: also ours, see docs/physics.md.
+the flow angles the terms blend into a law of the whole sphere: also ours, see
+docs/physics/equations.md.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ def read_tables(
         hint = f". It looks like {kind}: use `factory import {kind}`" if kind else ""
         raise InputError(
             f"{paths[0].name}: csv tables need a --mapping, a TOML file that says which column is "
-            "which signal (docs/real.md shows one), or a shipped one "
+            "which signal (docs/howto/import_tables.md shows one), or a shipped one "
             f"({', '.join(shipped_names())}){hint}"
         )
     mapping = load_mapping(options.mapping)

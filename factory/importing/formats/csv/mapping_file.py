@@ -60,8 +60,8 @@ def load_mapping(name: str | Path) -> Mapping:
     if not path.is_file():
         raise InputError(
             f"no mapping file {name}: "
-            f"{unknown_name('shipped mapping', str(name), shipped_names())}; docs/real.md shows "
-            "how to write one"
+            f"{unknown_name('shipped mapping', str(name), shipped_names())}; "
+            "docs/howto/import_tables.md shows how to write one"
         )
     return parse_mapping(read_toml(path, "mapping"), path.name)
 
@@ -74,7 +74,9 @@ def parse_mapping(data: Dict[str, Any], label: str) -> Mapping:
     known_keys(label, data, keys)
     for key in ("vehicle", "time", "signals"):
         if key not in data:
-            raise InputError(f"{label}: {key} is missing; docs/real.md shows a whole mapping")
+            raise InputError(
+                f"{label}: {key} is missing; docs/howto/import_tables.md shows a whole mapping"
+            )
     model = text(label, "model", data["model"]) if "model" in data else None
     if model is not None:
         declare_model(model)

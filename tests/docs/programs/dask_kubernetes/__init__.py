@@ -1,1 +1,1 @@
-"""Stands for dask-kubernetes in the tests of docs/cluster.md."""
+"""Stands for dask-kubernetes in the tests of docs/howto/cluster.md."""

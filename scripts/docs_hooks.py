@@ -1,0 +1,82 @@
+"""MkDocs hooks of the documentation: generated pages, and code blocks as the site shows them."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mkdocs.structure.files import File, Files
+
+ROOT = Path(__file__).resolve().parents[1]
+for _place in (ROOT, ROOT / "scripts"):
+    if str(_place) not in sys.path:
+        sys.path.insert(0, str(_place))
+
+from docs_reference import generated_pages  # noqa: E402
+
+if TYPE_CHECKING:
+    from mkdocs.config.defaults import MkDocsConfig
+
+COMMAND = re.compile(
+    r"^ {4}(#!|cat |cd |cmake|export |git |kubectl|make |mkdir |pip |python |sbatch |sudo |ssh "
+    r"|twin |factory |learn |[A-Z_]+=\S+ )"
+)
+PYTHON = re.compile(r"^ {4}(import |from |# \w+\.py$|\w+ = )")
+TOML = re.compile(r"^ {4}(# \w+\.toml$|\[)")
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages that are made from the code."""
+    for place, text in generated_pages().items():
+        files.append(File.generated(config, place, content=text))
+    return files
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """The page with a language on every code block, so that it is coloured."""
+    return with_languages(with_titles(markdown))
+
+
+def with_titles(markdown: str) -> str:
+    """Fences that name a file get it as their title; words for the tests alone are left out."""
+    named = re.sub(r"^```(\w+) file=(\S+)$", r'```\1 title="\2"', markdown, flags=re.MULTILINE)
+    return re.sub(r"^```(\w+) (?!title=)[\w ]+$", r"```\1", named, flags=re.MULTILINE)
+
+
+def with_languages(markdown: str) -> str:
+    """Indented blocks as fences of the language that their first line is in."""
+    out: list[str] = []
+    lines = markdown.split("\n")
+    k, fenced = 0, False
+    while k < len(lines):
+        line = lines[k]
+        fenced ^= line.startswith("```")
+        if fenced or not _begins(lines, k):
+            out.append(line)
+            k += 1
+            continue
+        end = k
+        while end < len(lines) and (lines[end].startswith("    ") or not lines[end].strip()):
+            end += 1
+        block = "\n".join(lines[k:end]).rstrip()
+        out += [f"```{_language(block)}", *(row[4:] for row in block.split("\n")), "```", ""]
+        k = end
+    return "\n".join(out)
+
+
+def _begins(lines: list[str], k: int) -> bool:
+    """Whether an indented code block begins in line k, and not the text of a list."""
+    if not lines[k].startswith("    ") or (k and lines[k - 1].strip()):
+        return False
+    before = next((row for row in reversed(lines[:k]) if row.strip()), "")
+    return not re.match(r"[-*:] |\d+\. |\s|!!! |\?\?\? ", before)
+
+
+def _language(block: str) -> str:
+    first = block.split("\n", 1)[0]
+    for language, pattern in (("sh", COMMAND), ("python", PYTHON), ("toml", TOML)):
+        if pattern.match(first):
+            return language
+    return "text"

@@ -1,0 +1,341 @@
+"""Pages of the documentation that are made from the code: commands, Python names, signals.
+
+`python scripts/docs_reference.py` prints the names of the pages; mkdocs makes them by
+scripts/docs_hooks.py and tests compare them with the programs and the schema.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import re
+import sys
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from twin.cli.program import Command, Program  # noqa: E402
+from twin.records import schema  # noqa: E402
+from twin.records.limits import recorded_limits, simulated_limits  # noqa: E402
+
+PROGRAMS = ("twin", "factory", "learn")
+FACES = {"twin": "twin", "suite": "twin.suite", "factory": "factory", "learn": "learn"}
+"""Page and package of each public face"""
+AREAS = {
+    "twin.facade": "Simulate",
+    "twin.physics": "Simulate",
+    "twin.mission": "Missions",
+    "twin.water": "Water",
+    "twin.vehicle": "Vehicles",
+    "twin.sensors": "Sensors and navigation",
+    "twin.navigation": "Sensors and navigation",
+    "twin.flight": "Logs",
+    "twin.records": "Records",
+    "twin.plot": "Figures",
+    "twin.checks": "Checks",
+    "twin.errors": "Errors",
+    "twin.suite": "Tasks",
+    "factory": "Data factory",
+    "learn.api": "Train and judge",
+    "learn.runs": "Train and judge",
+    "learn": "Kinds of your own",
+}
+"""Heading of a name by where it is defined: the first place that fits"""
+
+
+def generated_pages() -> dict[str, str]:
+    """Markdown of every generated page by its place in docs/."""
+    pages = {f"reference/commands/{name}.md": command_page(name) for name in PROGRAMS}
+    pages |= {f"reference/python/{page}.md": python_page(face) for page, face in FACES.items()}
+    pages["reference/signals.md"] = signal_page()
+    for name in ("CHANGELOG", "CONTRIBUTING"):
+        pages[f"project/{name.lower()}.md"] = root_page(name)
+    return pages
+
+
+# --- commands -----------------------------------------------------------------------------------
+
+
+def program(name: str) -> Program:
+    """The program of that name."""
+    found: Program = importlib.import_module(f"{name}.__main__").PROGRAM
+    return found
+
+
+def command_page(name: str) -> str:
+    """Every command of a program with all its options, from the parsers that read them."""
+    found = program(name)
+    listing = "\n".join(
+        f"| [`{name} {one.name}`](#{name}-{one.name}) | {escaped(one.summary)} |"
+        for one in found.commands
+    )
+    sections = "\n".join(command_section(name, one) for one in found.commands)
+    return (
+        f"# `{name}`\n\n{found.summary} `{name} COMMAND --help` prints what stands here.\n\n"
+        f"| command | |\n|---|---|\n{listing}\n\n"
+        f"Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted. With `--json` a command "
+        f"prints one JSON object on standard output.\n\n{sections}"
+    )
+
+
+def command_section(name: str, command: Command) -> str:
+    """Description, usage and options of one command."""
+    parser = parser_of(name, command)
+    actions = [action for action in parser._actions if action.dest != "help"]
+    words = [word for action in actions if (word := _usage_word(action))]
+    usage = " ".join([name, command.name, "[OPTIONS]", *words])
+    options = "\n".join(option(action) for action in actions)
+    description = "\n".join(
+        line if line.startswith("    ") else linked(escaped(line))
+        for line in (parser.description or command.summary).split("\n")
+    )
+    return f"## {name} {command.name}\n\n{description}\n\n```sh\n{usage}\n```\n\n{options}\n"
+
+
+def parser_of(name: str, command: Command) -> argparse.ArgumentParser:
+    """The parser of a command, as its `--help` shows it."""
+    import tyro
+
+    from twin.cli.options import MARKERS
+
+    with warnings.catch_warnings():  # tyro's own texts have no list of options
+        warnings.simplefilter("ignore", DeprecationWarning)
+        return tyro.extras.get_parser(command.load(), prog=f"{name} {command.name}", config=MARKERS)
+
+
+def option(action: argparse.Action) -> str:
+    """One option as an entry of a definition list."""
+    text = " ".join((action.help or "").split())
+    default = ""
+    found = re.search(r" ?\((default: .*|required|optional|repeatable|fixed.*)\)$", text)
+    if found:
+        text, default = text[: found.start()], found[1].removeprefix("default: ")
+    shown = ", ".join(action.option_strings)
+    values = _values(action)
+    title = " ".join(word for word in (shown, values) if word)
+    notes = "" if default in ("", "None", "False") else f" *{_note(default)}*"
+    return f"`{title}`\n:   {linked(escaped(text))}{notes}\n"
+
+
+def _note(text: str) -> str:
+    words = ("required", "optional", "repeatable")
+    return f"{text.capitalize()}." if text in words else f"Default: `{text}`."
+
+
+def _values(action: argparse.Action) -> str:
+    metavar = action.metavar
+    if isinstance(metavar, tuple):
+        metavar = " ".join(metavar)
+    if not action.option_strings:  # its name says more than its type
+        return (
+            (metavar or "").replace("STR", action.dest.upper()).replace("PATH", action.dest.upper())
+        )
+    return metavar or ""
+
+
+def _usage_word(action: argparse.Action) -> str:
+    if not action.option_strings:
+        return _values(action)
+    needed = (action.help or "").rstrip().endswith("(required)")
+    return f"{action.option_strings[0]} {_values(action)}" if needed else ""
+
+
+def escaped(text: str) -> str:
+    """Plain text as Markdown shows it unchanged; what stands in backticks is left alone."""
+    parts = text.split("`")
+    for k in range(0, len(parts), 2):
+        parts[k] = re.sub(r"([*_\[\]|])", r"\\\1", parts[k].replace("<", "&lt;"))
+    return "`".join(parts)
+
+
+def linked(text: str) -> str:
+    """The text with pages that it names as links, from a page in reference/commands/."""
+    return re.sub(
+        r"docs/(\w+)/([\w\\]+)\.md",
+        lambda found: (
+            f"[{found[2].replace(chr(92), '').replace('_', ' ')}]"
+            f"(../../{found[1]}/{found[2].replace(chr(92), '')}.md)"
+        ),
+        text,
+    )
+
+
+# --- Python -------------------------------------------------------------------------------------
+
+
+def python_page(face: str) -> str:
+    """Every public name of a package, by what it is for."""
+    module = importlib.import_module(face)
+    text = (module.__doc__ or "").strip()
+    summary, _, example = text.partition("\n\n")
+    by_area: dict[str, list[str]] = {}
+    for name, place in public_names(face).items():
+        by_area.setdefault(area(place), []).append(_directive(face, name, place))
+    order = list(dict.fromkeys(AREAS.values()))
+    areas = sorted(by_area, key=order.index)
+    sections = "\n".join(f"## {title}\n\n" + "\n".join(by_area[title]) for title in areas)
+    return f"# `{face}`\n\n{escaped(summary)}\n\n{example}\n\n{sections}"
+
+
+def public_names(face: str) -> dict[str, str]:
+    """Dotted place by public name of a package."""
+    module = importlib.import_module(face)
+    places: Mapping[str, str] = getattr(module, "_PLACES", {})
+    if not places:  # a face that imports what it shows
+        return {name: f"{_home(module, name)}.{name}" for name in module.__all__}
+    return {
+        name: place.replace(":", ".")
+        if ":" in place or place == "twin.errors"
+        else f"{place}.{name}"
+        for name, place in places.items()
+    }
+
+
+def _home(module: object, name: str) -> str:
+    """Where a name that a face imports is written."""
+    found = getattr(module, name)
+    source = getattr(found, "__module__", None)
+    if source and hasattr(importlib.import_module(source), name):
+        return str(source)
+    return {"TASKS": "twin.suite.registry", "ALL_TASKS": "twin.suite.loader"}[name]
+
+
+def area(place: str) -> str:
+    """Heading under which a name stands."""
+    return next(
+        title for part, title in AREAS.items() if place == part or place.startswith(f"{part}.")
+    )
+
+
+def _directive(face: str, name: str, place: str) -> str:
+    return f"::: {place}\n    options:\n      heading: {face}.{name}\n      toc_label: {name}\n"
+
+
+# --- signals ------------------------------------------------------------------------------------
+
+GROUPS = {
+    "true": ("What happened", "Of a simulation, or of a log where a Doppler log or profiler was."),
+    "measured": ("What the sensors said", "With the errors of the sensor suite."),
+    "commanded": ("What was asked for", "By guidance, or as the log has it."),
+}
+BODY = re.compile(r"(surge|sway|heave|_rate|specific_force_[xyz])$")
+EARTH = re.compile(r"(north|east|down|depth|altitude)$")
+ATTITUDE = re.compile(r"(roll|pitch|heading)$")
+
+
+def signal_page() -> str:
+    """The data dictionary: every variable of the schema, and what the vehicle's parts add."""
+    text = (
+        "---\nhide: [toc]\n---\n\n# Data dictionary\n\n"
+        "Every signal that a store of missions can hold. All have the dimensions (mission, time), "
+        "are float32, and are NaN after the mission's end. Limits are the values that a store may "
+        "hold, whatever the vehicle: what lies outside is damage, a sentinel or a wrong unit. "
+        "Simulated missions have closer ones where they are given.\n\n"
+        "Present says which stores have a signal: *all* simulated missions, and logs where the "
+        "vehicle measured it; *logs* alone; simulated missions with a *sea floor*; or *CTD*, in "
+        "water whose temperature and salinity are known. *May be NaN* marks a signal that is "
+        "missing now and then: no fix, no lock, no setpoint.\n\n"
+        "Frames: NED is north, east, down from the mission's start; body is forward, starboard, "
+        "down; attitude turns NED to body by heading, pitch, roll in this order.\n\n"
+        "[The data factory](factory.md#the-store) has the variables with one value a mission, "
+        "[what an import does](import.md#rows-one-dive-each) those of each dive of a log.\n"
+    )
+    for prefix, (title, comment) in GROUPS.items():
+        rows = [
+            signal_row(entry)
+            for name, entry in schema.VARIABLES.items()
+            if name.startswith(f"{prefix}_") and entry.name in shipped_signals()
+        ]
+        text += (
+            f"\n## {title}: `{prefix}_*`\n\n{comment}\n\n"
+            "| signal | unit | meaning | frame | limits | present |\n|---|---|---|---|---|---|\n"
+            + "\n".join(rows)
+            + "\n"
+        )
+    return text + part_section()
+
+
+def shipped_signals() -> frozenset[str]:
+    """Names of the schema's own table, without what kinds of somebody's own have declared."""
+    return frozenset(entry.name for entry in schema._TABLE)
+
+
+def signal_row(entry: schema.Variable) -> str:
+    """One row of the dictionary."""
+    meaning = entry.long_name + (f"; {entry.comment}" if entry.comment else "")
+    if entry.standard_name:
+        meaning += f". CF: `{entry.standard_name}`"
+    cells = (
+        f"`{entry.name}`", entry.units, escaped(meaning.replace("|", "/")), frame(entry.name),
+        limits(entry.name), present(entry.name),
+    )  # fmt: skip
+    return f"| {' | '.join(cells)} |"
+
+
+def frame(name: str) -> str:
+    """Axes of a signal; empty for one without."""
+    for title, pattern in (("body", BODY), ("attitude", ATTITUDE), ("NED", EARTH)):
+        if pattern.search(name):
+            return title
+    return ""
+
+
+def limits(name: str) -> str:
+    """Lowest and highest value, in any store and in a simulated one."""
+    recorded, simulated = recorded_limits(name), simulated_limits(name)
+    closer = "" if simulated == recorded else f"; simulated {_range(*simulated)}"
+    return _range(*recorded) + closer
+
+
+def _range(low: float, high: float) -> str:
+    return f"±{high:g}".replace("e+0", "e") if low == -high else f"{low:g} to {high:g}"
+
+
+def present(name: str) -> str:
+    """Which stores hold a signal."""
+    word = "all"
+    if name in schema.LOGGED_ONLY:
+        word = "logs"
+    elif name in schema.HYDROGRAPHY:
+        word = "CTD"
+    elif name in schema.WITH_FLOOR:
+        word = "sea floor"
+    return f"{word}; may be NaN" if schema.VARIABLES[name].gaps else word
+
+
+def part_section() -> str:
+    """What each kind of vehicle part adds, by the unit that its kind has."""
+    from twin.vehicle.parts.registry import PARTS
+
+    rows = "\n".join(
+        f"| `{kind}` | {STORED_UNITS.get(PARTS[kind].unit, PARTS[kind].unit)} |"
+        for kind in PARTS.shipped()
+    )
+    return (
+        "\n## Parts of the vehicle\n\n"
+        "A part gives three signals by its own name: a rudder is `true_rudder`, "
+        "`measured_rudder` (by its encoder) and `commanded_rudder`. `true_energy_rudder` is the "
+        "electrical energy [J] that it has taken since the start, `true_energy_hotel` that of "
+        "electronics and sensors. The unit of a position is that of the kind of part:\n\n"
+        f"| kind of part | unit |\n|---|---|\n{rows}\n"
+    )
+
+
+STORED_UNITS = {"rad": "degree", "rad/s": "rad s-1"}
+"""Units of parts as stores have them, where code has others"""
+
+
+# --- pages beside docs/ -------------------------------------------------------------------------
+
+
+def root_page(name: str) -> str:
+    """A page of the repository's root, with links as the site has them."""
+    text = (ROOT / f"{name}.md").read_text(encoding="utf-8")
+    return text.replace("](docs/", "](../")
+
+
+if __name__ == "__main__":
+    print("\n".join(generated_pages()))

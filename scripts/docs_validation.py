@@ -1,0 +1,98 @@
+"""Tables of docs/results/validation.md: published figures beside what both models compute.
+
+    python scripts/docs_validation.py            # prints them
+    python scripts/docs_validation.py --write    # puts them into the page
+
+A test compares the page with them.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from twin.checks.agreement import check_published  # noqa: E402
+from twin.checks.published import ANGLES, FIGURES, PublishedMotion  # noqa: E402
+from twin.physics.steady_motion import Trim  # noqa: E402
+
+PAGE = ROOT / "docs" / "results" / "validation.md"
+OURS = "independent solution"
+"""How the source of a figure begins that nobody printed: equations of a paper, solved by us"""
+UNITS = {"speed": "m/s", "turn_rate": "rad/s", "vertical_speed": "m/s"}
+HEAD = (
+    "| vehicle, source | figure | {} | MuJoCo | Fossen | allowed difference |\n"
+    "|---|---|---|---|---|---|\n"
+)
+
+
+def tables() -> dict[str, str]:
+    """Markdown by name: what others printed, and what we solved from printed equations."""
+    rows: dict[str, list[str]] = {"printed": [], "solved": []}
+    found: dict[int, dict[str, Trim]] = {}
+    motions: dict[int, PublishedMotion] = {}
+    for motion, model, trim in check_published():
+        found.setdefault(id(motion), {})[model] = trim
+        motions[id(motion)] = motion
+    for key, motion in motions.items():
+        kind = "solved" if motion.source.startswith(OURS) else "printed"
+        rows[kind] += motion_rows(motion, found[key])
+    return {kind: HEAD.format(kind) + "\n".join(rows[kind]) + "\n" for kind in rows}
+
+
+def motion_rows(motion: PublishedMotion, trims: dict[str, Trim]) -> list[str]:
+    """A row for each figure of one motion; vehicle, source and settings stand in the first."""
+    rows = []
+    first = f"`{motion.vehicle}`, {motion.source}{settings(motion)}"
+    for name in FIGURES:
+        value = getattr(motion, name)
+        if value is None:
+            continue
+        digits = decimals(name)
+        ours = [getattr(trims[model], FIGURES[name]) for model in ("mujoco", "fossen")]
+        limit = motion.tolerance["angle" if name in ANGLES else name]
+        unit = "deg" if name in ANGLES else UNITS[name]
+        cells = [
+            first,
+            f"{name.replace('_', ' ')} [{unit}]",
+            f"{value:g}",
+            *(f"{one:.{digits}f}".replace(f"-{0:.{digits}f}", f"{0:.{digits}f}") for one in ours),
+            f"{limit:g}",
+        ]
+        rows.append(f"| {' | '.join(cells)} |")
+        first = ""
+    return rows
+
+
+def settings(motion: PublishedMotion) -> str:
+    """What was held, where the source does not say it."""
+    if not hasattr(motion, "net_mass"):
+        return ""
+    return f": {motion.net_mass:g} kg, {1000 * motion.shift:g} mm, {motion.rotation:g} deg"
+
+
+def decimals(name: str) -> int:
+    """Decimals shown: those of the finest print, and so few that rounding noise shows nowhere."""
+    return {"turn_rate": 5, "speed": 4, "vertical_speed": 4}.get(name, 3)
+
+
+def marked(name: str) -> re.Pattern[str]:
+    """Where a table stands in the page."""
+    return re.compile(rf"(<!-- {name} -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+
+
+def written(page: str) -> str:
+    """The page with both tables as they are computed now."""
+    for name, table in tables().items():
+        page = marked(name).sub(lambda found, table=table: f"{found[1]}\n{table}\n{found[3]}", page)
+    return page
+
+
+if __name__ == "__main__":
+    if sys.argv[1:] == ["--write"]:
+        PAGE.write_text(written(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    else:
+        print("\n".join(tables().values()))

@@ -1,0 +1,137 @@
+"""The documentation as a site: it builds without a warning, is whole, and needs no other host."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from examples import ROOT, needs_docs
+
+from twin.records.schema import _TABLE
+
+pytestmark = needs_docs
+
+OTHER_HOSTS = re.compile(
+    r"<(?:script|link|img|iframe|source)\b[^>]*?(?:src|href)=\"?(?:https?:)?//"
+)
+NAMED_PAGE = re.compile(r"docs/[\w/]+\.(?:md|png)")
+
+
+@pytest.fixture(scope="module")
+def reference() -> ModuleType:
+    """scripts/docs_reference.py"""
+    sys.path.insert(0, str(ROOT / "scripts"))
+    try:
+        import docs_reference
+    finally:
+        sys.path.remove(str(ROOT / "scripts"))
+    return docs_reference
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The built site; a warning ends the build."""
+    folder = tmp_path_factory.mktemp("site")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)],
+        cwd=ROOT,
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_every_page_is_built(site: Path, reference: ModuleType) -> None:
+    pages = [path.relative_to(ROOT / "docs") for path in (ROOT / "docs").rglob("*.md")]
+    pages += [Path(place) for place in reference.generated_pages()]
+    missing = [page for page in pages if not (site / page.with_suffix(".html")).is_file()]
+    assert not missing
+
+
+def test_nothing_is_asked_of_another_host(site: Path) -> None:
+    asking = [page.name for page in site.rglob("*.html") if OTHER_HOSTS.search(page.read_text())]
+    assert not asking
+    styles = "".join(path.read_text() for path in site.rglob("*.css"))
+    assert not re.search(r"(url\(|@import )[\"']?(https?:)?//", styles)
+
+
+def test_code_is_shown_as_code(site: Path) -> None:
+    """A fence that is not understood would stand in the text with its marks."""
+    for page in site.rglob("*.html"):
+        text = re.sub(r"<(pre|code)\b.*?</\1>", "", page.read_text(), flags=re.DOTALL)
+        assert "```" not in text, page.name
+
+
+def test_the_pages_of_commands_have_every_option(
+    reference: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each command has its section, with every option that its --help prints, and no other."""
+    for name in reference.PROGRAMS:
+        program = reference.program(name)
+        page = reference.command_page(name)
+        for command in program.commands:
+            assert program.main([command.name, "--help"]) == 0
+            printed = set(re.findall(r"^\W (--[\w.-]+)", capsys.readouterr().out, re.MULTILINE))
+            (section,) = re.findall(
+                rf"^## {name} {command.name}$(.*?)(?=^## |\Z)", page, re.MULTILINE | re.DOTALL
+            )
+            assert set(re.findall(r"^`(--[\w.-]+)", section, re.MULTILINE)) == printed, command.name
+
+
+def test_the_data_dictionary_has_every_signal(reference: ModuleType) -> None:
+    page = reference.signal_page()
+    for entry in _TABLE:
+        (row,) = re.findall(rf"^\| `{entry.name}` \|.*$", page, re.MULTILINE)
+        assert f"| {entry.units} |" in row
+        assert f"| {reference.limits(entry.name)} |" in row
+    assert re.search(r"`true_surge` .* \| body \|", page)
+    assert re.search(r"`true_current_north` .* \| NED \|", page)
+    assert re.search(r"`measured_phase` .* \| 0 to 3 \| logs \|", page)
+    assert re.search(r"`true_sway` .* \| ±10; simulated ±5 \| all \|", page)
+    assert re.search(r"`measured_gps_east` .* \| all; may be NaN \|", page)
+
+
+@pytest.mark.parametrize("page", ["twin", "suite", "factory", "learn"])
+def test_the_pages_of_python_have_every_public_name(
+    site: Path, reference: ModuleType, page: str
+) -> None:
+    import importlib
+
+    face = reference.FACES[page]
+    names = [name for name in importlib.import_module(face).__all__ if not name.startswith("__")]
+    assert set(names) == set(reference.public_names(face))
+    text = (site / "reference" / "python" / f"{page}.html").read_text()
+    assert [name for name in names if f"{face}.{name}" not in text] == []
+
+
+def test_pages_that_are_named_exist(reference: ModuleType) -> None:
+    """In code, messages, tests and pages: nothing names a page that has moved."""
+    made = {f"docs/{place}" for place in reference.generated_pages()}
+    gone = set()
+    for folder in ("twin", "factory", "learn", "assets", "benchmarks", "scripts", "tests", "docs"):
+        for path in (ROOT / folder).rglob("*"):
+            if path.suffix not in (".py", ".md", ".xml", ".toml", ".sh"):
+                continue
+            for place in NAMED_PAGE.findall(path.read_text(encoding="utf-8")):
+                if place not in made and not (ROOT / place).is_file():
+                    gone.add(f"{path.relative_to(ROOT)}: {place}")
+    assert not gone
+
+
+def test_the_tables_of_the_validation_are_what_is_computed() -> None:
+    sys.path.insert(0, str(ROOT / "scripts"))
+    try:
+        from docs_validation import PAGE, written
+    finally:
+        sys.path.remove(str(ROOT / "scripts"))
+    page = PAGE.read_text(encoding="utf-8")
+    assert page.count("| MuJoCo | Fossen |") == 2
+    assert written(page) == page, "run python scripts/docs_validation.py --write"
