@@ -98,7 +98,7 @@ def test_the_data_dictionary_has_every_signal(reference: ModuleType) -> None:
     assert re.search(r"`measured_phase` .* \| logs \|", page)
 
 
-@pytest.mark.parametrize("page", ["twin", "suite", "factory", "learn"])
+@pytest.mark.parametrize("page", ["twin", "suite", "gym", "factory", "learn"])
 def test_the_pages_of_python_have_every_public_name(
     site: Path, reference: ModuleType, page: str
 ) -> None:
