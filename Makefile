@@ -10,6 +10,7 @@ BENCHMARKS := cli_startup physics_step current_sampling sensor_cost suite_step v
 
 setup: .venv/.installed .venv-s3/.installed ## virtual environment with the pinned versions, GL libraries
 	@scripts/gl.sh
+	@scripts/browser.sh
 
 .venv/.installed: pyproject.toml constraints.txt scripts/venv.sh
 	@scripts/venv.sh "$(PYTHON)"

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.generation.block import Block, block_manifest
-from factory.generation.job import ALONE, Job
+from factory.generation.job import Job, alone
 from factory.generation.manifest import Manifest, all_there, leave_manifest, read_manifest
 from factory.recipe.recipe import versions
 from twin.bounded import FREE_BYTES, check_archive
@@ -46,7 +46,7 @@ def assemble(job: Job, number: int) -> int:
       StoreError: a block is missing or damaged; `generate` flies it again.
       OSError: the disk refuses.
     """
-    with ALONE:
+    with alone():
         return _assemble_once(job, number)
 
 

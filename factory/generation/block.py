@@ -23,7 +23,7 @@ from factory.flight.mission_place import mission_coordinates, mission_place
 from factory.generation.attempts import fly_mission
 from factory.generation.bookkeeping import rows
 from factory.generation.flown_mission import FlownMission
-from factory.generation.job import ALONE, Job
+from factory.generation.job import Job, alone
 from factory.generation.manifest import Manifest, all_there, leave_manifest, read_manifest
 from factory.recipe.recipe import Recipe, versions
 from twin.bounded import check_archive
@@ -56,7 +56,7 @@ def fly_block(job: Job, number: int) -> BlockDone:
       InputError: a mission that no attempt could fly. OSError: the disk refuses.
       StoreError: another process has made the block with other bytes.
     """
-    with ALONE:
+    with alone():
         return _fly_block(job, number)
 
 

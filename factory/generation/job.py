@@ -2,22 +2,41 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import functools
 import json
 import threading
+from collections.abc import Iterator
 from typing import Any
 
 from factory.generation.layout import Layout
 from factory.generation.site import Site
 from factory.recipe.recipe import Recipe, read_recipe
 
-ALONE = threading.RLock()
-"""Held by what flies or assembles: MuJoCo's warnings, numba's tables and staging folders are those
-of the whole process, whose executor may have threads"""
+_ALONE = threading.RLock()
 _READY: dict[str, Recipe] = {}
 """Recipes of this process by their hashes: each is planned and compiled once. Forked workers have
 those of their parent."""
 _MOST_READY = 4
+_TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
+"""glibc's; None with another C library"""
+
+
+@contextlib.contextmanager
+def alone() -> Iterator[None]:
+    """One task at a time in this process, whose executor may have threads: MuJoCo's warnings,
+    numba's tables and staging folders are those of the whole process.
+
+    Afterwards what the task freed goes back to the system. glibc would keep it in pieces, and a
+    process that flies for days would hold more and more.
+    """
+    with _ALONE:
+        try:
+            yield
+        finally:
+            if _TRIM is not None:
+                _TRIM(0)
 
 
 class Job:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,20 @@ def test_a_store_says_kind_period_samples_and_signals(tmp_path: Path) -> None:
         assert "true_depth" not in store
     logged = written(tmp_path / "b.zarr", {"source_format": "slocum"})
     assert MissionStore(logged).kind == "logged"
+
+
+@pytest.mark.parametrize(
+    "missions", [[], [3], [0, 1, 2], range(40), [39, 0, 7, 8, 7], [1, 6, 12, 20, 21]]
+)
+def test_rows_are_those_asked_for_in_their_order(missions: Sequence[int], tmp_path: Path) -> None:
+    depth = np.arange(120.0, dtype=np.float32).reshape(40, 3)
+    data = xr.Dataset(
+        {"n_samples": ("mission", [3] * 40), "measured_depth": (("mission", "time"), depth)},
+        {"time": [0.0, 0.5, 1.0]},
+        CONVENTIONS,
+    )
+    with MissionStore(write_store(data, tmp_path / "many.zarr")) as store:
+        np.testing.assert_array_equal(store.rows("measured_depth", missions), depth[list(missions)])
 
 
 def test_the_vehicle_is_the_one_that_the_store_describes(tmp_path: Path) -> None:
