@@ -31,7 +31,8 @@ table = np.array(rows)
 
 print("mission  north m/s (true)   east m/s (true)   deviation")
 for mission, north, true_north, east, true_east, deviation in rows:
-    print(f"{mission:7d}  {north:+.3f} ({true_north:+.3f})    {east:+.3f} ({true_east:+.3f})   {deviation:.3f}")
+    ways = f"{north:+.3f} ({true_north:+.3f})    {east:+.3f} ({true_east:+.3f})"
+    print(f"{mission:7d}  {ways}   {deviation:.3f}")
 error = table[:, [1, 3]] - table[:, [2, 4]]
 print(f"root mean square error {np.sqrt(np.mean(error**2)):.3f} m/s of {len(rows)} dives")
 

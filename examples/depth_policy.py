@@ -22,7 +22,8 @@ def episode(gains, seed):
     now, rewards, to_go = environment.reset(), [], []
     while not now.last():
         seen = now.observation
-        state = np.array([seen["to_target"][0] / 50, seen["depth_rate"][0] / 0.2, seen["attitude"][1]])
+        to_target, rate, pitch = seen["to_target"][0], seen["depth_rate"][0], seen["attitude"][1]
+        state = np.array([to_target / 50, rate / 0.2, pitch])
         shift, pump = np.tanh(gains.reshape(2, 3) @ state)
         now = environment.step([shift, 0.0, pump])
         rewards.append(now.reward)

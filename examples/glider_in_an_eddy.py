@@ -21,8 +21,8 @@ swirl = SPEED / RADIUS * np.exp(0.5 * (1 - distance**2))  # fastest at one radiu
 u, v = -swirl * north, swirl * east  # anticlockwise: a cyclone
 grid = {"lat": latitude, "lon": longitude}
 eddy = xr.Dataset({"u": (("lat", "lon"), u), "v": (("lat", "lon"), v)}, coords=grid)
-for name, unit in {"u": "m s-1", "v": "m s-1", "lat": "degrees_north", "lon": "degrees_east"}.items():
-    eddy[name].attrs["units"] = unit
+eddy.u.attrs["units"] = eddy.v.attrs["units"] = "m s-1"
+eddy.lat.attrs["units"], eddy.lon.attrs["units"] = "degrees_north", "degrees_east"
 eddy.to_netcdf("eddy.nc")
 
 mission = twin.Mission(
@@ -31,10 +31,18 @@ mission = twin.Mission(
 )
 figure, axes = plt.subplots(figsize=(7, 4.8), layout="constrained")
 thin = slice(None, None, 3)
-axes.quiver(longitude[thin], latitude[thin], u[thin, thin], v[thin, thin], color="0.6", scale=4, width=0.0025)
+axes.quiver(
+    longitude[thin],
+    latitude[thin],
+    u[thin, thin],
+    v[thin, thin],
+    color="0.6",
+    scale=4,
+    width=0.0025,
+)
 for offset in (-0.06, 0.0, 0.06):
     start = {"latitude": LATITUDE + offset, "longitude": LONGITUDE - 0.17}
-    run = twin.simulate(mission=mission, current="grid:eddy.nc", start=start, sample_period=20.0)
+    run = twin.simulate(mission=mission, current="grid:eddy.nc", start=start, sample_period=20)
     track = run.geographic_position()
     axes.plot(track[1], track[0], lw=2)
     bent = run["true_north"][-1]

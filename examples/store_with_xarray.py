@@ -15,26 +15,26 @@ factory.generate("missions.zarr", preset="field", hours=6, seed=11, workers=2, o
 store = xr.open_zarr("missions.zarr")
 print(store["measured_pitch"].attrs["long_name"], "in", store["measured_pitch"].attrs["units"])
 
-way = np.hypot(store.true_surge, store.true_heave)  # [m/s] through the water
+speed = np.hypot(store.true_surge, store.true_heave)  # [m/s] through the water
+compass = (store.measured_heading - store.true_heading + 180) % 360 - 180
 missions = xr.Dataset(
     {
         "hours": store.duration / 3600,
-        "speed": way.mean("time"),
+        "speed": speed.mean("time"),
         "deepest": store.true_depth.max("time"),
         "current": np.hypot(store.true_current_north, store.true_current_east).mean("time"),
-        "compass": abs(store.measured_heading - store.true_heading).where(lambda e: e < 180).mean("time"),
+        "compass": compass.std("time"),
     }
-).compute()
+)
 print(missions.to_dataframe()[[*missions]].round(2).to_string())
 
-# Speed by depth: bins of 20 m over all missions, dives and climbs apart.
+# Speed by depth over all missions, dives and climbs apart.
 figure, axes = plt.subplots(figsize=(6, 4.4), layout="constrained")
 for sign, label in ((-1, "dives"), (1, "climbs")):
-    chosen = way.where((store.true_pitch * sign > 10) & (store.true_depth > 5))
-    flat = xr.Dataset({"speed": chosen, "depth": store.true_depth}).stack(sample=("mission", "time"))
-    groups = flat.speed.groupby_bins(flat.depth, np.arange(0, 201, 20))
-    middle = [interval.mid for interval in groups.mean().depth_bins.values]
-    axes.errorbar(groups.mean(), middle, xerr=groups.std(), fmt="o-", capsize=3, label=label)
+    chosen = speed.where((store.true_pitch * sign > 10) & (store.true_depth > 5))
+    table = xr.Dataset({"speed": chosen, "depth": store.true_depth}).to_dataframe().dropna()
+    groups = table.groupby(20 * (table.depth // 20) + 10).speed
+    axes.errorbar(groups.mean(), groups.mean().index, xerr=groups.std(), fmt="o-", label=label)
 axes.invert_yaxis()
 axes.set(xlabel="speed through the water [m/s]", ylabel="depth [m]", title="Six hours of missions")
 axes.legend()

@@ -1,13 +1,13 @@
 """Runs the tutorials and the examples, and keeps the pictures that they make.
 
-    python scripts/tutorials.py                             # all; docs/gallery/ has their pictures again
-    python scripts/tutorials.py --only fly store_with_xarray    # some of them
-    python scripts/tutorials.py --only fly --folder FOLDER  # one, in a folder of yours; keeps no picture
+    python scripts/tutorials.py                          # all, and their pictures in docs/gallery
+    python scripts/tutorials.py --only fly own_current       # some of them
+    python scripts/tutorials.py --only fly --folder FOLDER   # into a folder; no picture is kept
 
 A tutorial runs block by block in one empty folder, as a reader would: `sh` in a shell, `python` in
-one session, and a block with `file=NAME` is written there. A block of `text` shows lines of what the
-block before it printed; numbers may differ. `sh gl` needs OpenGL, and what is marked `elsewhere` is
-for another machine and not run. Examples run one after the other in a folder of their own.
+one session, and a block with `file=NAME` is written there. A block of `text` shows lines of what
+the block before it printed; numbers may differ. `sh gl` needs OpenGL, and what is marked
+`elsewhere` is for another machine and not run. Examples run in a folder of their own each.
 """
 
 from __future__ import annotations
@@ -72,6 +72,8 @@ class Lesson:
         """Run a block in the session; what it printed."""
         said = io.StringIO()
         with contextlib.chdir(self.folder), contextlib.redirect_stdout(said):
+            if str(self.folder) not in sys.path:
+                sys.path.insert(0, str(self.folder))  # as the folder of a session is
             exec(compile(text, "tutorial", "exec"), self.session)
         return said.getvalue()
 
@@ -90,7 +92,9 @@ class Lesson:
         with contextlib.chdir(self.folder), contextlib.redirect_stdout(said):
             code = importlib.import_module(f"{program}.__main__").PROGRAM.main(words)
         if code:
-            raise RuntimeError(f"{program} {shlex.join(words)} ended with {code}\n{said.getvalue()}")
+            raise RuntimeError(
+                f"{program} {shlex.join(words)} ended with {code}\n{said.getvalue()}"
+            )
         return said.getvalue()
 
     def bash(self, text: str) -> str:
