@@ -109,11 +109,17 @@ def parser_of(name: str, command: Command) -> argparse.ArgumentParser:
     """The parser of a command, as its `--help` shows it."""
     import tyro
 
-    from twin.cli.options import MARKERS
+    from twin.cli.options import MARKERS, description
 
+    form = command.load()
     with warnings.catch_warnings():  # tyro's own texts have no list of options
         warnings.simplefilter("ignore", DeprecationWarning)
-        return tyro.extras.get_parser(command.load(), prog=f"{name} {command.name}", config=MARKERS)
+        return tyro.extras.get_parser(
+            form,
+            prog=f"{name} {command.name}",
+            description=description(form),
+            config=MARKERS,
+        )
 
 
 def option(action: argparse.Action) -> str:
