@@ -14,6 +14,7 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
+import yaml
 
 from factory.__main__ import PROGRAM as FACTORY
 from learn.__main__ import PROGRAM as LEARN
@@ -119,6 +120,55 @@ def test_every_dependency_is_pinned_within_its_range() -> None:
         requirement = Requirement(text)
         if _name(requirement.name) != "glider-twin":
             assert requirement.specifier.contains(pins[_name(requirement.name)]), text
+
+
+CONDA_NAMES = {
+    "torch": "pytorch",
+    "mujoco": "mujoco-python",
+    "glfw": "pyglfw",
+    "matplotlib": "matplotlib-base",
+    "dm-control": "dm_control",
+}
+"""What conda-forge calls packages differently."""
+
+
+def test_the_conda_recipe_asks_for_what_the_wheel_asks_for() -> None:
+    from packaging.requirements import Requirement
+
+    recipe = yaml.safe_load((ROOT / "packaging" / "conda" / "recipe.yaml").read_text())
+    assert recipe["context"]["version"] == __version__
+    python, *run = recipe["requirements"]["run"]
+    assert python == "python >=3.11,<3.13"
+    wanted = {}
+    for text in PYPROJECT["project"]["dependencies"]:
+        requirement = Requirement(text)
+        marker = requirement.marker
+        if marker is None or marker.evaluate({"python_version": "3.12", "extra": ""}):
+            name = _name(requirement.name)
+            wanted[CONDA_NAMES.get(name, name)] = set(str(requirement.specifier).split(","))
+    assert {name: set(spec.split(",")) for name, spec in map(str.split, run)} == wanted
+    entries = recipe["build"]["python"]["entry_points"]
+    scripts = PYPROJECT["project"]["scripts"]
+    assert entries == [f"{name} = {target}" for name, target in scripts.items()]
+    assert recipe["requirements"]["host"][-1].split()[0] == "hatchling"
+
+
+def test_every_way_to_check_runs_the_same_commands() -> None:
+    script = (ROOT / ".ci" / "run").read_text()
+    wanted = re.findall(r"^make \w+$", script, re.MULTILINE)
+    assert wanted == ["make lint", "make test"]
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())
+    jobs = workflow["jobs"].values()
+    assert [step["run"] for job in jobs for step in job["steps"] if "run" in step] == wanted
+    versions = workflow["jobs"]["test"]["strategy"]["matrix"]["python"]
+    classified = [
+        line.rpartition(" ")[2]
+        for line in PYPROJECT["project"]["classifiers"]
+        if re.search(r"Python :: 3\.\d", line)
+    ]
+    assert versions == classified
+    hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"][0]["hooks"]
+    assert [hook["entry"] for hook in hooks] == ["make lint"]
 
 
 def test_console_scripts_are_the_three_programs() -> None:
