@@ -3,13 +3,14 @@
 
 PYTHON ?= python3
 BIN := .venv/bin
-BENCHMARKS := cli_startup physics_step current_sampling sensor_cost suite_step factory_speed store_writing window_reading layer_speed render_speed
+BENCHMARKS := cli_startup physics_step current_sampling sensor_cost suite_step vector_env factory_speed store_writing window_reading layer_speed render_speed
 
 .NOTPARALLEL:
 .PHONY: setup demo test lint check mutants bench gallery docs lock clean
 
 setup: .venv/.installed .venv-s3/.installed .venv-hub/.installed ## virtual environment with the pinned versions, GL libraries
 	@scripts/gl.sh
+	@scripts/browser.sh
 
 .venv/.installed: pyproject.toml constraints.txt scripts/venv.sh
 	@scripts/venv.sh "$(PYTHON)"
@@ -39,8 +40,9 @@ mutants: setup            ## change the code on purpose; the tests must notice 8
 bench: setup              ## measured costs, printed beside their yardsticks
 	@for benchmark in $(BENCHMARKS); do $(BIN)/python -m benchmarks.$$benchmark || exit 1; done
 
-gallery: setup            ## the pictures of the README, from the commands shown beside them
+gallery: setup            ## the pictures of README, tutorials and examples, from the code beside them
 	@$(BIN)/python scripts/gallery.py README.md
+	@$(BIN)/python scripts/tutorials.py
 
 docs: setup               ## the documentation as a site: site/index.html; warnings are errors
 	@$(BIN)/python -m mkdocs build --quiet --strict

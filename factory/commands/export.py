@@ -24,7 +24,12 @@ ENDINGS = ", ".join(one.ending for one in EXPORTERS.values())
 
 @dataclass(frozen=True, kw_only=True)
 class Export(JsonOption):
-    """Write a store's missions or dives in a format that other programs read."""
+    """Write a store's missions or dives in a format that other programs read.
+
+    Example:
+
+        factory export data/missions.zarr --to parquet --out missions.parquet
+    """
 
     store: Annotated[StoreArgument, tyro.conf.Positional]
     """the store"""
