@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from examples import BLOCK, ROOT
 
 import factory
 from twin.errors import InputError, StoreError
@@ -164,3 +165,16 @@ def test_it_is_a_hundred_times_as_fast_as_slices(windows: Windows, field_store: 
             best["slices"] = min(best["slices"], (middle - begun) / 5)
             best["windows"] = min(best["windows"], (end - middle) / len(numbers))
     assert best["slices"] > 100.0 * best["windows"]
+
+
+def test_the_page_is_true(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The examples of the section on windows, as they stand there."""
+    pytest.importorskip("torch")
+    page = (ROOT / "docs/reference/factory.md").read_text()
+    section = page.split("## Windows for training")[1].split("\n## ")[0]
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    for _, text in BLOCK.findall(section):
+        exec(text, names)
+    assert names["windows"][0].shape == (64, 3)
+    assert sum(len(batch) for batch in names["loader"]) == len(names["windows"])
