@@ -3,13 +3,14 @@
 
 PYTHON ?= python3
 BIN := .venv/bin
-BENCHMARKS := cli_startup physics_step current_sampling sensor_cost suite_step factory_speed store_writing layer_speed render_speed
+BENCHMARKS := cli_startup physics_step current_sampling sensor_cost suite_step vector_env factory_speed store_writing layer_speed render_speed
 
 .NOTPARALLEL:
 .PHONY: setup demo test lint check mutants bench gallery docs lock clean
 
 setup: .venv/.installed .venv-s3/.installed ## virtual environment with the pinned versions, GL libraries
 	@scripts/gl.sh
+	@scripts/browser.sh
 
 .venv/.installed: pyproject.toml constraints.txt scripts/venv.sh
 	@scripts/venv.sh "$(PYTHON)"
