@@ -135,3 +135,35 @@ def test_the_tables_of_the_validation_are_what_is_computed() -> None:
     page = PAGE.read_text(encoding="utf-8")
     assert page.count("| MuJoCo | Fossen |") == 2
     assert written(page) == page, "run python scripts/docs_validation.py --write"
+
+
+SHOWN = re.compile(r"(?:^ {4}|^\$ |^|`)((?:twin|factory|learn) [a-z][^`\n]*)", re.MULTILINE)
+"""A command in a code block or between backticks"""
+
+
+def test_options_that_pages_show_exist(reference: ModuleType) -> None:
+    """Of every command in the README and in docs/."""
+    known = {
+        f"{name} {command.name}": {
+            flag
+            for action in reference.parser_of(name, command)._actions
+            for flag in action.option_strings
+        }
+        for name in reference.PROGRAMS
+        for command in reference.program(name).commands
+    }
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    shown, wrong = 0, []
+    for page in pages:
+        text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+        for line in SHOWN.findall(text):
+            words = line.split("#")[0].split()
+            options = {word.split("=")[0] for word in words if re.match(r"--[a-z]", word)}
+            flags = known.get(" ".join(words[:2]))
+            if flags is None:  # prose that begins with one of the names
+                continue
+            shown += 1
+            strip = {option.rstrip("].,;:)") for option in options}
+            wrong += [f"{page.name}: {line}" for option in strip if option not in flags]
+    assert shown > 150
+    assert not wrong

@@ -1,6 +1,6 @@
 """Train a policy that beats the autopilot at reaching a depth: minutes on two cores.
 
-    python examples/train_depth_policy.py [STEPS [EPISODES]]
+    python examples/training/train_depth_policy.py [STEPS [EPISODES]]
 
 PPO of stable-baselines3 on 128 gliders at once, a command every 5 s. The score is the mean reward
 of episodes that it was not trained on, in the task's own control period: the command is held.
