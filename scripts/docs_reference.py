@@ -22,7 +22,13 @@ from twin.records import schema  # noqa: E402
 from twin.records.limits import recorded_limits, simulated_limits  # noqa: E402
 
 PROGRAMS = ("twin", "factory", "learn")
-FACES = {"twin": "twin", "suite": "twin.suite", "factory": "factory", "learn": "learn"}
+FACES = {
+    "twin": "twin",
+    "suite": "twin.suite",
+    "gym": "twin.gym",
+    "factory": "factory",
+    "learn": "learn",
+}
 """Page and package of each public face"""
 AREAS = {
     "twin.facade": "Simulate",
@@ -38,6 +44,7 @@ AREAS = {
     "twin.checks": "Checks",
     "twin.errors": "Errors",
     "twin.suite": "Tasks",
+    "twin.gym": "Environments",
     "factory": "Data factory",
     "learn.api": "Train and judge",
     "learn.runs": "Train and judge",

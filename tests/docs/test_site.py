@@ -99,7 +99,7 @@ def test_the_data_dictionary_has_every_signal(reference: ModuleType) -> None:
     assert re.search(r"`measured_gps_east` .* \| all; may be NaN \|", page)
 
 
-@pytest.mark.parametrize("page", ["twin", "suite", "factory", "learn"])
+@pytest.mark.parametrize("page", ["twin", "suite", "gym", "factory", "learn"])
 def test_the_pages_of_python_have_every_public_name(
     site: Path, reference: ModuleType, page: str
 ) -> None:

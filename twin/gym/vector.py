@@ -56,7 +56,10 @@ class GliderVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
         """Make the environment.
 
         Args:
-          task, observation, noise, settings: as in `twin.gym.GliderEnv`.
+          task: as in `twin.gym.GliderEnv`.
+          observation: likewise.
+          noise: likewise.
+          **settings: likewise.
           num_envs: vehicles.
           autoreset_mode: next_step, same_step or disabled.
           threads: that step the vehicles, 0 takes every core. Results do not depend on them.

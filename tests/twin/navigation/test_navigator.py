@@ -144,7 +144,9 @@ def test_bottom_lock_of_a_doppler_log_tells_the_current():
     assert off[1799] - off[720] < 3.0  # 67 m without the log
     assert off[2999] - off[1799] < 0.1 * np.hypot(0.1, 0.2) * 600.0  # the current holds
     blind = {n: v for n, v in measured.items() if "dvl" not in n}
-    assert horizontal_error(walk(Navigator(Given(0.4, 0.0), latitude=30.0), blind), truth)[-1] > 300.0
+    assert (
+        horizontal_error(walk(Navigator(Given(0.4, 0.0), latitude=30.0), blind), truth)[-1] > 300.0
+    )
     half = Navigator(Given(0.4, 0.0), latitude=30.0)
     walk(half, measured, last=1000)
     other = Navigator(Given(0.4, 0.0), latitude=30.0)
