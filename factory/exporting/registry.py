@@ -9,6 +9,7 @@ EXPORTERS: Registry[Exporter] = Registry(
     "export format",
     group="glider_twin.exporters",
     shipped={
+        "mcap": "factory.exporting.mcap:MCAP",
         "og1": "factory.exporting.og1:OG1",
         "parquet": "factory.exporting.parquet:PARQUET",
     },

@@ -71,7 +71,8 @@ def _features_line(features: Sequence[str]) -> str:
 
 def _inputs_line(features: Sequence[str]) -> str:
     """What a sample of the C code holds, in lines of a terminal."""
+    from twin.navigation.estimated_channels import sources
     from twin.navigation.features import channels_of
 
-    text = f"a sample holds: {', '.join(channels_of(features))}"
+    text = f"a sample holds: {', '.join(sources(channels_of(features)))}"
     return textwrap.fill(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)

@@ -56,14 +56,14 @@ class GliderVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
         """Make the environment.
 
         Args:
-          task: as in `twin.gym.GliderEnv`.
-          observation: likewise.
-          noise: likewise.
-          **settings: likewise.
+          task: one of `twin.suite.TASKS`.
           num_envs: vehicles.
+          observation: "flat" or "dict", as in `GliderEnv`.
+          noise: standard deviation of white noise by name of the observation, in its unit.
           autoreset_mode: next_step, same_step or disabled.
           threads: that step the vehicles, 0 takes every core. Results do not depend on them.
           render_mode: None: pictures are drawn by the single environment.
+          settings: as in `GliderEnv`, without `navigate`.
 
         Raises:
           InputError: a task that serves one vehicle only, navigation on board, a render mode; and

@@ -35,8 +35,8 @@ def check_near(label: str, north: float, east: float) -> None:
     metres = math.hypot(north, east)
     if metres > FARTHEST:
         raise MissionError(
-            f"{label} is {metres / 1e3:.0f} km from the origin; at most {FARTHEST / 1e3:.0f} km are "
-            "flown: north_m and east_m are metres"
+            f"{label} is {metres / 1e3:.0f} km from the origin; at most {FARTHEST / 1e3:.0f} km "
+            "are flown: north_m and east_m are metres"
         )
 
 

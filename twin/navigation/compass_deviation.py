@@ -92,7 +92,8 @@ class CompassDeviation:
         self._mean = np.zeros(STATES)
         deviations = [HARD] * 3 + [SOFT] * 2 + [math.pi, TURN_ON, TURN_ON, INSTABILITY, SCALE_ERROR]
         self._covariance = np.diag(np.square(deviations))
-        self._before = np.full(3, math.nan)  # heading, pitch, rate of the heading by the gyros
+        # heading and pitch, and their rates by the gyros
+        self._before = np.full(4, math.nan)
         self._parted = self._turned = 0.0  # gyros less compass, and turned by the gyros, so far
         self._begin()
 
@@ -129,19 +130,19 @@ class CompassDeviation:
         level = c_pitch / max(c_pitch**2, LEAST_COSINE**2)
         by_pitch, by_yaw = s_roll * level, c_roll * level
         q, r = rates.tolist()
-        seen = np.array([heading, pitch, by_pitch * q + by_yaw * r])
+        seen = np.array([heading, pitch, by_pitch * q + by_yaw * r, q * c_roll - r * s_roll])
         if not math.isfinite(seen[2] + self._before[2]):  # where the gyros' heading is, is lost
             self._covariance[ANGLE, :] = self._covariance[:, ANGLE] = 0.0
             self._covariance[ANGLE, ANGLE] = math.pi**2
             self._begin()
         else:
-            turned = 0.5 * self.period * (seen[2] + self._before[2])
+            turned, raised = (0.5 * self.period * (seen + self._before)[2:]).tolist()
             self._parted += turned - math.remainder(heading - self._before[0], 2.0 * math.pi)
             self._turned += turned
             self._passed += (
                 self.period * by_yaw,
                 self.period * by_pitch,
-                self.period * (q * c_roll - r * s_roll) - (pitch - self._before[1]),
+                raised - (pitch - self._before[1]),
                 -self.period * s_roll,
                 self.period * c_roll,
             )

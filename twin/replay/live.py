@@ -56,6 +56,9 @@ class LiveMission:
         whole = np.ones(len(subject.trajectory.time), bool)
         self._scale = track_values(subject.trajectory, shot.colour, whole, ())[1]
         self.mission = self._describe()
+        # the first flight may have ended before its longest time; a step more completes its samples
+        flown = float(subject.trajectory.time[-1]) / self._simulation.model.opt.timestep
+        self._steps = min(self._simulation.steps, round(flown) + 2)
         self._still = self.mission["profile"] is None
         self._begun: float | None = None
         self._turn = threading.Lock()
@@ -102,7 +105,7 @@ class LiveMission:
             with quiet_mujoco():
                 while simulation.data.time < due and not self._over:
                     ahead = int((due - simulation.data.time) / timestep) + 1
-                    left = simulation.steps - round(simulation.data.time / timestep)
+                    left = self._steps - round(simulation.data.time / timestep)
                     simulation.step(max(1, min(ahead, SLICE, left)))
                     if time.monotonic() - now > LONGEST:
                         # computing is slower than the clock: the mission goes as fast as it can
@@ -117,8 +120,8 @@ class LiveMission:
     @property
     def _over(self) -> bool:
         simulation = self._simulation
-        done = round(simulation.data.time / simulation.model.opt.timestep) >= simulation.steps
-        return done or simulation.failed or simulation.flown or bool(self._problem)
+        done = round(simulation.data.time / simulation.model.opt.timestep) >= self._steps
+        return done or simulation.failed or bool(self._problem)
 
     def _channels(
         self, trajectory: Trajectory, first: int, count: int, *, still: bool

@@ -51,7 +51,7 @@ def unpack(packed: Packed) -> Array:
     kind = np.dtype(packed["type"])
     whole = np.frombuffer(base64.b64decode(packed["data"]), kind.newbyteorder("<"))
     values = packed["offset"] + packed["step"] * whole.astype(float)
-    return np.where(whole == np.iinfo(kind).min, np.nan, values)
+    return np.where(whole == np.iinfo(packed["type"]).min, np.nan, values)
 
 
 def width(packed: Packed) -> int:

@@ -211,7 +211,7 @@ class Renderer {
     this.empty = gl.createVertexArray();
     this.texture = null;
     gl.enable(gl.DEPTH_TEST);
-    gl.polygonOffset(1, 1);
+    gl.polygonOffset(2, 4);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
   }
 
@@ -378,8 +378,8 @@ class Shape {
   }
 
   // An arrow of length 1 along x.
-  static arrow(colour, thin = 0.022) {
-    const shape = new Shape(), sides = 12, neck = 0.72, head = 3 * thin;
+  static arrow(colour, thin = 0.03) {
+    const shape = new Shape(), sides = 12, neck = 0.68, head = 3 * thin;
     for (let k = 0; k < sides; k++) {
       const [s, t] = [k, k + 1].map(j => 2 * Math.PI * j / sides);
       const ring = (x, r, angle) => [x, r * Math.cos(angle), r * Math.sin(angle)];

@@ -7,7 +7,7 @@ const CAMERA_TITLES = {
   map: "from above, north up", chase: "behind the vehicle, at true scale" };
 const NARROW = 14 * RADIANS, WIDE = 24 * RADIANS;      // half of the vertical field of view
 const CHASE = { bearing: 142 * RADIANS, elevation: 16 * RADIANS, lengths: 2.06, lag: 1.2 };
-const ARROW_SHARE = 0.11, LONGEST_LADDER = 1.0;        // of the block's length; metres
+const ARROW_SHARE = 0.13, LONGEST_LADDER = 1.0;        // of the block's length; metres
 const TAIL = 0.47;                                     // of the hull's length, behind its middle
 const VEHICLE_SHARE = 0.085, LEAST_PIXELS = 84;        // of the picture's width
 
@@ -242,7 +242,7 @@ class Scene {
     const narrow = wide < 640;
     // Shares of half the picture, for title, legend, labels and buttons.
     const margin = narrow ? { left: 0.3, right: 0.1, top: 0.5, bottom: 0.36 }
-      : { left: 0.2, right: 0.16, top: 0.26, bottom: 0.28 };
+      : { left: 0.18, right: 0.14, top: 0.2, bottom: 0.26 };
     camera.half = Math.tan(NARROW);
     if (this.name === "map") {
       camera.bearing = Math.PI;
@@ -369,7 +369,7 @@ class Scene {
           if (Vector.dot(Vector.sub(eye, middle), outward) > 0) return;
           renderer.drawMesh(mesh, block);
           for (const path of this.levelPaths[k]) {
-            renderer.drawPath(path, { wide: 1.3 * px, colour: [0.62, 0.8, 0.9], lift: 0 });
+            renderer.drawPath(path, { wide: 1.8 * px, colour: [0.5, 0.72, 0.86] });
           }
         });
       }
@@ -473,7 +473,7 @@ class Scene {
       }
     } else {
       for (const { place, current } of this.along) {
-        this.drawArrow(this.stretched(place), current, this.perSpeed, least);
+        this.drawArrow(this.stretched(place), current, 0.7 * this.perSpeed, least);
       }
     }
   }

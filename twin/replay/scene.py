@@ -13,7 +13,7 @@ from twin.records.logged_trajectory import AVERAGED, LoggedTrajectory, source_of
 from twin.records.place import NOMINAL, START_TIME, unix_seconds
 from twin.records.trajectory import Trajectory
 from twin.render import palette, seabed
-from twin.render.arrows import profile
+from twin.render.arrows import STILL, profile
 from twin.render.canvas import frame_of
 from twin.render.film import Subject, known_samples
 from twin.render.playback import poses, signal, spins, turns
@@ -218,15 +218,19 @@ def _floor(table: Array | None, layout: Layout) -> dict[str, Any] | None:
 
 
 def _profile(trajectory: Trajectory, shown: NDArray[np.bool_]) -> dict[str, Any] | None:
-    """The mean current against depth; None in still water or where nobody knows it."""
-    found = profile(*current_profile(trajectory, shown))
-    if found.strongest == 0.0:
+    """The mean current against depth and the strongest of all samples; None in still water or where
+    nobody knows it.
+    """
+    depth, velocity = current_profile(trajectory, shown)
+    found = profile(depth, velocity)
+    strongest = float(np.hypot(*velocity.T).max())
+    if strongest < STILL:
         return None
     name = source_of(trajectory, "true_current_north", "current")
     return {
         "name": name,
         "averaged": name == AVERAGED,
-        "strongest": found.strongest,
+        "strongest": strongest,
         "depth": found.depth.tolist(),
         "north": found.velocity[:, 0].tolist(),
         "east": found.velocity[:, 1].tolist(),

@@ -20,7 +20,7 @@ SURGE = 0.4
 
 
 def box(seconds: float = 1500.0, turn: float = 90.0, sides: int = 4) -> dict[str, np.ndarray]:
-    """True attitude [rad] and rates [rad/s] round a box in dives and climbs, rolled in its turns."""
+    """True attitude [rad], rates [rad/s] round a box in dives and climbs, rolled in its turns."""
     side, corner = round(seconds / PERIOD), round(turn / PERIOD)
     rate = np.concatenate([np.r_[np.full(corner, 0.5 * np.pi / turn), np.zeros(side)]] * sides)
     time = PERIOD * np.arange(len(rate))
@@ -91,6 +91,13 @@ def test_turns_tell_the_iron_whatever_the_gyros_biases_are(bias) -> None:
     assert found.iron_deviation[0] < 0.8 * CompassDeviation(PERIOD).iron_deviation[0]
 
 
+def test_a_compass_that_is_right_is_left_alone() -> None:
+    true, found = box(seconds=150.0, turn=40.0, sides=6), CompassDeviation(PERIOD)
+    for k, angle in enumerate(true["heading"]):
+        found.step(true["roll"][k], true["pitch"][k], angle, true["rates"][k, 1:])
+    assert (np.abs(found.iron) < 0.03 * DEG).all()
+
+
 def test_without_gyros_nothing_is_learned() -> None:
     found = CompassDeviation(PERIOD)
     for k in range(200):
@@ -144,5 +151,5 @@ def test_the_way_before_a_turn_is_corrected_by_what_the_turn_tells() -> None:
     assert np.hypot(*(found - end)) < 0.5 * np.hypot(*(blind - end))
     other = Navigator(Steady(), latitude=30.0, start=(0.0, 0.0))
     other.restore(navigator.state())
-    again = {n: 1.0 for n in (*navigator.channels, "measured_pitch_rate", "measured_yaw_rate")}
+    again = dict.fromkeys((*navigator.channels, "measured_pitch_rate", "measured_yaw_rate"), 1.0)
     assert other.step(again).north == navigator.step(again).north

@@ -303,8 +303,16 @@ def live(speed_up: float) -> LiveMission:
     return LiveMission(scenario, short_subject(), Shot(), speed_up)
 
 
-def test_a_live_mission_gives_the_samples_of_the_simulation():
-    mission, expected = live(1e6), simulate(short_scenario())
+@pytest.mark.parametrize("name", ["short", "tethys"])
+def test_a_live_mission_gives_the_samples_of_the_simulation(name):
+    if name == "short":
+        mission, expected = live(1e6), simulate(short_scenario())
+    else:  # it ends before its longest time
+        vehicle = load_vehicle(name)
+        scenario = Scenario(vehicle=vehicle, plan=load_mission_for(vehicle, None))
+        expected = simulate(scenario)
+        subject = Subject(trajectory=expected, vehicle=vehicle)
+        mission = LiveMission(scenario, subject, Shot(), 1e6)
     found = {name: [unpack(row)] for name, row in mission.mission["channels"].items()}
     running = True
     while running:
