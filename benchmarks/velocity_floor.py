@@ -1,4 +1,5 @@
-"""What surge error the sensors leave to an estimator that knows their errors and the vehicle's spread.
+"""The surge error that sensors leave to an estimator which knows their errors and the spread of
+vehicles.
 
     python benchmarks/velocity_floor.py STORE [--seed 0] [--json]
 

@@ -17,6 +17,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from docs_examples import examples_page  # noqa: E402
+
 from twin.cli.program import Command, Program  # noqa: E402
 from twin.records import schema  # noqa: E402
 from twin.records.limits import recorded_limits, simulated_limits  # noqa: E402
@@ -58,6 +60,7 @@ def generated_pages() -> dict[str, str]:
     pages = {f"reference/commands/{name}.md": command_page(name) for name in PROGRAMS}
     pages |= {f"reference/python/{page}.md": python_page(face) for page, face in FACES.items()}
     pages["reference/signals.md"] = signal_page()
+    pages["examples.md"] = examples_page()
     for name in ("CHANGELOG", "CONTRIBUTING"):
         pages[f"project/{name.lower()}.md"] = root_page(name)
     return pages
@@ -106,11 +109,17 @@ def parser_of(name: str, command: Command) -> argparse.ArgumentParser:
     """The parser of a command, as its `--help` shows it."""
     import tyro
 
-    from twin.cli.options import MARKERS
+    from twin.cli.options import MARKERS, description
 
+    form = command.load()
     with warnings.catch_warnings():  # tyro's own texts have no list of options
         warnings.simplefilter("ignore", DeprecationWarning)
-        return tyro.extras.get_parser(command.load(), prog=f"{name} {command.name}", config=MARKERS)
+        return tyro.extras.get_parser(
+            form,
+            prog=f"{name} {command.name}",
+            description=description(form),
+            config=MARKERS,
+        )
 
 
 def option(action: argparse.Action) -> str:

@@ -24,7 +24,13 @@ OUT, SIZE = Path("mission.mp4"), "1280x720"
 @dataclass(frozen=True, kw_only=True)
 class Render(JsonOption):
     """Draw a stored mission: .png is one picture, .mp4 and .gif are videos, .html is a page that
-    replays it in any browser."""
+    replays it in any browser.
+
+    Examples:
+
+        twin render run.zarr --out dive.png --time 2500
+        twin render run.zarr --html dive.html
+    """
 
     store: Annotated[Path, tyro.conf.Positional]
     """store (zarr) that holds the mission"""

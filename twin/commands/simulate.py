@@ -22,7 +22,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Simulate(JsonOption):
-    """Fly one mission: summary table, and on request a store and a plot."""
+    """Fly one mission: summary table, and on request a store and a plot.
+
+    Examples:
+
+        twin simulate --current uniform:0.1,-0.05 --out run.zarr --plot run.png
+        twin simulate transects --vehicle tethys --floor rough:40 --sensors field
+    """
 
     mission: Annotated[str | None, tyro.conf.Positional] = None
     """shipped mission name, or the path of a mission file, TOML or Slocum's .mi; default: the

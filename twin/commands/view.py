@@ -21,7 +21,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """Watch a stored mission, or without a store a mission that is flown as you watch."""
+    """Watch a stored mission, or without a store a mission that is flown as you watch.
+
+    Examples:
+
+        twin view run.zarr --speed-up 120
+        twin view --vehicle seaglider --web
+    """
 
     store: Annotated[Path | None, tyro.conf.Positional] = None
     """store (zarr) that holds the mission; without it a mission is flown live"""

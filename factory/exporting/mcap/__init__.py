@@ -22,7 +22,7 @@ def _write(
 
 MCAP = Exporter(
     name="mcap",
-    title="MCAP recordings with standard ROS 2 messages, one a simulated mission or deployment",
+    title="MCAP recordings with standard ROS 2 messages, for Foxglove and rosbag tools",
     ending="-mcap",
     write=_write,
     extra="mcap",

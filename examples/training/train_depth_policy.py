@@ -1,6 +1,6 @@
 """Train a policy that beats the autopilot at reaching a depth: minutes on two cores.
 
-    python examples/train_depth_policy.py [STEPS [EPISODES]]
+    python examples/training/train_depth_policy.py [STEPS [EPISODES]]
 
 PPO of stable-baselines3 on 128 gliders at once, a command every 5 s. The score is the mean reward
 of episodes that it was not trained on, in the task's own control period: the command is held.
@@ -18,7 +18,7 @@ from twin.gym import GliderEnv, StableBaselinesVec
 from twin.suite.policies import POLICIES
 
 TASK, HELD, FIRST_SEED = "glider_twin/Depth-v0", 10, 10_000
-steps, episodes = [int(word) for word in sys.argv[1:]] + [500_000, 24][len(sys.argv) - 1 :]
+steps, episodes = [int(word) for word in sys.argv[1:]] + [700_000, 24][len(sys.argv) - 1 :]
 
 torch.set_num_threads(1)
 gliders = gymnasium.make_vec(
@@ -26,7 +26,7 @@ gliders = gymnasium.make_vec(
 )
 model = PPO(
     "MlpPolicy", StableBaselinesVec(gliders), n_steps=180, batch_size=4608, gamma=0.99, seed=1,
-    learning_rate=lambda left: 1e-3 * left, policy_kwargs={"log_std_init": -1.0}, device="cpu",
+    learning_rate=1e-3, policy_kwargs={"log_std_init": -1.0}, device="cpu",
 )  # fmt: skip
 model.learn(steps)
 model.save("depth_policy")
