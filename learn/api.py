@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from learn.data.labels import LabelConfig
-from learn.data.parts import parts_of
+from learn.data.parts import input_groups, parts_of
 from learn.data.store_checks import check_window
 from learn.networks.config import NetworkConfig
 from learn.networks.registry import NETWORKS
@@ -205,10 +205,11 @@ def fit_settings(
       InputError: a name is unknown, a value impossible, or a setting has no use here.
     """
     base = _resumed(resumed)
-    parts = tuple(parts_of(store or (base.store if base else DEFAULT_STORE)))
+    place = store or (base.store if base else DEFAULT_STORE)
+    parts = tuple(parts_of(place))
     base = base or FitConfig(
         store=str(DEFAULT_STORE),
-        features=select_features(INPUT_SETS[DEFAULT_INPUTS], (), parts),
+        features=select_features(input_groups(DEFAULT_INPUTS, place), (), parts),
         members=DEFAULT_MEMBERS,
     )
     sizes = _given(hidden=hidden, layers=layers, delays=delays, memories=memories)
@@ -233,7 +234,7 @@ def fit_settings(
     if other_inputs:
         if inputs is not None and inputs not in INPUT_SETS:
             raise InputError(unknown_name("set of inputs", inputs, INPUT_SETS))
-        wanted = tuple(features) or INPUT_SETS[inputs or DEFAULT_INPUTS]
+        wanted = tuple(features) or input_groups(inputs or DEFAULT_INPUTS, place)
         chosen = select_features(wanted, without, parts)
     budget = _given(seconds=seconds, epochs=epochs)
     if epochs is not None and seconds is None:
@@ -399,10 +400,11 @@ def export(
     place = found.store if store is None else store
     with Selection(place, channels, period=found.period) as selection:
         (longest,) = selection.read([int(selection.lengths.argmax())])
+        vehicle = selection.vehicle
     if to == "c":
         from learn.networks.c_export import NAME, export_c
 
-        return {"velocity": export_c(networks, target / NAME, longest)}
+        return {"velocity": export_c(networks, target / NAME, longest, vehicle)}
     from learn.networks.onnx_export import export_step
 
     return {

@@ -144,6 +144,10 @@ def synthetic_mission(samples, seed):
         "commanded_shift": shift,
         "commanded_rotation": turning,
         "commanded_pump": -mass * 1000.0,
+        # as if by the flight filter
+        "estimated_surge": lagged(surge, 5.0, 0.0),
+        "estimated_sway": lagged(sway, 5.0, 0.0),
+        "estimated_attack": 0.05 * np.sign(dive) + 0.1 * pitch,
     }
     return signals
 

@@ -151,3 +151,18 @@ def test_the_page_of_the_folder_shows_them_all() -> None:
     for name in EXAMPLES:
         picture = ROOT / "docs" / "gallery" / "examples" / f"{name}.png"
         assert picture.stat().st_size < 150_000, name
+
+
+def test_a_trained_policy(tmp_path: Any, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    """Only that it runs and judges: it is trained for minutes where it is used."""
+    pytest.importorskip("stable_baselines3", reason="the extra 'sb3' is not installed")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["train_depth_policy.py", "256", "2"])
+    monkeypatch.setattr("stable_baselines3.PPO.learn", lambda model, steps: model)
+    names = runpy.run_path(str(ROOT / "examples" / "training" / "train_depth_policy.py"))
+    scores = names["scores"]
+    assert list(scores) == ["trained", "autopilot", "proportional", "random", "still"]
+    assert all(((means >= 0.0) & (means <= 1.0)).all() for means in scores.values())
+    assert scores["autopilot"].mean() > scores["still"].mean()
+    assert (tmp_path / "depth_policy.zip").is_file()
+    assert "autopilot     mean reward" in capsys.readouterr().out

@@ -22,7 +22,12 @@ WIDTH = 100
 @dataclass(frozen=True, kw_only=True)
 class Export(JsonOption):
     """One ONNX model per network, one time step with explicit state; or one C99 header from sensor
-    samples to surge and sway. Checked over a mission."""
+    samples to surge and sway. Checked over a mission.
+
+    Example:
+
+        learn export demo --to c
+    """
 
     run_folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None
     """folder or name of the run [default: the newest in runs/]"""
@@ -71,7 +76,8 @@ def _features_line(features: Sequence[str]) -> str:
 
 def _inputs_line(features: Sequence[str]) -> str:
     """What a sample of the C code holds, in lines of a terminal."""
+    from twin.navigation.estimated_channels import sources
     from twin.navigation.features import channels_of
 
-    text = f"a sample holds: {', '.join(channels_of(features))}"
+    text = f"a sample holds: {', '.join(sources(channels_of(features)))}"
     return textwrap.fill(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from learn.data.logs import SPEED, filled, nearest
 from twin.errors import StoreError, unknown_name
+from twin.navigation.estimated_channels import ESTIMATED, estimate, sources
 from twin.navigation.features import feature_matrix, leave_out
 from twin.records.attributes import SPLIT, SPLITS
 from twin.records.logs import LogRow, LogStore
@@ -111,7 +112,7 @@ class Selection:
 
         Args:
           store: path of a zarr store of the schema.
-          channels: schema names to read.
+          channels: schema names to read, and estimated channels to work out.
           split: train, validation, test or all.
           limit: take at most so many missions.
           period: [s] between samples, a multiple of the store's; None takes all samples.
@@ -136,6 +137,9 @@ class Selection:
         reader, store, count = self._reader, self._reader.path, len(self._reader)
         if count == 0 or reader.dataset.sizes.get(TIME, 0) == 0:
             raise StoreError(f"store {store} holds no missions; make some with `factory generate`")
+        self.vehicle = reader.vehicle if set(names) & set(ESTIMATED) else None
+        """As its file says, where estimated channels are worked out for it."""
+        names = sources(names)
         self._log_rows = reader.log_rows if isinstance(reader, LogStore) else None
         if self._log_rows is not None:  # a log has the truth that it has
             names = tuple(name for name in names if name in reader or not name.startswith("true_"))
@@ -210,6 +214,10 @@ class Selection:
                 own = padded[:stored]
                 reader.check_possible(name, own, mission=int(row), advice=leave_out([name]))
                 signals[place][name] = _signal(name, own, self._step, reader.logged)
+        if self.vehicle is not None:
+            for place, found in enumerate(signals):
+                row = int(self.rows[places[place]])
+                found |= estimate(found, self.vehicle, self.period, mission=row)
         return [
             Mission(
                 index=int(self.rows[place]),

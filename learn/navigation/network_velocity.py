@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from learn.networks.predictor import Ensemble
 from learn.runs.run import TARGETS, open_run
 from twin.errors import InputError
+from twin.navigation.estimated_channels import ESTIMATED, sources
 from twin.navigation.estimator import BodyVelocity, State, VelocityEstimator
 from twin.navigation.features import FeatureSteps
+from twin.navigation.flight_filter import FlightFilter
 from twin.vehicle.vehicle import Vehicle
 
 
@@ -27,12 +29,18 @@ class NetworkVelocity(VelocityEstimator):
     kind = "network"
     summary = "networks of a run of `learn fit`: network:RUN"
 
-    def __init__(self, networks: Mapping[str, Ensemble], period: float):
+    def __init__(
+        self, networks: Mapping[str, Ensemble], period: float, vehicle: Vehicle | None = None
+    ):
         """Begin before the first sample.
 
         Args:
           networks: `surge` and `sway`.
           period: [s] between the samples that they were trained on.
+          vehicle: as its file says; only networks that read estimated channels need it.
+
+        Raises:
+          InputError: they do, and there is no vehicle or none that the flight filter suits.
         """
         self.period = period
         self._members = {name: networks[name].members for name in TARGETS}
@@ -43,7 +51,15 @@ class NetworkVelocity(VelocityEstimator):
             for feature in one.features
         )
         self._features = FeatureSteps(list(names), period)
-        self.channels = self._features.channels
+        self.channels = sources(self._features.channels)
+        self._flight: FlightFilter | None = None
+        if set(self._features.channels) & set(ESTIMATED):
+            if vehicle is None:
+                raise InputError(
+                    "these networks read the flight filter, which needs a vehicle: "
+                    "NetworkVelocity(networks, period, vehicle)"
+                )
+            self._flight = FlightFilter(vehicle, period)
         place = {name: k for k, name in enumerate(names)}
         self._columns = {
             name: [np.array([place[f] for f in one.features], int) for one in members]
@@ -64,11 +80,13 @@ class NetworkVelocity(VelocityEstimator):
         if not argument:
             raise InputError("the estimator network needs a run: network:runs/NAME")
         run = open_run(argument)
-        return cls(run.networks(), run.period)
+        return cls(run.networks(), run.period, vehicle)
 
     def reset(self) -> None:
         """See `VelocityEstimator`."""
         self._features.reset()
+        if self._flight is not None:
+            self._flight.reset()
         self._states = {
             name: [one.network.initial_state(1) for one in members]
             for name, members in self._members.items()
@@ -80,6 +98,8 @@ class NetworkVelocity(VelocityEstimator):
         Raises:
           InputError: a channel is missing or not finite.
         """
+        if self._flight is not None:
+            sample = {**sample, **dict(zip(ESTIMATED, self._flight.step(sample), strict=True))}
         seen = self._features.step(sample).astype(np.float32)
         mean, variance = {}, {}
         with torch.inference_mode():
@@ -105,6 +125,8 @@ class NetworkVelocity(VelocityEstimator):
         found: dict[str, NDArray[Any]] = {
             f"features:{name}": value for name, value in self._features.state().items()
         }
+        if self._flight is not None:
+            found |= {f"flight:{name}": value for name, value in self._flight.state().items()}
         for name, states in self._states.items():
             found |= {f"{name}-{k}": one.cpu().numpy().copy() for k, one in enumerate(states)}
         return found
@@ -123,7 +145,11 @@ class NetworkVelocity(VelocityEstimator):
                         "this state is of other networks: open the run that it was saved of"
                     )
                 states[k] = torch.from_numpy(np.array(saved, np.float32))
-        prefix = "features:"
-        self._features.restore(
-            {k[len(prefix) :]: v for k, v in state.items() if k.startswith(prefix)}
-        )
+        self._features.restore(_below("features:", state))
+        if self._flight is not None:
+            self._flight.restore(_below("flight:", state))
+
+
+def _below(prefix: str, state: State) -> dict[str, NDArray[Any]]:
+    """The entries whose names begin so, without that."""
+    return {k[len(prefix) :]: v for k, v in state.items() if k.startswith(prefix)}

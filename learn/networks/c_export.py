@@ -28,10 +28,14 @@ from learn.networks.c_step import indented
 from learn.networks.parity import TOLERANCE, Parity
 from learn.networks.predictor import Ensemble, Predictor
 from twin.errors import InputError, StoreError
+from twin.navigation.estimated_channels import ESTIMATED, sources
 from twin.navigation.features import c_steps
 from twin.navigation.features.c_steps import CFeatures, c_features
+from twin.navigation.flight_filter import FlightFilter
+from twin.navigation.flight_filter_c import NUMBERS, c_flight
 from twin.records.schema import VARIABLES
 from twin.records.whole import whole_file
+from twin.vehicle.vehicle import Vehicle
 
 NAME = "glider_velocity.h"
 """Of the file."""
@@ -39,15 +43,18 @@ FLAGS = ("-std=c99", "-O3", "-Wall", "-Wextra", "-Werror", "-pedantic")
 """How the check compiles it; nothing in it is special to a processor."""
 
 
-def c_header(networks: Mapping[str, Ensemble], period: float) -> str:
+def c_header(
+    networks: Mapping[str, Ensemble], period: float, vehicle: Vehicle | None = None
+) -> str:
     """The header's text.
 
     Args:
       networks: surge and sway, each of the same features.
       period: [s] between samples.
+      vehicle: as its file says; only networks that read estimated channels need it.
 
     Raises:
-      InputError: a kind of network or a feature has no C code.
+      InputError: a kind of network or a feature has no C code, or the vehicle is needed.
     """
     features = networks["surge"].members[0].features
     for ensemble in networks.values():
@@ -66,7 +73,14 @@ def c_header(networks: Mapping[str, Ensemble], period: float) -> str:
         f"    float {name}[{max(1, member.network.state_size)}];"
         for name, member in members.items()
     )
-    sample = "\n".join(f"    double {c}; /* [{_unit(c)}] */" for c in read.channels)
+    measured = sources(read.channels)
+    sample = "\n".join(f"    double {c}; /* [{_unit(c)}] */" for c in measured)
+    flight, flight_state = "", ""
+    if set(read.channels) & set(ESTIMATED):
+        if vehicle is None:
+            raise InputError("these networks read the flight filter: give c_header the vehicle")
+        flight = c_flight(FlightFilter(vehicle, period))
+        flight_state = f"    double flight[{NUMBERS}];\n"
     return f"""\
 /* Surge and sway of a vehicle through the water from its sensors, by trained networks.
  *
@@ -102,13 +116,13 @@ typedef struct {{
 /* All that the next step depends on; it may be copied and kept as bytes. */
 typedef struct {{
     double window[{read.windows}];
-    int count;
+{flight_state}    int count;
 {states}
 }} glider_state;
 
 {c_step.PRELUDE}
 {c_steps.PRELUDE}
-{read.functions}
+{flight}{read.functions}
 {functions}
 /* Begin before the first sample, at the launch. */
 static inline void glider_reset(glider_state *state) {{ memset(state, 0, sizeof *state); }}
@@ -145,7 +159,18 @@ def _input_scales(member: Predictor) -> dict[str, tuple[float, ...]]:
 
 
 def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int) -> str:
-    finite = " && ".join(f"isfinite(sample->{c})" for c in read.channels)
+    finite = " && ".join(f"isfinite(sample->{c})" for c in sources(read.channels))
+    estimated = [c for c in ESTIMATED if c in read.channels]
+    flight = []
+    if estimated:
+        flight = [
+            f"double estimated[{len(ESTIMATED)}];",
+            "gt_flight(state->flight, sample, estimated);",
+        ]
+    statements = read.statements
+    for channel in estimated:
+        place = f"estimated[{ESTIMATED.index(channel)}]"
+        statements = statements.replace(f"sample->{channel}", place)
     means = []
     for velocity, ensemble in networks.items():
         members = range(len(ensemble.members))
@@ -154,8 +179,9 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int) -> str:
     body = "\n".join(
         [
             f"if (!({finite}))\n    return 0;",
+            *flight,
             f"double feature[{count}];",
-            read.statements,
+            statements,
             *means,
             f"if (state->count < {read.longest})\n    state->count++;",
             "return 1;",
@@ -171,7 +197,12 @@ static inline int glider_step(glider_state *state, const glider_sample *sample,
 """
 
 
-def export_c(networks: Mapping[str, Ensemble], path: Path, mission: Mission) -> Parity:
+def export_c(
+    networks: Mapping[str, Ensemble],
+    path: Path,
+    mission: Mission,
+    vehicle: Vehicle | None = None,
+) -> Parity:
     """Write the header, compile it and run a whole mission through it.
 
     Raises:
@@ -179,7 +210,7 @@ def export_c(networks: Mapping[str, Ensemble], path: Path, mission: Mission) -> 
       StoreError: it cannot be written, does not compile, or differs by more than TOLERANCE from
         the networks; a file that was there is as it was.
     """
-    compiler, text = find_compiler(), c_header(networks, mission.period)
+    compiler, text = find_compiler(), c_header(networks, mission.period, vehicle)
     with whole_file(path) as place:
         place.write_text(text, encoding="utf-8")
         velocities, step_us = run_c(place, networks, mission, compiler)
@@ -253,7 +284,7 @@ def run_c(
       StoreError: it does not compile, or stops.
     """
     features = networks["surge"].members[0].features
-    channels = c_features(features, mission.period).channels
+    channels = sources(c_features(features, mission.period).channels)
     given = np.stack([mission.signals[name] for name in channels], 1).astype(np.float64)
     source = MAIN.format(
         header=header.name,

@@ -41,6 +41,7 @@ from learn.training.trainer import Report, pick_device
 from learn.training.workers import Task, train_tasks
 from twin.cli.console import to_json
 from twin.errors import InputError, WriteError
+from twin.navigation.estimated_channels import sources
 from twin.navigation.features import channels_of
 from twin.records.attributes import (
     HISTORY,
@@ -275,7 +276,7 @@ def _check_sources(config: FitConfig, *, elsewhere: bool) -> str:
         check_truth(config.store)
     channels = (*channels_of(config.features), *config.labels.channels())
     load_missions(config.store, channels, limit=1, period=config.period)
-    return content_hash(config.store, (*channels, SPEED))
+    return content_hash(config.store, (*sources(channels), SPEED))
 
 
 def _check_same(config: FitConfig, found: Mapping[str, Any], content: str, folder: Path) -> None:

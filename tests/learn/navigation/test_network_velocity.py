@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from glides import changed, glides
 from navigation import PERIOD, synthetic_mission
 
 import twin
@@ -20,6 +21,7 @@ from learn.networks.predictor import Ensemble, Predictor
 from learn.networks.registry import NETWORKS
 from learn.runs.run import open_run
 from twin.errors import InputError, StoreError
+from twin.navigation.estimated_channels import ESTIMATED, estimate
 from twin.navigation.estimators import VELOCITY_ESTIMATORS
 from twin.navigation.features import select_features
 
@@ -69,6 +71,29 @@ def test_a_network_step_by_step_is_that_of_whole_missions(kind):
     other = NetworkVelocity(networks, PERIOD)
     other.restore(estimator.state())
     assert np.array_equal(walk(other, signals, first=100), found[100:])
+
+
+def test_networks_that_read_the_flight_filter_navigate_with_it():
+    signals, _, _ = glides(changed(drag=1.08), pitches=(-25.0, 32.0))
+    vehicle = twin.load_vehicle("glider")
+    signals |= estimate(signals, vehicle, PERIOD, mission=0)
+    mission = Mission(index=0, split="test", period=PERIOD, signals=signals)
+    features = ("sin_pitch", "flight_surge", "flight_attack")
+    matrix = mission.features(features)
+    networks = {n: ensemble("ema", n, matrix, features=features) for n in ("surge", "sway")}
+    estimator = NetworkVelocity(networks, PERIOD, vehicle)
+    assert not set(estimator.channels) & set(ESTIMATED)
+    found = walk(estimator, signals, last=1500)
+    whole, _ = networks["surge"].predict([mission])[0]
+    assert np.allclose(found[:, 0], whole[:1500], atol=2e-6)
+    assert np.ptp(whole) > 1e-3
+    estimator.reset()
+    walk(estimator, signals, last=1100)
+    other = NetworkVelocity(networks, PERIOD, vehicle)
+    other.restore(estimator.state())
+    assert np.array_equal(walk(other, signals, first=1100, last=1500), found[1100:])
+    with pytest.raises(InputError, match="read the flight filter, which needs a vehicle"):
+        NetworkVelocity(networks, PERIOD)
 
 
 def test_members_say_how_far_they_differ():

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from glides import changed, glides
 from navigation import PERIOD, trimmed_mission
 
 from learn.data.dataset import Mission
@@ -19,12 +20,16 @@ from learn.networks.parity import TOLERANCE
 from learn.networks.predictor import Ensemble, Predictor
 from learn.networks.registry import NETWORKS
 from twin.errors import InputError, StoreError
-from twin.navigation.features import FEATURES, Feature, Term, channels_of
+from twin.navigation.estimated_channels import estimate
+from twin.navigation.features import FEATURES, FLIGHT, Feature, Term, channels_of
 from twin.navigation.features.c_steps import c_features
+from twin.vehicle.vehicle import load_vehicle
 
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler, cc")
 
 SEEN = ("sin_roll", "pitch_change", "glide_speed_slow", "gravity_glide_speed", "pump")
+PLAIN = tuple(name for name, f in FEATURES.items() if f.group != FLIGHT)
+"""Features that need no vehicle."""
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +37,7 @@ def mission():
     """It turns through north, and every channel moves."""
     signals = trimmed_mission(400)
     rng = np.random.default_rng(0)
-    for name in channels_of(FEATURES):
+    for name in channels_of(PLAIN):
         base = np.asarray(signals.get(name, np.zeros(400)), float)
         signals[name] = base + np.sin(np.arange(400) / 20) + 0.1 * rng.normal(size=400)
     signals["measured_heading"] = np.mod(350.0 + np.arange(400) / 4, 360.0)
@@ -85,7 +90,7 @@ def test_every_kind_gives_in_c_what_it_gives_in_python(kind, sizes, mission, tmp
 @needs_compiler
 def test_every_feature_is_in_c_what_it_is_in_python(mission, tmp_path):
     """A network that passes one feature through shows it."""
-    names = tuple(FEATURES)
+    names = PLAIN
     matrix = mission.features(names)
     networks = networks_of("mlp", names, mission, hidden=len(names), layers=1)
     network = networks["surge"].members[0].network
@@ -102,6 +107,23 @@ def test_every_feature_is_in_c_what_it_is_in_python(mission, tmp_path):
         wanted = np.tanh(scales.inputs(matrix)[:, k])
         assert np.abs((found[:, 0] - 0.4) / 0.12 - wanted).max() < 3e-6, name
         assert wanted.std() > 0.02, name
+
+
+@needs_compiler
+def test_the_flight_filter_is_in_c_what_it_is_in_python(tmp_path):
+    """Over dives and climbs, with what it learned of a vehicle with too much drag."""
+    signals, _, _ = glides(changed(drag=1.08), pitches=(-25.0, 32.0, -36.0))
+    vehicle = load_vehicle()
+    signals |= estimate(signals, vehicle, PERIOD, mission=4)
+    glide = Mission(index=4, split="test", period=PERIOD, signals=signals)
+    names = ("sin_pitch", "flight_surge", "flight_sway", "flight_attack")
+    networks = networks_of("ema", names, glide, hidden=6, layers=1)
+    parity = export_c(networks, tmp_path / "glider_velocity.h", glide, vehicle)
+    assert parity.largest < 2e-6
+    found, _ = run_c(parity.path, networks, glide, find_compiler())
+    assert found.std(0).min() > 20 * TOLERANCE
+    with pytest.raises(InputError, match="flight filter: give c_header the vehicle"):
+        c_header(networks, PERIOD)
 
 
 @needs_compiler

@@ -31,6 +31,7 @@ from twin.navigation.features.registry import (
 )
 from twin.navigation.features.selection import (
     DEFAULT_GROUPS,
+    FLIGHT,
     INPUT_SETS,
     SENSORS,
     features_for,
@@ -45,6 +46,7 @@ from twin.navigation.features.steps import FeatureSteps
 __all__ = [
     "DEFAULT_GROUPS",
     "FEATURES",
+    "FLIGHT",
     "GLIDER_PARTS",
     "INPUT_SETS",
     "SENSORS",

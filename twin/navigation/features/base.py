@@ -84,7 +84,7 @@ class Feature:
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Schema variables that it reads."""
+        """What it reads: schema variables, or `twin.navigation.estimated_channels`."""
         return tuple(dict.fromkeys(term.channel for term in self.terms))
 
     def compute(self, signals: Channels, period: float) -> Array:
@@ -153,9 +153,9 @@ def check_feature(name: str, kind: Any) -> Feature:
     if not kind.terms or (kind.combine is None and len(kind.terms) > 1):
         raise InputError(f"feature {name!r} needs one term, or `combine` for its terms")
     for channel in kind.channels:
-        if not channel.startswith(("measured_", "commanded_")):
+        if not channel.startswith(("measured_", "commanded_", "estimated_")):
             raise InputError(
-                f"feature {name!r} reads {channel}: a network sees only what is measured_* or "
-                "commanded_*"
+                f"feature {name!r} reads {channel}: a network sees only what is measured_*, "
+                "commanded_* or estimated_*"
             )
     return kind

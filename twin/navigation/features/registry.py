@@ -21,6 +21,7 @@ _SHIPPED = (
     ("controls", "shift sin_rotation cos_rotation pump"),
     ("controls", "shift_change rotation_change pump_change"),
     ("controls", "shift_command sin_rotation_command cos_rotation_command pump_command"),
+    ("flight", "flight_surge flight_sway flight_attack"),
 )
 """File and features, in the order in which networks take them."""
 
@@ -78,5 +79,5 @@ def is_part_channel(name: str) -> bool:
 
 
 def channels_of(features: Iterable[str]) -> tuple[str, ...]:
-    """Schema variables that these features read, each once."""
+    """Channels that these features read, each once: of the schema, or estimated ones."""
     return tuple(dict.fromkeys(c for name in features for c in feature(name).channels))

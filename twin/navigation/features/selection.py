@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
+from twin.navigation.estimated_channels import sources
 from twin.navigation.features.base import Feature
 from twin.navigation.features.inertial import FORCES
 from twin.navigation.features.registry import (
@@ -34,6 +35,8 @@ network a hundred times better than without."""
 
 DEFAULT_GROUPS = INPUT_SETS["full"]
 """Groups of the default inputs."""
+FLIGHT = "flight"
+"""Group that joins the set `full` where a glider's store has what the flight filter reads."""
 
 SENSORS: dict[str, tuple[str, ...]] = {
     "imu": (*(f"measured_{axis}_rate" for axis in ("roll", "pitch", "yaw")), *FORCES),
@@ -59,7 +62,7 @@ def features_of(sensor: str, features: Iterable[str] | None = None) -> tuple[str
     return tuple(
         name
         for name in (FEATURES if features is None else features)
-        if channels & set(feature(name).channels)
+        if channels & set(sources(feature(name).channels))
         or (sensor == PART_GROUPS["measured"] and is_part_channel(name))
     )
 
@@ -68,7 +71,7 @@ def features_for(parts: Sequence[str]) -> dict[str, Feature]:
     """Every feature that a vehicle with these parts has, by name in the order of networks."""
     lacking = {name for name in GLIDER_PARTS if name not in parts}
     gone = {f"{kind}_{name}" for kind in PART_GROUPS for name in lacking}
-    found = {name: f for name, f in FEATURES.items() if not gone & set(f.channels)}
+    found = {name: f for name, f in FEATURES.items() if not gone & set(sources(f.channels))}
     for kind in PART_GROUPS:
         for part in parts:
             if part not in GLIDER_PARTS:
@@ -150,7 +153,7 @@ def mirror_signs(
 def leave_out(channels: Iterable[str]) -> str:
     """What to type so that networks read none of these channels; empty where none does."""
     lost = set(channels)
-    readers = [f.name for f in FEATURES.values() if lost & set(f.channels)]
+    readers = [f.name for f in FEATURES.values() if lost & set(sources(f.channels))]
     readers += sorted(filter(is_part_channel, lost))
     if not readers:
         return ""

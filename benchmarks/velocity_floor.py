@@ -1,0 +1,168 @@
+"""The surge error that sensors leave to an estimator which knows their errors and the spread of
+vehicles.
+
+    python benchmarks/velocity_floor.py STORE [--seed 0] [--json]
+
+Flies the missions of a `field` store again by the flight model alone: at every steady sample the
+depth rate is that of a balance of forces with constants that are drawn for the mission, and the
+accelerometers are off by what is drawn. `twin.navigation.flight_filter` then estimates the surge
+with exactly this prior: nothing is wrong but what it knows may be wrong. Printed is the error of
+dead reckoning with the true attitude over the steady samples, in % of their path: with the errors
+of preset `field`, with one of them switched off at a time, and of a filter that learns nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from learn.data.dataset import Mission, Selection
+from twin.identify.balance import balance
+from twin.navigation.flight_filter import (
+    CHANNELS,
+    STANDARD_OCEAN,
+    TYPICAL_COMPRESSIBILITY,
+    FlightFilter,
+    FlightSpread,
+)
+from twin.records.reader import MissionStore
+from twin.vehicle.vehicle import CUBIC_CM, Vehicle
+
+COEFFICIENT = 0.1
+"""Half of the width of the uniform distribution of each factor."""
+STEADY_RATE = 3e-3
+"""[rad/s] of the pitch, at most."""
+STEADY_S = 20.0
+NEVER = {"coefficient": 1e-6, "pitch": 1e-8, "ballast": 1e-7, "compressibility": 1e-17}
+ERRORS = ("drag", "lift slope", "induced drag", "accelerometers", "compressibility")
+TRUE = ("depth", "roll", "pitch", "heading", "roll_rate", "pitch_rate", "yaw_rate", "pump")
+
+
+def constants(rng: np.random.Generator) -> dict[str, Any]:
+    """What is wrong with one mission."""
+    spread = FlightSpread()
+    factors = rng.uniform(1.0 - COEFFICIENT, 1.0 + COEFFICIENT, 3)
+    return {
+        **dict(zip(ERRORS[:3], factors, strict=True)),
+        "accelerometers": spread.pitch * rng.standard_normal(2),
+        "compressibility": spread.compressibility * rng.standard_normal(),
+    }
+
+
+RIGHT: Mapping[str, Any] = {
+    **dict.fromkeys(ERRORS[:3], 1.0),
+    "accelerometers": np.zeros(2),
+    "compressibility": 0.0,
+}
+
+
+def flown(mission: Mission, vehicle: Vehicle, off: Mapping[str, Any]) -> tuple[dict, Any, Any]:
+    """Measured signals of a mission that is flown with these constants, its surge, and where it is
+    steady."""
+    s = {name: mission.signals[f"true_{name}"] for name in TRUE}
+    density, period = mission.signals["true_density"], mission.period
+    law = vehicle.flow_frame
+    law = dataclasses.replace(
+        law,
+        drag=(law.drag[0] * off["drag"], law.drag[1] * off["induced drag"]),
+        lift=(law.lift[0], law.lift[1] * off["lift slope"]),
+    )
+    depth = np.maximum(s["depth"], 0.0)
+    squeezed = TYPICAL_COMPRESSIBILITY + off["compressibility"]
+    volume = vehicle.neutral_volume + CUBIC_CM * s["pump"]
+    volume = volume * (1.0 - squeezed * vehicle.reference_density * vehicle.gravity * depth)
+    net = vehicle.mass - density * volume
+    # The ballast stays the mission's own: pilots trim the vehicle to its water.
+    diving = depth > 5.0
+    net += np.median((mission.signals["true_net_mass"] - net)[diving])
+    pitch, roll = np.deg2rad(s["pitch"]), np.deg2rad(s["roll"])
+    rates = np.stack([s[f"{name}_rate"] for name in ("roll", "pitch", "yaw")])
+    model = dataclasses.replace(vehicle, law=law)
+    speed, alpha, beta, gliding = balance(model, net, roll, pitch, rates)
+    direction = np.stack([np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)])
+    down = np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)])
+    sink = speed * (direction * down).sum(0)
+    true_rate = np.gradient(s["depth"], period)
+    steady = gliding & (np.abs(np.gradient(pitch, period)) < STEADY_RATE) & (depth > 5.0)
+    width = round(2.0 * STEADY_S / period) + 1
+    steady = np.convolve(steady & (sink * true_rate > 0.0), np.ones(width), "same") > width - 0.5
+    # What the depth drifts by is taken back at each stay at the surface.
+    rate = np.where(steady, sink, true_rate)
+    drift = np.cumsum(rate - true_rate) * period
+    last = np.maximum.accumulate(np.where(s["depth"] < 1.5, np.arange(len(drift)), 0))
+    standard = STANDARD_OCEAN[0] + STANDARD_OCEAN[1] * depth
+    shown = s["depth"] + drift - drift[last]
+    shown = shown[0] + np.concatenate([[0.0], np.cumsum(np.diff(shown) * (density / standard)[1:])])
+    x, z = off["accelerometers"]
+    seen = pitch + x * np.cos(pitch) + z * np.sin(pitch)
+    forces = (np.sin(seen), -np.cos(seen) * np.sin(roll), -np.cos(seen) * np.cos(roll))
+    signals = {f"measured_{name}": values for name, values in s.items()}
+    signals |= {"measured_depth": shown, "measured_pitch": np.rad2deg(seen)}
+    signals |= {"measured_density": density}
+    signals |= {
+        f"measured_specific_force_{axis}": vehicle.gravity * force
+        for axis, force in zip("xyz", forces, strict=True)
+    }
+    return signals, speed * direction[0], steady
+
+
+def error_percent(mission: Mission, vehicle: Vehicle, off: Any, spread: FlightSpread) -> float:
+    """Error of dead reckoning at the end over the path, steady samples alone."""
+    signals, surge, steady = flown(mission, vehicle, off)
+    found = FlightFilter(vehicle, mission.period, spread).run(signals)[:, 0]
+    heading = np.deg2rad(mission.signals["true_heading"][steady])
+    level = np.cos(np.deg2rad(mission.signals["true_pitch"][steady]))
+    towards = np.stack([np.cos(heading), np.sin(heading)])
+    miss = (towards * (found - surge)[steady] / level).sum(1)
+    return float(100.0 * np.hypot(*miss) / (surge[steady] * level).sum())
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("store", help="missions of preset field")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    with MissionStore(options.store) as reader:
+        vehicle = reader.vehicle
+    channels = [*(f"true_{name}" for name in TRUE), "true_density", "true_net_mass"]
+    with Selection(options.store, channels) as selection:
+        missions = list(selection.each())
+    cases: dict[str, tuple[tuple[str, ...], FlightSpread]] = {
+        "nothing learned": ((), FlightSpread(**NEVER)),
+        "learned": ((), FlightSpread()),
+        **{f"learned, no error of {name}": ((name,), _without(name)) for name in ERRORS},
+        "learned, no error of any coefficient": (ERRORS[:3], _without("coefficients")),
+    }
+    for name, (right, spread) in cases.items():
+        rng = np.random.default_rng(options.seed)
+        errors = []
+        for mission in missions:
+            off = constants(rng) | {key: RIGHT[key] for key in right}
+            errors.append(error_percent(mission, vehicle, off, spread))
+        figures = {"mean": np.mean(errors), "p90": np.percentile(errors, 90.0)}
+        if options.json:
+            print(json.dumps({"case": name, **{k: float(v) for k, v in figures.items()}}))
+        else:
+            print(f"{name:40s} {figures['mean']:.2f} / {figures['p90']:.2f} %", flush=True)
+
+
+def _without(name: str) -> FlightSpread:
+    """The filter's prior where it knows that this is right; of single coefficients it does not."""
+    known = {"accelerometers": "pitch", "coefficients": "coefficient"}.get(name, name)
+    return FlightSpread(**{known: NEVER[known]}) if known in NEVER else FlightSpread()
+
+
+assert set(CHANNELS) <= {f"measured_{n}" for n in TRUE} | {
+    "measured_density", *(f"measured_specific_force_{axis}" for axis in "xyz")
+}  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+"""The flight filter: constants of a vehicle that is not as its file says, from its glides."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from glides import PERIOD, changed, glides
+
+from twin.errors import InputError, StoreError
+from twin.navigation.estimated_channels import ESTIMATED, can_estimate, estimate, sources
+from twin.navigation.flight_filter import (
+    CARRIED,
+    CHANNELS,
+    CONSTANTS,
+    FlightFilter,
+    FlightSpread,
+)
+from twin.vehicle.vehicle import load_vehicle
+
+
+def error(found, surge, settled):
+    late = settled & (np.arange(len(surge)) > len(surge) // 2)
+    return np.sqrt(np.mean((found[late, 0] - surge[late]) ** 2))
+
+
+SURE = FlightSpread(coefficient=1e-6, pitch=1e-8, ballast=1e-6, compressibility=1e-16)
+STIFF = FlightSpread(compressibility=1e-16)
+"""of a hull that the test does not compress"""
+
+
+@pytest.mark.parametrize(
+    ("off", "tilt", "ballast"),
+    [({"drag": 1.1, "lift": 0.9}, 0.0, 0.0), ({"drag": 0.92}, 0.003, 0.08), ({"lift": 1.1}, 0, 0)],
+)
+def test_a_vehicle_that_is_not_as_its_file_says_is_learned_on_the_way(off, tilt, ballast):
+    signals, surge, settled = glides(changed(**off), tilt=tilt, ballast=ballast)
+    nominal = dataclasses.replace(load_vehicle(), hull_compressibility=1e-16)
+    learned = FlightFilter(nominal, PERIOD, STIFF)
+    after = error(learned.run(signals), surge, settled)
+    before = error(FlightFilter(nominal, PERIOD, SURE).run(signals), surge, settled)
+    assert after < 0.6 * before
+    value, deviation = learned.constants["drag"]
+    assert deviation < 0.5 * FlightSpread().coefficient
+    assert abs(value - np.log(off.get("drag", 1.0))) < 4.0 * deviation
+    assert set(learned.constants) == set(CONSTANTS)
+
+
+def test_a_vehicle_as_its_file_says_stays_so():
+    signals, surge, settled = glides(changed())
+    nominal = dataclasses.replace(load_vehicle(), hull_compressibility=1e-16)
+    learned = FlightFilter(nominal, PERIOD, STIFF)
+    assert error(learned.run(signals), surge, settled) < 1e-3
+    assert abs(learned.constants["drag"][0]) < 0.01
+
+
+def test_sample_by_sample_it_says_the_same_and_goes_on_from_its_state():
+    signals, _, _ = glides(changed(drag=1.05), pitches=(-25.0, 30.0))
+    whole = FlightFilter(load_vehicle(), PERIOD).run(signals)
+    steps = FlightFilter(load_vehicle(), PERIOD)
+    samples = [{name: float(signals[name][k]) for name in CHANNELS} for k in range(len(whole))]
+    found = [steps.step(sample) for sample in samples[:700]]
+    other = FlightFilter(load_vehicle(), PERIOD)
+    other.restore(steps.state())
+    found += [other.step(sample) for sample in samples[700:]]
+    assert np.array_equal(np.array(found), whole)
+    other.reset()
+    assert np.array_equal(other.step(samples[0]), whole[0])
+    with pytest.raises(InputError, match="not one of a flight filter"):
+        other.restore({"carried": np.zeros(CARRIED - 1)})
+    with pytest.raises(InputError, match="no channel 'measured_density'"):
+        other.step({k: v for k, v in samples[0].items() if k != "measured_density"})
+    with pytest.raises(InputError, match="measured_pump of the sample is not finite"):
+        other.step({**samples[0], "measured_pump": np.nan})
+
+
+def test_port_for_starboard_turns_the_sway_round():
+    signals, _, _ = glides(changed(), pitches=(-25.0, 30.0))
+    for name, value in (("roll", 8.0), ("roll_rate", 1e-3), ("yaw_rate", 0.01)):
+        signals[f"measured_{name}"] = np.full_like(signals["measured_roll"], value)
+    signals["measured_specific_force_y"] = 0.14 * signals["measured_specific_force_z"]
+    odd = ("roll", "roll_rate", "yaw_rate", "specific_force_y")
+    image = {k: -v if k.removeprefix("measured_") in odd else v for k, v in signals.items()}
+    one, other = (FlightFilter(load_vehicle(), PERIOD).run(s) for s in (signals, image))
+    assert np.allclose(other, one * [1.0, -1.0, 1.0], atol=1e-12)
+    assert np.abs(one[:, 1]).max() > 5e-3
+
+
+def test_it_is_refused_where_there_is_no_glider_or_no_number():
+    with pytest.raises(InputError, match="'tethys' has a propeller"):
+        FlightFilter(load_vehicle("tethys"), PERIOD)
+    assert not can_estimate(load_vehicle("tethys"), CHANNELS)
+    assert not can_estimate(load_vehicle(), CHANNELS[:-1])
+    assert can_estimate(load_vehicle(), CHANNELS)
+    with pytest.raises(InputError, match=r"flight spread ballast is 0\.0"):
+        FlightSpread(ballast=0.0)
+    signals, _, _ = glides(changed(), pitches=(-25.0,))
+    signals["measured_density"][7] = np.nan
+    with pytest.raises(StoreError, match=r"measured_density of mission 3 .* first at 3.5 s"):
+        estimate(signals, load_vehicle(), PERIOD, mission=3)
+
+
+def test_estimated_channels_name_what_must_be_measured():
+    assert sources(("measured_shift", *ESTIMATED)) == ("measured_shift", *CHANNELS)
