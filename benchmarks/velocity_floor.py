@@ -1,4 +1,4 @@
-"""What surge error the sensors leave to an estimator that knows their errors and the vehicle's spread.
+"""What surge error sensors leave to an estimator that knows their errors and those of its model.
 
     python benchmarks/velocity_floor.py STORE [--seed 0] [--json]
 
