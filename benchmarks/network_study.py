@@ -1,9 +1,9 @@
 """Does memory help, and which optimiser? Networks of equal data and equal computing time.
 
     python benchmarks/network_study.py TRAIN --test STORE [STORE ...] [--kinds mlp elman lstm]
-        [--optimisers soap adam scg] [--inputs full glider] [--without GROUP] [--targets surge sway] [--seeds 3]
+        [--optimisers soap adam scg] [--inputs full glider] [--targets surge sway] [--seeds 3]
         [--memories 2,8,30 8] [--sizes 3x50 2x64] [--seconds 60] [--window 128] [--washin 48]
-        [--json]
+        [--without GROUP] [--json]
 
 Trains one network for every kind, optimiser, set of inputs, memories, size, velocity and seed on
 the missions of TRAIN that are for training, `--seconds` of computing each, and runs it free over
