@@ -3,19 +3,23 @@
 
 PYTHON ?= python3
 BIN := .venv/bin
-BENCHMARKS := cli_startup physics_step current_sampling sensor_cost suite_step factory_speed store_writing layer_speed render_speed
+BENCHMARKS := cli_startup physics_step current_sampling sensor_cost suite_step vector_env factory_speed store_writing layer_speed render_speed
 
 .NOTPARALLEL:
 .PHONY: setup demo test lint check mutants bench gallery docs lock clean
 
-setup: .venv/.installed .venv-s3/.installed ## virtual environment with the pinned versions, GL libraries
+setup: .venv/.installed .venv-s3/.installed .venv-hub/.installed ## virtual environment with the pinned versions, GL libraries
 	@scripts/gl.sh
+	@scripts/browser.sh
 
 .venv/.installed: pyproject.toml constraints.txt scripts/venv.sh
 	@scripts/venv.sh "$(PYTHON)"
 
 .venv-s3/.installed: scripts/s3_server.sh .venv/.installed
 	@scripts/s3_server.sh .venv/bin/python
+
+.venv-hub/.installed: scripts/hub_readers.sh .venv/.installed
+	@scripts/hub_readers.sh .venv/bin/python
 
 demo: setup               ## the main job, into demo/ (overwritten)
 	@scripts/demo.sh
@@ -36,8 +40,9 @@ mutants: setup            ## change the code on purpose; the tests must notice 8
 bench: setup              ## measured costs, printed beside their yardsticks
 	@for benchmark in $(BENCHMARKS); do $(BIN)/python -m benchmarks.$$benchmark || exit 1; done
 
-gallery: setup            ## the pictures of the README, from the commands shown beside them
+gallery: setup            ## the pictures of README, tutorials and examples, from the code beside them
 	@$(BIN)/python scripts/gallery.py README.md
+	@$(BIN)/python scripts/tutorials.py
 
 docs: setup               ## the documentation as a site: site/index.html; warnings are errors
 	@$(BIN)/python -m mkdocs build --quiet --strict
@@ -46,5 +51,5 @@ lock:                     ## constraints.txt again, from the newest versions tha
 	@scripts/lock.sh "$(PYTHON)"
 
 clean:                    ## the environment and the caches; data/, runs/ and demo/ stay
-	rm -rf .venv .venv-s3 build dist site .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-s3 .venv-hub .venv-lerobot build dist site .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +

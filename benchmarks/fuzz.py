@@ -236,7 +236,7 @@ def sniffed(data: bytes) -> None:
 
 def metadata(text: str) -> None:
     """Deployment metadata in YAML."""
-    from factory.exporting.og1.metadata import parse_metadata
+    from factory.exporting.metadata import parse_metadata
 
     parse_metadata(text, "m.yml")
 
@@ -408,7 +408,7 @@ FOLLOWED = (
     "twin.vehicle.presets", "twin.records.tracks", "twin.sensors.checks",
     "twin.water.table_file", "twin.water.density_spec", "twin.water.floor.spec",
     "twin.water.current.spec", "twin.water.current.text", "factory.recipe", "factory.importing",
-    "factory.exporting.og1.metadata",
+    "factory.exporting.metadata",
 )  # fmt: skip
 """Modules whose coverage `--guided` follows: what numba compiles cannot be instrumented"""
 COMPILED = ("vehicle", "compiled-vehicle")

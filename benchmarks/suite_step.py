@@ -1,6 +1,6 @@
 """Cost of an environment step in us, beside its bare physics: python benchmarks/suite_step.py
 
-With --rewards it prints the mean rewards of the autopilot and of random commands instead.
+With --rewards it prints the mean rewards of the suite's policies instead.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from twin import suite
-from twin.suite.autopilot import Autopilot
+from twin.suite.policies import POLICIES
 
 STEPS = 400
 REPEATS = 9
@@ -56,25 +56,24 @@ def report(name: str, environment, action) -> None:
 
 
 def rewards() -> None:
-    for name in ("autopilot", "random"):
+    print(f"| mean reward | {' | '.join(f'`{task}`' for task in suite.ALL_TASKS)} |")
+    for name in POLICIES:
         cells = []
         for task in suite.ALL_TASKS:
             means = [episode(task, name, seed) for seed in range(EPISODES)]
             cells.append(f"{statistics.mean(means):.2f}")
-        print(f"| {name} | {' | '.join(cells)} |")
+        print(f"| {name} | {' | '.join(cells)} |", flush=True)
 
 
 def episode(task: str, policy: str, seed: int) -> float:
     """Mean reward over the episode's full length: what is lost by ending it early counts as 0."""
     environment = suite.load(task, task_kwargs={"random": seed})
-    generator, pilot = np.random.default_rng(seed), Autopilot(environment)
+    pilot = POLICIES[policy](environment, seed)
     time_step, total = environment.reset(), 0.0
-    steps = environment._step_limit
     while not time_step.last():
-        action = pilot() if policy == "autopilot" else generator.uniform(-1.0, 1.0, 3)
-        time_step = environment.step(action)
+        time_step = environment.step(pilot(time_step))
         total += time_step.reward
-    return total / steps
+    return total / environment._step_limit
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ Each glider's drag differs by some per cent from the drawing. Its guidance trust
 All of them meet the same tide, and each its own share of a steady current.
 """
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 import twin
@@ -34,3 +35,11 @@ ends = np.array([run.position[-1, :2] for run in flown])
 print(f"{len(flown)} of {GLIDERS} gliders flew the mission")
 print(f"they surface around {ends.mean(axis=0).round()} m north and east of the start")
 print(f"with a standard deviation of {ends.std(axis=0).round(1)} m")
+
+figure, axes = plt.subplots(figsize=(6, 4.6), layout="constrained")
+for run in flown:
+    axes.plot(run["true_east"], run["true_north"], color="0.7", lw=0.6)
+axes.plot(ends[:, 1], ends[:, 0], "o", ms=4, label="surfacings")
+axes.set(xlabel="east [m]", ylabel="north [m]", title="Fifty gliders, one mission")
+axes.legend()
+figure.savefig("fleet_with_spread.png", dpi=150)

@@ -32,4 +32,4 @@ drift = run.position[-1, :2] - run.track_through_water()[-1]
 print(f"the water carried it {drift[0]:.0f} m north and {drift[1]:.0f} m east")
 
 run.save("mission.zarr", overwrite=True)
-run.plot().savefig("mission.png")
+run.plot().savefig("mission_in_a_current.png")

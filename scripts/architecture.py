@@ -88,6 +88,8 @@ SEAMS = (
          "howto/extending.md#a-baseline"),
     Seam("control task", "twin.suite.registry:TASKS", "twin.suite.task.GliderTask",
          "howto/dm_control.md"),
+    Seam("randomiser", "twin.suite.conditions:RANDOMISERS", "twin.suite.conditions.Randomiser",
+         "howto/dm_control.md#noise-currents-errors"),
     Seam("importer", "factory.importing.formats.registry:IMPORTERS",
          "factory.importing.Importer", "howto/import_tables.md#a-kind-of-log-of-your-own"),
     Seam("exporter", "factory.exporting.registry:EXPORTERS", "factory.exporting.Exporter",

@@ -17,12 +17,20 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from docs_examples import examples_page  # noqa: E402
+
 from twin.cli.program import Command, Program  # noqa: E402
 from twin.records import schema  # noqa: E402
 from twin.records.limits import recorded_limits, simulated_limits  # noqa: E402
 
 PROGRAMS = ("twin", "factory", "learn")
-FACES = {"twin": "twin", "suite": "twin.suite", "factory": "factory", "learn": "learn"}
+FACES = {
+    "twin": "twin",
+    "suite": "twin.suite",
+    "gym": "twin.gym",
+    "factory": "factory",
+    "learn": "learn",
+}
 """Page and package of each public face"""
 AREAS = {
     "twin.facade": "Simulate",
@@ -38,6 +46,7 @@ AREAS = {
     "twin.checks": "Checks",
     "twin.errors": "Errors",
     "twin.suite": "Tasks",
+    "twin.gym": "Environments",
     "factory": "Data factory",
     "learn.api": "Train and judge",
     "learn.runs": "Train and judge",
@@ -51,6 +60,7 @@ def generated_pages() -> dict[str, str]:
     pages = {f"reference/commands/{name}.md": command_page(name) for name in PROGRAMS}
     pages |= {f"reference/python/{page}.md": python_page(face) for page, face in FACES.items()}
     pages["reference/signals.md"] = signal_page()
+    pages["examples.md"] = examples_page()
     for name in ("CHANGELOG", "CONTRIBUTING"):
         pages[f"project/{name.lower()}.md"] = root_page(name)
     return pages
@@ -99,11 +109,17 @@ def parser_of(name: str, command: Command) -> argparse.ArgumentParser:
     """The parser of a command, as its `--help` shows it."""
     import tyro
 
-    from twin.cli.options import MARKERS
+    from twin.cli.options import MARKERS, description
 
+    form = command.load()
     with warnings.catch_warnings():  # tyro's own texts have no list of options
         warnings.simplefilter("ignore", DeprecationWarning)
-        return tyro.extras.get_parser(command.load(), prog=f"{name} {command.name}", config=MARKERS)
+        return tyro.extras.get_parser(
+            form,
+            prog=f"{name} {command.name}",
+            description=description(form),
+            config=MARKERS,
+        )
 
 
 def option(action: argparse.Action) -> str:
@@ -229,11 +245,15 @@ ATTITUDE = re.compile(r"(roll|pitch|heading)$")
 def signal_page() -> str:
     """The data dictionary: every variable of the schema, and what the vehicle's parts add."""
     text = (
-        "# Data dictionary\n\n"
+        "---\nhide: [toc]\n---\n\n# Data dictionary\n\n"
         "Every signal that a store of missions can hold. All have the dimensions (mission, time), "
         "are float32, and are NaN after the mission's end. Limits are the values that a store may "
         "hold, whatever the vehicle: what lies outside is damage, a sentinel or a wrong unit. "
-        "Where two pairs stand, the second is that of simulated missions.\n\n"
+        "Simulated missions have closer ones where they are given.\n\n"
+        "Present says which stores have a signal: *all* simulated missions, and logs where the "
+        "vehicle measured it; *logs* alone; simulated missions with a *sea floor*; or *CTD*, in "
+        "water whose temperature and salinity are known. *May be NaN* marks a signal that is "
+        "missing now and then: no fix, no lock, no setpoint.\n\n"
         "Frames: NED is north, east, down from the mission's start; body is forward, starboard, "
         "down; attitude turns NED to body by heading, pitch, roll in this order.\n\n"
         "[The data factory](factory.md#the-store) has the variables with one value a mission, "
@@ -263,7 +283,7 @@ def signal_row(entry: schema.Variable) -> str:
     """One row of the dictionary."""
     meaning = entry.long_name + (f"; {entry.comment}" if entry.comment else "")
     if entry.standard_name:
-        meaning += f" (CF `{entry.standard_name}`)"
+        meaning += f". CF: `{entry.standard_name}`"
     cells = (
         f"`{entry.name}`", entry.units, escaped(meaning.replace("|", "/")), frame(entry.name),
         limits(entry.name), present(entry.name),
@@ -281,19 +301,25 @@ def frame(name: str) -> str:
 
 def limits(name: str) -> str:
     """Lowest and highest value, in any store and in a simulated one."""
-    pairs = dict.fromkeys((recorded_limits(name), simulated_limits(name)))
-    return "; ".join(f"{low:g} to {high:g}" for low, high in pairs)
+    recorded, simulated = recorded_limits(name), simulated_limits(name)
+    closer = "" if simulated == recorded else f"; simulated {_range(*simulated)}"
+    return _range(*recorded) + closer
+
+
+def _range(low: float, high: float) -> str:
+    return f"±{high:g}".replace("e+0", "e") if low == -high else f"{low:g} to {high:g}"
 
 
 def present(name: str) -> str:
     """Which stores hold a signal."""
+    word = "all"
     if name in schema.LOGGED_ONLY:
-        return "logs"
-    if name in schema.HYDROGRAPHY:
-        return "water with temperature and salinity"
-    if name in schema.WITH_FLOOR:
-        return "missions with a sea floor"
-    return "all simulated missions; logs that have it"
+        word = "logs"
+    elif name in schema.HYDROGRAPHY:
+        word = "CTD"
+    elif name in schema.WITH_FLOOR:
+        word = "sea floor"
+    return f"{word}; may be NaN" if schema.VARIABLES[name].gaps else word
 
 
 def part_section() -> str:

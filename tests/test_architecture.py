@@ -34,6 +34,7 @@ FLIPS = {
     "twin.physics.settle": "the state is MuJoCo's",
     "twin.physics.log_signals": "the state is MuJoCo's",
     "twin.suite.physics": "dm_control reads MuJoCo's state",
+    "twin.suite.many": "the state is MuJoCo's",
     "twin.render.camera": "scenes are MuJoCo's",
     "twin.render.flight": "scenes are MuJoCo's",
     "twin.render.playback": "scenes are MuJoCo's",

@@ -61,6 +61,8 @@ def test_wheel_works_outside_the_checkout(tmp_path: Path) -> None:
     shipped = Path(_run([python, "-c", code], tmp_path).strip())
     assert shipped.is_relative_to(environment)
     assert _files(shipped.parent) == _files(ROOT / "assets")
+    code = "from twin.replay.page import assemble; print(assemble({'title': 'a page'}))"
+    assert "class Renderer" in _run([python, "-c", code], tmp_path)
 
 
 def _files(folder: Path) -> set[str]:

@@ -55,12 +55,12 @@ PROGRAM = Program(
         ),
         Command(
             name="render",
-            summary="picture or video of a stored mission, drawn without a screen",
+            summary="picture, video or offline page of a stored mission, without a screen",
             loader="twin.commands.render:Render",
         ),
         Command(
             name="view",
-            summary="the same in MuJoCo's interactive viewer, stored or flown live",
+            summary="the same in a window, or in a browser (--web), stored or flown live",
             loader="twin.commands.view:View",
         ),
         Command(

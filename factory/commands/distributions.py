@@ -11,7 +11,13 @@ from twin.cli.console import Console, JsonOption
 
 @dataclass(frozen=True, kw_only=True)
 class Distributions(JsonOption):
-    """Every parameter with its distribution, unit and reason."""
+    """Every parameter with its distribution, unit and reason.
+
+    Examples:
+
+        factory distributions --preset field
+        factory distributions --set mission.pitch_deg="uniform(15,35)"
+    """
 
     preset: Literal["paper", "field", "paper-test"] = "paper"
     """whose distributions to show"""

@@ -18,20 +18,27 @@ from twin.errors import InputError
 
 CHOICES = "{" + ",".join(EXPORTERS.names()) + "}"
 FORMATS = "format. " + "; ".join(f"{one.name}: {one.title}" for one in EXPORTERS.values())
-TARGETS = ", ".join(f"{one.target} for {one.name}" for one in EXPORTERS.values())
+FILES = ", ".join(one.name for one in EXPORTERS.values() if one.target == "file")
 ENDINGS = ", ".join(one.ending for one in EXPORTERS.values())
 
 
 @dataclass(frozen=True, kw_only=True)
 class Export(JsonOption):
-    """Write a store's missions or dives in a format that other programs read."""
+    """Write a store's missions or dives in a format that other programs read.
+
+    Example:
+
+        factory export data/missions.zarr --to parquet --out missions.parquet
+    """
 
     store: Annotated[StoreArgument, tyro.conf.Positional]
     """the store"""
     to: Annotated[str, tyro.conf.arg(metavar=CHOICES, help=FORMATS)]
     out: Annotated[
         Path | None,
-        tyro.conf.arg(help=f"{TARGETS} [default: the store's name with {ENDINGS}]"),
+        tyro.conf.arg(
+            help=f"folder, or file for {FILES} [default: the store's name with {ENDINGS}]"
+        ),
     ] = None
     overwrite: bool = False
     """replace an earlier export"""
@@ -42,8 +49,9 @@ class Export(JsonOption):
     flight model makes track, velocities and currents [default: the shipped one of the log's kind]
     """
     metadata: Path | None = None
-    """og1: YAML file in pyglider's layout with title, people, project and instruments [default:
-    metadata.yml or deployment.yml beside the store, and what the import found beside the log]"""
+    """og1, huggingface, lerobot: YAML file in pyglider's layout with title, people, licence,
+    citation, project and instruments [default: metadata.yml or deployment.yml beside the store, and
+    what the import found beside the log]"""
 
     def run(self, console: Console) -> int:
         """Export."""

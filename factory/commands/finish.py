@@ -15,6 +15,10 @@ from twin.cli.store_argument import StoreArgument
 class Finish(JsonOption):
     """Complete a store that `factory generate --shard` made in parts: the same bytes as those of a
     single run. While parts are missing, says which, as Slurm's --array takes them.
+
+    Example:
+
+        factory finish big.zarr
     """
 
     store: Annotated[StoreArgument, tyro.conf.Positional]

@@ -25,7 +25,13 @@ BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 
 @dataclass(frozen=True, kw_only=True)
 class Generate(JsonOption):
-    """Fly randomised missions in parallel and store them; the same bytes for any --workers."""
+    """Fly randomised missions in parallel and store them; the same bytes for any --workers.
+
+    Examples:
+
+        factory generate --hours 10
+        factory generate --preset field --vehicle seaglider --hours 100 --seed 3 --out field.zarr
+    """
 
     hours: float | None = None
     """simulated hours of all missions together [default: 10]"""

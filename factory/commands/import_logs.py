@@ -23,6 +23,11 @@ CACHED = ", ".join(importer.name for importer in IMPORTERS.values() if importer.
 class ImportLogs(JsonOption):
     """Read logs of a real vehicle, cut them into dives from GPS fix to GPS fix, put these on one
     time grid, and print what was repaired, left out or missing.
+
+    Examples:
+
+        factory import slocum logs/*.dbd logs/*.ebd --out real.zarr
+        factory import og1 deployment.nc --out real.zarr
     """
 
     kind: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar=CHOICES)]

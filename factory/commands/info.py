@@ -16,7 +16,12 @@ from twin.cli.store_argument import StoreArgument
 
 @dataclass(frozen=True, kw_only=True)
 class Info(JsonOption):
-    """Preset, missions, splits, size, drawn values and failures of a store."""
+    """Preset, missions, splits, size, drawn values and failures of a store.
+
+    Example:
+
+        factory info data/missions.zarr
+    """
 
     store: Annotated[StoreArgument, tyro.conf.Positional]
     """the store"""

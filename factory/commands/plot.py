@@ -25,6 +25,10 @@ FORMATS = (".png", ".pdf", ".svg")
 class Plot(JsonOption):
     """Simulated missions: tracks, depths, currents and histograms of inputs and targets on one
     page. Logs: map with currents, depth over time and figures of the dives, one page a deployment.
+
+    Example:
+
+        factory plot data/missions.zarr --out missions.png
     """
 
     store: Annotated[StoreArgument, tyro.conf.Positional]

@@ -19,6 +19,10 @@ class Repair(JsonOption):
     """Make a damaged store whole again: what the list of checksums finds damaged is made again from
     the recipe, bit for bit, and only the damaged missions are flown. Of logs, nothing can be made
     again: says what is lost.
+
+    Example:
+
+        factory repair data/missions.zarr
     """
 
     store: Annotated[StoreArgument, tyro.conf.Positional]

@@ -13,7 +13,12 @@ from twin.cli.store_argument import StoreArgument
 
 @dataclass(frozen=True, kw_only=True)
 class Replay(JsonOption):
-    """Fly stored missions again from what the store says and compare every byte."""
+    """Fly stored missions again from what the store says and compare every byte.
+
+    Example:
+
+        factory replay data/missions.zarr --mission 0 4
+    """
 
     store: Annotated[StoreArgument, tyro.conf.Positional]
     """the store"""

@@ -20,6 +20,10 @@ class Verify(JsonOption):
     """Compare every file with its checksum and read every chunk; check metadata, padding, finite
     values and ranges; of simulated missions also parameters and kinematics, of logs the order of
     dives, fixes and depth.
+
+    Example:
+
+        factory verify data/missions.zarr
     """
 
     store: Annotated[StoreArgument, tyro.conf.Positional]

@@ -26,7 +26,7 @@ def no_progress() -> None:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ExportOptions:
-    """What a user may say beside the store; a format takes all of it or nothing."""
+    """What a user may say beside the store; a format names the fields that it takes."""
 
     vehicle: str | None = None
     """file or name of the vehicle whose flight model makes tracks and velocities"""
@@ -44,7 +44,7 @@ class ExportOptions:
 
 
 Writer = Callable[..., "list[Path]"]
-"""Takes a `MissionStore`, missions, a path, an `Advance` and, where the format `takes_options`,
+"""Takes a `MissionStore`, missions, a path, an `Advance` and, where the format `takes` any option,
 `ExportOptions`.
 
 It writes the chosen missions of the store to a file that is not there, or into an empty folder,
@@ -67,8 +67,8 @@ class Exporter:
     begins with a dot makes a file, another one a folder."""
     write: Writer
     """The writer."""
-    takes_options: bool = False
-    """Whether `write` takes a fifth argument, the `ExportOptions`."""
+    takes: tuple[str, ...] = ()
+    """Names of the `ExportOptions` that it takes; with any, they are `write`'s fifth argument."""
     extra: str | None = None
     """Extra of this project that brings the packages which writing needs."""
 
@@ -121,12 +121,13 @@ class Exporter:
           WriteError: something is in the way, or the disk refuses.
         """
         options = options or ExportOptions()
-        if options.given and not self.takes_options:
-            raise InputError(f"the {self.name} export takes no --{options.given[0]}: leave it out")
+        for name in options.given:
+            if name not in self.takes:
+                raise InputError(f"the {self.name} export takes no --{name}: leave it out")
         run.check_arrays()
         for mission in missions:
             run.check_mission(mission)
-        more = (options,) if self.takes_options else ()
+        more = (options,) if self.takes else ()
         try:
             if self.target == "file":
                 with whole_file(path, overwrite=overwrite) as place:

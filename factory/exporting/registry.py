@@ -9,6 +9,9 @@ EXPORTERS: Registry[Exporter] = Registry(
     "export format",
     group="glider_twin.exporters",
     shipped={
+        "huggingface": "factory.exporting.huggingface:HUGGINGFACE",
+        "lerobot": "factory.exporting.lerobot:LEROBOT",
+        "mcap": "factory.exporting.mcap:MCAP",
         "og1": "factory.exporting.og1:OG1",
         "parquet": "factory.exporting.parquet:PARQUET",
     },

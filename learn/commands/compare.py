@@ -16,7 +16,12 @@ from twin.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class Compare(JsonOption):
-    """Runs side by side: as they were judged when fitted, or again on one store."""
+    """Runs side by side: as they were judged when fitted, or again on one store.
+
+    Example:
+
+        learn compare demo field --store data/missions.zarr
+    """
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN ...")] = ()
     """folders or names of runs [default: the newest in runs/]"""

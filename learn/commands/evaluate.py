@@ -27,7 +27,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluate(JsonOption):
-    """Networks, floor and baselines on the missions of a store: velocities and dead reckoning."""
+    """Networks, floor and baselines on the missions of a store: velocities and dead reckoning.
+
+    Example:
+
+        learn evaluate demo data/missions.zarr --tracks tracks.nc
+    """
 
     run_folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None
     """folder or name of the run [default: the newest in runs/]"""
@@ -102,9 +107,9 @@ class Evaluate(JsonOption):
         console.say()
         if counts := found.evaluation.counts:
             for sentence in sentences(counts, run.labels):
-                console.say(f"- {sentence}")
+                console.item(sentence)
         for sentence in verdicts(figures):
-            console.say(f"- {sentence}")
+            console.item(sentence)
         for label, path in (("tracks", self.tracks), ("report", page)):
             if path is not None:
                 console.say(f"{label}: {path}")

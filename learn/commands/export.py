@@ -22,7 +22,12 @@ WIDTH = 100
 @dataclass(frozen=True, kw_only=True)
 class Export(JsonOption):
     """One ONNX model per network, one time step with explicit state; or one C99 header from sensor
-    samples to surge and sway. Checked over a mission."""
+    samples to surge and sway. Checked over a mission.
+
+    Example:
+
+        learn export demo --to c
+    """
 
     run_folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None
     """folder or name of the run [default: the newest in runs/]"""

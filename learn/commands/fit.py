@@ -52,7 +52,13 @@ NETWORK, INPUTS, OPTIMISER, DIVISION, DEVICE, LABELS, SMOOTHING = map(_words, CH
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(JsonOption):
-    """Train surge and sway networks on a store, judge them by dead reckoning, write a report."""
+    """Train surge and sway networks on a store, judge them by dead reckoning, write a report.
+
+    Examples:
+
+        learn fit --seconds 30 --name first
+        learn fit real.zarr --inputs glider --members 5
+    """
 
     # An option that is not given is None, so that a resumed run keeps its own.
     store: Annotated[StoreArgument | None, tyro.conf.Positional] = None
@@ -289,7 +295,7 @@ class Fit(JsonOption):
         )
         console.say()
         for sentence in (*run.label_sentences(), *verdicts(figures)):
-            console.say(f"- {sentence}")
+            console.item(sentence)
         console.say()
         console.say(f"run:    {run.folder}")
         console.say(f"report: {run.report}")

@@ -125,14 +125,14 @@ def summary_rows(evaluation: Figures) -> list[Row]:
     return [
         {
             "method": title_of(name),
-            "surge MSE": None if name == "floor" else figures["surge_mse"],
-            "sway MSE": None if name == "floor" else figures["sway_mse"],
-            "water % mean": figures["dr_water_percent_mean"],
-            "p90": figures["dr_water_percent_p90"],
-            "true attitude % mean": figures["dr_velocity_percent_mean"],
-            "p90 ": figures["dr_velocity_percent_p90"],
-            "ground % mean": figures["dr_ground_percent_mean"],
-            "p90  ": figures["dr_ground_percent_p90"],
+            "surge MSE [(m/s)²]": None if name == "floor" else figures["surge_mse"],
+            "sway MSE [(m/s)²]": None if name == "floor" else figures["sway_mse"],
+            "through water, mean [%]": figures["dr_water_percent_mean"],
+            "p90 [%]": figures["dr_water_percent_p90"],
+            "with true attitude, mean [%]": figures["dr_velocity_percent_mean"],
+            "p90 [%] ": figures["dr_velocity_percent_p90"],
+            "over ground, mean [%]": figures["dr_ground_percent_mean"],
+            "p90 [%]  ": figures["dr_ground_percent_p90"],
         }
         for name, figures in methods_of(evaluation)
     ]

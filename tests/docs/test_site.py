@@ -91,14 +91,15 @@ def test_the_data_dictionary_has_every_signal(reference: ModuleType) -> None:
     for entry in _TABLE:
         (row,) = re.findall(rf"^\| `{entry.name}` \|.*$", page, re.MULTILINE)
         assert f"| {entry.units} |" in row
-        low, high = reference.recorded_limits(entry.name)
-        assert f"{low:g} to {high:g}" in row
+        assert f"| {reference.limits(entry.name)} |" in row
     assert re.search(r"`true_surge` .* \| body \|", page)
     assert re.search(r"`true_current_north` .* \| NED \|", page)
-    assert re.search(r"`measured_phase` .* \| logs \|", page)
+    assert re.search(r"`measured_phase` .* \| 0 to 3 \| logs \|", page)
+    assert re.search(r"`true_sway` .* \| ±10; simulated ±5 \| all \|", page)
+    assert re.search(r"`measured_gps_east` .* \| all; may be NaN \|", page)
 
 
-@pytest.mark.parametrize("page", ["twin", "suite", "factory", "learn"])
+@pytest.mark.parametrize("page", ["twin", "suite", "gym", "factory", "learn"])
 def test_the_pages_of_python_have_every_public_name(
     site: Path, reference: ModuleType, page: str
 ) -> None:
@@ -134,3 +135,35 @@ def test_the_tables_of_the_validation_are_what_is_computed() -> None:
     page = PAGE.read_text(encoding="utf-8")
     assert page.count("| MuJoCo | Fossen |") == 2
     assert written(page) == page, "run python scripts/docs_validation.py --write"
+
+
+SHOWN = re.compile(r"(?:^ {4}|^\$ |^|`)((?:twin|factory|learn) [a-z][^`\n]*)", re.MULTILINE)
+"""A command in a code block or between backticks"""
+
+
+def test_options_that_pages_show_exist(reference: ModuleType) -> None:
+    """Of every command in the README and in docs/."""
+    known = {
+        f"{name} {command.name}": {
+            flag
+            for action in reference.parser_of(name, command)._actions
+            for flag in action.option_strings
+        }
+        for name in reference.PROGRAMS
+        for command in reference.program(name).commands
+    }
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    shown, wrong = 0, []
+    for page in pages:
+        text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+        for line in SHOWN.findall(text):
+            words = line.split("#")[0].split()
+            options = {word.split("=")[0] for word in words if re.match(r"--[a-z]", word)}
+            flags = known.get(" ".join(words[:2]))
+            if flags is None:  # prose that begins with one of the names
+                continue
+            shown += 1
+            strip = {option.rstrip("].,;:)") for option in options}
+            wrong += [f"{page.name}: {line}" for option in strip if option not in flags]
+    assert shown > 150
+    assert not wrong

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from factory.exporting.og1.metadata import parse_metadata
+from factory.exporting.metadata import parse_metadata
 from factory.importing.reading.columns import column_names, read_table
 from factory.importing.reading.netcdf import open_netcdf
 from factory.recipe.distribution import Choice, parse_distribution

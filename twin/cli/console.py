@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import PurePath
 from typing import IO, TYPE_CHECKING, Any
 
-from twin.cli.text_table import NEGLIGIBLE, format_pairs, format_table
+from twin.cli.text_table import NEGLIGIBLE, format_pairs, format_paragraph, format_table
 
 if TYPE_CHECKING:
     from twin.cli.progress import Progress
@@ -50,7 +50,12 @@ class Console:
         self, rows: Sequence[Mapping[str, object]], *, title: str = "", digits: int = 4
     ) -> None:
         """The rows as a table with one column per key; left out with `--json`."""
-        self.say((f"{title}\n" if title else "") + format_table(rows, digits=digits))
+        heading = "\n".join(map(format_paragraph, title.split("\n"))) + "\n" if title else ""
+        self.say(heading + format_table(rows, digits=digits))
+
+    def item(self, text: str) -> None:
+        """One item of a list of sentences, wrapped; left out with `--json`."""
+        self.say(format_paragraph(f"- {text}", indent="  "))
 
     def pairs(self, pairs: Mapping[str, object], *, title: str = "", digits: int = 4) -> None:
         """Name and value on each line, aligned; left out with `--json`."""

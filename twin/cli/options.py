@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import difflib
+import inspect
 import io
 import re
 import shutil
@@ -17,8 +18,10 @@ from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 import tyro
 
-# The structured parse errors are not yet in tyro's public face, and pyproject.toml bounds its
-# version for that reason; tests/twin/test_console.py pins the messages made from them.
+# The structured parse errors and the texts of fields are not in tyro's public face, and
+# pyproject.toml bounds its version for that reason; tests/twin/cli/test_console.py pins what is
+# made from them.
+from tyro import _docstrings as docstrings
 from tyro import _errors as parse_errors
 
 from twin.errors import InputError, TwinError
@@ -47,13 +50,16 @@ def parse_options(command: type[Options], *, prog: str, words: Sequence[str]) ->
         raise InputError(f"{_explain(event, command)} (see {prog} --help)")
 
     _spell_unions_out(command)
-    _hide_missing_defaults(command)
+    _hide_plain_defaults(command)
     asked = not {"-h", "--help"}.isdisjoint(words)
+    if asked:
+        _join_lines(command)
     said = _HelpText(sys.stdout)
     kept = contextlib.redirect_stdout(said) if asked else contextlib.nullcontext()
     try:
         with parse_errors.on_parse_error(reject), kept:
-            return tyro.cli(command, prog=prog, args=list(words), config=MARKERS)
+            about = description(command)
+            return tyro.cli(command, prog=prog, description=about, args=list(words), config=MARKERS)
     except SystemExit as leaving:
         if leaving.code not in (0, None):
             raise InputError(f"these options cannot be used (see {prog} --help)") from None
@@ -97,6 +103,17 @@ def _wrapped(text: str) -> str:
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines))
 
 
+def description(command: type) -> str:
+    """What a command does, from its docstring: a line for each paragraph, examples as they stand.
+
+    tyro's own reading loses the indentation of an example that follows the first paragraph.
+    """
+    paragraphs = inspect.cleandoc(command.__doc__ or "").split("\n\n")
+    return "\n\n".join(
+        text if text.startswith("    ") else " ".join(text.split()) for text in paragraphs
+    )
+
+
 def option_names(command: type) -> Iterator[str]:
     """The option names of a dataclass, those of nested dataclasses with their prefix."""
     hints = typing.get_type_hints(command)
@@ -125,14 +142,42 @@ def _spell_unions_out(command: type) -> None:
 NO_DEFAULT = tyro.conf.arg(help_behavior_hint="")
 
 
-def _hide_missing_defaults(command: type) -> None:
-    """Leave "(default: None)" out of the help: an option's text says what happens without it."""
+def _hide_plain_defaults(command: type) -> None:
+    """Leave "(default: None)" and a switch's "(default: False)" out of the help.
+
+    An option's text says what happens without it, and a switch that is not given is off.
+    """
     for field in dataclasses.fields(command):
-        if field.default is None or field.default == ():
-            owner = next(c for c in command.__mro__ if field.name in vars(c)["__annotations__"])
-            own = vars(owner)["__annotations__"]
-            if NO_DEFAULT not in getattr(own[field.name], "__metadata__", ()):
-                own[field.name] = typing.Annotated[own[field.name], NO_DEFAULT]
+        if field.default is None or field.default is False or field.default == ():
+            _annotate(command, field.name, NO_DEFAULT)
+
+
+def _join_lines(command: type) -> None:
+    """Make one line of each option's text, which tyro then wraps to the terminal.
+
+    tyro 1.0 joins the lines of a docstring before it takes their indentation away, and so keeps
+    every line break of the source.
+    """
+    for field in dataclasses.fields(command):
+        owner = _owner(command, field.name)
+        notes = getattr(vars(owner)["__annotations__"][field.name], "__metadata__", ())
+        if any(getattr(note, "help", None) is not None for note in notes):
+            continue
+        text = docstrings.get_field_docstring(owner, field.name, ())
+        if text is not None:
+            _annotate(command, field.name, tyro.conf.arg(help=" ".join(text.split())))
+
+
+def _annotate(command: type, name: str, note: typing.Any) -> None:
+    """Add a note for tyro to a field, once."""
+    own = vars(_owner(command, name))["__annotations__"]
+    if note not in getattr(own[name], "__metadata__", ()):
+        own[name] = typing.Annotated[own[name], note]
+
+
+def _owner(command: type, name: str) -> type:
+    """The class that declares a field."""
+    return next(c for c in command.__mro__ if name in vars(c).get("__annotations__", {}))
 
 
 def _spelled_out(kind: typing.Any) -> typing.Any:

@@ -3,7 +3,16 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
+
+WIDEST = 100
+"""Columns of a terminal that tables and paragraphs keep to."""
+
+NARROWEST_TEXT = 16
+"""Columns that a column of text keeps when a wide table is folded."""
+
+GAP = "  "
 
 MISSING = "-"
 """Stands where there is no value: None or NaN."""
@@ -53,31 +62,80 @@ def format_table(rows: Sequence[Mapping[str, object]], *, digits: int = 4) -> st
     """Rows under a header line; numbers flush right, text flush left.
 
     The columns are the keys in order of first appearance; a row without a key shows `MISSING`.
+    What is wider than `WIDEST` is folded: first the titles, then the widest columns of text.
     """
     columns = list(dict.fromkeys(key for row in rows for key in row))
     cells = [[format_number(row.get(column), digits) for column in columns] for row in rows]
     right = [not any(isinstance(row.get(column), str) for row in rows) for column in columns]
-    widths = [
-        max(len(text) for text in (column, *(line[i] for line in cells)))
-        for i, column in enumerate(columns)
+    widths = _column_widths(columns, cells, right)
+
+    def lines(texts: Sequence[str], *, at_the_foot: bool = False) -> list[str]:
+        folded = [_folded(text, width) for text, width in zip(texts, widths, strict=True)]
+        height = max(map(len, folded), default=1)
+        blank = [[""] * (height - len(part)) for part in folded]
+        full = [
+            empty + part if at_the_foot else part + empty
+            for part, empty in zip(folded, blank, strict=True)
+        ]
+        return [
+            GAP.join(
+                part[k].rjust(width) if flush_right else part[k].ljust(width)
+                for part, width, flush_right in zip(full, widths, right, strict=True)
+            ).rstrip()
+            for k in range(height)
+        ]
+
+    rule = GAP.join("-" * width for width in widths)
+    body = [line for texts in cells for line in lines(texts)]
+    return "\n".join([*lines(columns, at_the_foot=True), rule, *body])
+
+
+def _column_widths(
+    columns: Sequence[str], cells: Sequence[Sequence[str]], right: Sequence[bool]
+) -> list[int]:
+    """Widths of the columns: the widest text of each, or less where the table has to be folded."""
+    bodies = [max((len(texts[i]) for texts in cells), default=0) for i in range(len(columns))]
+    widths = [max(len(title), body) for title, body in zip(columns, bodies, strict=True)]
+    words = [
+        max(len(word) for text in (title, *(texts[i] for texts in cells)) for word in text.split())
+        for i, title in enumerate(columns)
     ]
+    room = WIDEST - len(GAP) * (len(columns) - 1)
+    if sum(widths) > room:
+        widths = [max(pair) for pair in zip(bodies, words, strict=True)]
+    least = [max(word, NARROWEST_TEXT) for word in words]
+    while sum(widths) > room:
+        foldable = [
+            (width, i) for i, width in enumerate(widths) if not right[i] and width > least[i]
+        ]
+        if not foldable:
+            break
+        widths[max(foldable)[1]] -= 1
+    return widths
 
-    def line(texts: Sequence[str]) -> str:
-        padded = (
-            text.rjust(width) if flush_right else text.ljust(width)
-            for text, width, flush_right in zip(texts, widths, right, strict=True)
-        )
-        return "  ".join(padded).rstrip()
 
-    rule = "  ".join("-" * width for width in widths)
-    return "\n".join([line(columns), rule, *(line(texts) for texts in cells)])
+def _folded(text: str, width: int) -> list[str]:
+    """The text in lines of `width`; a word that is longer stands alone."""
+    if len(text) <= width:
+        return [text]
+    return textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False) or [""]
+
+
+def format_paragraph(text: str, *, indent: str = "") -> str:
+    """The text in lines of `WIDEST` columns at most, all but the first indented."""
+    return textwrap.fill(
+        text, WIDEST, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )
 
 
 def format_pairs(pairs: Mapping[str, object], *, digits: int = 4) -> str:
     """Name and value on each line, the values aligned; a (value, unit) tuple shows its unit."""
     width = max((len(name) for name in pairs), default=0)
     return "\n".join(
-        f"{name:<{width}}  {_quantity(value, digits)}" for name, value in pairs.items()
+        format_paragraph(
+            f"{name:<{width}}{GAP}{_quantity(value, digits)}", indent=" " * width + GAP
+        )
+        for name, value in pairs.items()
     )
 
 

@@ -9,7 +9,12 @@ from twin.cli.console import Console, JsonOption
 
 @dataclass(frozen=True, kw_only=True)
 class Bench(JsonOption):
-    """Time a step with and without our water, and a batch of closed-loop missions."""
+    """Time a step with and without our water, and a batch of closed-loop missions.
+
+    Example:
+
+        twin bench --threads 2
+    """
 
     vehicle: str = "glider"
     """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""

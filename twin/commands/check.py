@@ -16,6 +16,11 @@ VEHICLE, MANOEUVRES, SEED = "glider", 20, 0
 class Check(JsonOption):
     """Fly random manoeuvres in both models and recompute the published motions; with --logs fly
     a vehicle's twin beside its own logs.
+
+    Examples:
+
+        twin check
+        twin check --logs real.zarr --vehicle mine.xml --page twin_and_logs
     """
 
     vehicle: str | None = None

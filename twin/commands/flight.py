@@ -15,6 +15,10 @@ from twin.cli.console import Console, JsonOption
 class Flight(JsonOption):
     """Fly a vehicle's flight model on its logs: speed through the water, angle of attack, vertical
     velocity of the water, depth-averaged currents, and the track corrected at the fixes.
+
+    Example:
+
+        twin flight real.zarr --vehicle mine.xml --out flight.nc --plots figures
     """
 
     store: Annotated[Path, tyro.conf.Positional]

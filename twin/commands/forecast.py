@@ -222,11 +222,9 @@ class Forecast(JsonOption):
     def _field(self) -> Current | None:
         if self.current is None:
             return None
-        from twin.water.current.spec import parse_current
+        from twin.water.current.spec import parse_field
 
-        if Path(self.current).exists():
-            return parse_current(f"grid:{self.current}")
-        return parse_current(self.current)
+        return parse_field(self.current)
 
 
 class _Shows:

@@ -36,6 +36,10 @@ class Hindcast(JsonOption):
     """flight model for the way through the water: what `twin identify` wrote, or a shipped name;
     default: depth rate and pitch, and without a logged pitch the current that the vehicle reported
     after each dive"""
+    current: str | None = None
+    """forecast of the current that is known ahead: a file (CF netCDF or zarr) that covers the
+    deployments, or any other text that `twin simulate --current` takes; what of it counts is
+    learned from the first part. Default: none"""
     out: Path | None = None
     """folder for a page with a map, index.html, that opens without a network"""
 
@@ -48,6 +52,11 @@ class Hindcast(JsonOption):
             from twin.plot.page import check_page_target
 
             check_page_target(self.out)
+        field = None
+        if self.current is not None:
+            from twin.water.current.spec import parse_field
+
+            field = parse_field(self.current)
         total = 0
         for path in self.stores:
             with LogStore(path) as logs:
@@ -57,6 +66,7 @@ class Hindcast(JsonOption):
                 self.stores,
                 train_fraction=self.train_fraction,
                 vehicle=self.vehicle,
+                current=field,
                 advance=progress.update,
             )
         rows = [(one.name, one.scores) for one in found.deployments if one.scores.segments]
@@ -92,11 +102,14 @@ class Hindcast(JsonOption):
 
             words = " ".join(str(path) for path in self.stores)
             command = f"twin hindcast {words} --train-fraction {self.train_fraction:g}"
+            if self.current is not None:
+                command += f" --current {self.current}"
             pages.append(build_page(self.out, found, command))
             console.say(str(pages[0]))
         console.answer(
             stores=self.stores,
             train_fraction=self.train_fraction,
+            current=self.current,
             **found.scores.describe(),
             deployments=[
                 {
@@ -125,6 +138,8 @@ def _told(one: DeploymentHindcast) -> str:
             "one before it, and after those that parameters are learned from"
         )
     kind = "persistence" if one.tuned.parameters.persists else "tide and eddies"
+    if any(leg.leg.field is not None for leg in one.legs):
+        kind += f", {one.tuned.parameters.field:.2f} of the field"
     if not one.train:
         return f"{kind} by the usual parameters, nothing learned from its {dives}"
     return f"{kind}, learned from {one.train} of {dives}"

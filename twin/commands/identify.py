@@ -28,6 +28,10 @@ class Identify(JsonOption):
 
     Takes about 20 s of computing for ten hours of log (a minute on a busy machine); --model twin
     takes longer.
+
+    Example:
+
+        twin identify real.zarr --vehicle slocum-200 --out mine.xml
     """
 
     store: Annotated[Path, tyro.conf.Positional]

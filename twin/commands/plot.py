@@ -39,6 +39,11 @@ class Plot:
 
     Of a log the track corrected at the fixes, the measured attitude and the flight model's
     velocities stand where a simulation has its truth; labels say so.
+
+    Examples:
+
+        twin plot run.zarr --figure section --out section.png
+        twin plot real.zarr --missions all --figure map
     """
 
     store: Annotated[Path, tyro.conf.Positional]

@@ -1,21 +1,36 @@
-"""`twin render`: a picture or a video of a stored mission, without a screen."""
+"""`twin render`: a picture, a video or a page of a stored mission, without a screen."""
 
 from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from twin.cli.console import Console, JsonOption
 from twin.errors import FloorError, InputError
 
+if TYPE_CHECKING:
+    from twin.render.film import Subject
+    from twin.render.shot import Shot
+
+
+OUT, SIZE = Path("mission.mp4"), "1280x720"
+"""File and size when none are asked for"""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Render(JsonOption):
-    """Draw a stored mission: .png is one picture, .mp4 and .gif are videos."""
+    """Draw a stored mission: .png is one picture, .mp4 and .gif are videos, .html is a page that
+    replays it in any browser.
+
+    Examples:
+
+        twin render run.zarr --out dive.png --time 2500
+        twin render run.zarr --html dive.html
+    """
 
     store: Annotated[Path, tyro.conf.Positional]
     """store (zarr) that holds the mission"""
@@ -23,22 +38,25 @@ class Render(JsonOption):
     """index of the mission in the store"""
     missions: str | None = None
     """several dives of a log in one picture, such as 0-11,14, or all; in place of --mission"""
-    out: Path = Path("mission.mp4")
-    """file to write: .png, .mp4 or .gif"""
+    out: Path = OUT
+    """file to write: .png, .mp4, .gif or .html"""
+    html: Path | None = None
+    """page to write, in place of --out: one .html file that replays the mission offline"""
     camera: Literal["orbit", "side", "map", "chase"] = "orbit"
     """orbit circles the track, side and map show it whole, chase follows the glider"""
-    size: str = "1280x720"
-    """width x height in pixels"""
+    size: str | None = None
+    """width x height in pixels; default: 1280x720"""
     fps: float | None = None
     """frames per second of a video; default: 30, for a gif 12.5"""
     speed_up: float | None = None
-    """mission seconds per video second; default: the video lasts 20 s"""
+    """mission seconds per video second; default: the video lasts 20 s, a page's replay about 60"""
     start: float | None = None
     """first mission time shown [s]"""
     end: float | None = None
     """last mission time shown [s]"""
     time: float | None = None
-    """mission time of a .png [s]; default: the last moment of the part that the log has"""
+    """mission time of a .png, or that a page shows first [s]; default: of a .png the last moment of
+    the part that the log has, of a page the first"""
     colour: Literal["speed", "current", "depth", "error"] | None = None
     """what colours the track; default: speed, or depth in a log that does not tell it; error is
     the first track's of --tracks"""
@@ -65,19 +83,16 @@ class Render(JsonOption):
 
     def run(self, console: Console) -> int:
         """Draw and write the file."""
-        import time
-
         from twin.render.encode import STILL_FORMATS, VIDEO_FORMATS
-        from twin.render.film import default_workers, save_still, save_video
-        from twin.render.palette import OTHER_TRACKS
         from twin.render.shot import Shot
-        from twin.render.subject import read_subject
+        from twin.replay.page import ENDINGS
 
-        suffix = self.out.suffix.lower()
-        if suffix not in (*STILL_FORMATS, *VIDEO_FORMATS):
-            allowed = ", ".join((*STILL_FORMATS, *VIDEO_FORMATS))
-            raise InputError(f"--out {self.out}: the ending must be one of {allowed}")
-        width, height = parse_size(self.size)
+        out = self._target()
+        suffix = out.suffix.lower()
+        if suffix not in (*STILL_FORMATS, *VIDEO_FORMATS, *ENDINGS):
+            allowed = ", ".join((*STILL_FORMATS, *VIDEO_FORMATS, ENDINGS[0]))
+            raise InputError(f"--out {out}: the ending must be one of {allowed}")
+        width, height = parse_size(self.size or SIZE)
         fps = self.fps if self.fps is not None else (GIF_FPS if suffix == ".gif" else VIDEO_FPS)
         shot = Shot(
             camera=self.camera,
@@ -93,8 +108,46 @@ class Render(JsonOption):
             hud=self.hud,
             inset=self.inset,
         )
-        if self.time is not None and suffix not in STILL_FORMATS:
-            raise InputError("--time is for a .png; for a video give --start and --end")
+        if suffix in ENDINGS:
+            self._check_page()
+        elif self.time is not None and suffix not in STILL_FORMATS:
+            raise InputError("--time is for a .png or a page; for a video give --start and --end")
+        subject = self._subject(console)
+        if suffix in ENDINGS:
+            return self._write_page(console, out, subject, shot)
+        return self._draw(console, out, subject, shot)
+
+    def _target(self) -> Path:
+        """The file to write."""
+        if self.html is None:
+            return self.out
+        if self.out != OUT:
+            raise InputError(f"--out {self.out} and --html {self.html}: give one of them")
+        if self.html.suffix.lower() not in (".html", ".htm"):
+            raise InputError(f"--html {self.html}: the ending must be .html")
+        return self.html
+
+    def _check_page(self) -> None:
+        """Refuse options that a page has no use for."""
+        unused = {
+            "--size": self.size is not None,
+            "--fps": self.fps is not None,
+            "--no-hud": not self.hud,
+            "--no-inset": not self.inset,
+            "--workers": self.workers is not None,
+        }
+        if given := [name for name, here in unused.items() if here]:
+            raise InputError(
+                f"{', '.join(given)}: not for a page, which fills its window and draws in the "
+                "browser; --camera, --time, --start, --end, --speed-up, --colour, --tracks, "
+                "--exaggeration and --floor are"
+            )
+
+    def _subject(self, console: Console) -> Subject:
+        """What is drawn, with notes about what it lacks."""
+        from twin.render.palette import OTHER_TRACKS
+        from twin.render.subject import read_subject
+
         read = functools.partial(
             read_subject,
             self.store,
@@ -108,7 +161,7 @@ class Render(JsonOption):
         try:
             subject = read()
         except FloorError as error:
-            console.warn(f"{error}; the picture has a made-up sea floor in place of the mission's")
+            console.warn(f"{error}; what is drawn has a made-up sea floor or none")
             subject = read(floor=False)
         colours = len(OTHER_TRACKS)
         if len(subject.tracks) > colours:
@@ -118,25 +171,42 @@ class Render(JsonOption):
         unflown = getattr(subject.trajectory, "unflown", "")  # logs have it
         if unflown:
             console.note(f"without a flight model, by the log's own track: {unflown}")
+        return subject
+
+    def _write_page(self, console: Console, out: Path, subject: Subject, shot: Shot) -> int:
+        import time
+
+        from twin.replay.page import save_page
+
         begun = time.perf_counter()
-        if suffix in STILL_FORMATS:
-            save_still(self.out, subject, shot, self.time)
+        size = save_page(out, subject, shot, self.time)
+        seconds = time.perf_counter() - begun
+        console.say(f"{out}: {size / 1e6:.2f} MB, made in {seconds:.1f} s; open it in a browser")
+        console.answer(out=out, bytes=size, seconds=seconds)
+        return 0
+
+    def _draw(self, console: Console, out: Path, subject: Subject, shot: Shot) -> int:
+        import time
+
+        from twin.render.encode import STILL_FORMATS
+        from twin.render.film import default_workers, save_still, save_video
+
+        begun = time.perf_counter()
+        if out.suffix.lower() in STILL_FORMATS:
+            save_still(out, subject, shot, self.time)
             frames = 1
         else:
             total = len(shot.frame_times(subject.trajectory.time))
             workers = default_workers() if self.workers is None else self.workers
             with console.progress(total=total, label="render", unit="frames") as progress:
-                frames = save_video(
-                    self.out, subject, shot, workers=workers, progress=progress.update
-                )
+                frames = save_video(out, subject, shot, workers=workers, progress=progress.update)
         seconds = time.perf_counter() - begun
-        size = self.out.stat().st_size
-        many = f"{frames} frames, {frames / fps:.1f} s of video, " if frames > 1 else ""
-        console.say(
-            f"{self.out}: {many}{width}x{height}, {size / 1e6:.2f} MB, made in {seconds:.1f} s"
-        )
+        size = out.stat().st_size
+        width, height = shot.width, shot.height
+        many = f"{frames} frames, {frames / shot.fps:.1f} s of video, " if frames > 1 else ""
+        console.say(f"{out}: {many}{width}x{height}, {size / 1e6:.2f} MB, made in {seconds:.1f} s")
         console.answer(
-            out=self.out, frames=frames, width=width, height=height, bytes=size, seconds=seconds
+            out=out, frames=frames, width=width, height=height, bytes=size, seconds=seconds
         )
         return 0
 

@@ -22,7 +22,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Simulate(JsonOption):
-    """Fly one mission: summary table, and on request a store and a plot."""
+    """Fly one mission: summary table, and on request a store and a plot.
+
+    Examples:
+
+        twin simulate --current uniform:0.1,-0.05 --out run.zarr --plot run.png
+        twin simulate transects --vehicle tethys --floor rough:40 --sensors field
+    """
 
     mission: Annotated[str | None, tyro.conf.Positional] = None
     """shipped mission name, or the path of a mission file, TOML or Slocum's .mi; default: the
@@ -169,6 +175,8 @@ class Simulate(JsonOption):
             console.warn(f"the mission was not flown to its end: {reason}")
         if stronger and ended != "time limit":
             console.warn(stronger)
+        if short := _short_of_target(simulation, trajectory):
+            console.warn(short)
         self._warn_floor(console, simulation, trajectory)
         if not simulation.tables.current.size:
             return
@@ -321,6 +329,27 @@ def _stronger_current(simulation: Simulation, run: Trajectory) -> str:
     return (
         f"the current of {flow:.2f} m/s is stronger than the vehicle, which makes {speed:.2f} m/s "
         "through the water: it reaches places downstream only"
+    )
+
+
+def _short_of_target(simulation: Simulation, run: Trajectory) -> str:
+    """That a run ended on the way to a place, and how far from it; empty where it did not."""
+    from twin.mission import Mission, Waypoint
+
+    scenario = simulation.scenario
+    if not isinstance(scenario.plan, Mission):
+        return ""
+    flown = [one for part in scenario.mission_in_metres().segments for one in part.flown_as()]
+    at = int(run["commanded_segment"][-1])
+    if at >= len(flown) or not isinstance(one := flown[at], Waypoint):
+        return ""
+    target = one.targets[0]
+    north, east = (target[f"{n}_m"] - float(run[f"true_{n}"][-1]) for n in ("north", "east"))
+    many = sum(isinstance(part, Waypoint) for part in flown)
+    number = 1 + sum(isinstance(part, Waypoint) for part in flown[:at])
+    return (
+        f"the run ended {math.hypot(north, east) / 1e3:.2f} km short of target {number} of {many}, "
+        f"at {run.time[-1]:.0f} s"
     )
 
 

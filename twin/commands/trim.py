@@ -15,7 +15,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Trim(JsonOption):
-    """Steady state of these positions of the parts: speed, angles, turn, through the water."""
+    """Steady state of these positions of the parts: speed, angles, turn, through the water.
+
+    Examples:
+
+        twin trim --net-mass 0.3 --shift 0.02 --rotation 45
+        twin trim --vehicle tethys --set propeller=30
+    """
 
     net_mass: float | None = None
     """net buoyancy mass [kg] of a vehicle with a pump, positive is heavy and dives; a glider

@@ -11,6 +11,10 @@ from twin.cli.console import Console, JsonOption
 class Vehicles(JsonOption):
     """The shipped vehicles and their presets: mass, propeller, pump, usual speed, and the source of
     the numbers.
+
+    Example:
+
+        twin vehicles
     """
 
     def run(self, console: Console) -> int:

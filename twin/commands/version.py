@@ -12,7 +12,12 @@ REPORTED = ("mujoco", "dm-control", "numba", "numpy", "scipy", "xarray", "zarr",
 
 @dataclass(frozen=True, kw_only=True)
 class Version(JsonOption):
-    """Versions of this package, of Python and of the libraries that can change a result."""
+    """Versions of this package, of Python and of the libraries that can change a result.
+
+    Example:
+
+        twin version --json
+    """
 
     def run(self, console: Console) -> int:
         """Print the versions; a library that is not installed has none."""

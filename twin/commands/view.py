@@ -1,7 +1,8 @@
-"""`twin view`: a stored mission, or one that is flown now, in MuJoCo's interactive viewer."""
+"""`twin view`: a stored mission, or one that is flown now, in a window or a browser."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,13 +14,20 @@ from twin.cli.console import Console
 from twin.errors import InputError
 
 if TYPE_CHECKING:
+    from twin.physics.scenario import Scenario
     from twin.render.film import Subject
-    from twin.render.flight import Flight
+    from twin.render.shot import Shot
 
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """Watch a stored mission, or without a store a mission that is flown as you watch."""
+    """Watch a stored mission, or without a store a mission that is flown as you watch.
+
+    Examples:
+
+        twin view run.zarr --speed-up 120
+        twin view --vehicle seaglider --web
+    """
 
     store: Annotated[Path | None, tyro.conf.Positional] = None
     """store (zarr) that holds the mission; without it a mission is flown live"""
@@ -50,53 +58,101 @@ class View:
     only: str | None = None
     """names of the tracks to draw, separated by commas; default: all of the file"""
     seconds: float | None = None
-    """close the window after so many seconds; default: it stays open"""
+    """close the window or end --web after so many seconds; default: it stays open"""
+    web: bool = False
+    """without a screen: a page for the browser, served to this machine alone until Ctrl-C"""
+    port: int | None = None
+    """of --web; default: 8080; 0 takes any free one"""
 
     def run(self, console: Console) -> int:
-        """Open the window; returns when it is closed."""
-        from twin.render.screen import require_screen
-
+        """Open the window, or serve the page; returns when it is closed."""
         if self.seconds is not None and not self.seconds > 0:
             raise InputError(f"--seconds {self.seconds:g} must be positive")
+        if self.port is not None and not self.web:
+            raise InputError("--port is of --web, which serves a page in place of the window")
+        return self._serve(console) if self.web else self._open(console)
+
+    def _open(self, console: Console) -> int:
+        """The window."""
+        from twin.render.screen import require_screen
+
         require_screen()
         os.environ["MUJOCO_GL"] = "glfw"  # a window: MuJoCo must not look for EGL's functions
-        from twin.render.shot import Shot
+        from twin.render.flight import Flight, Live, Replay
         from twin.render.window import KEYS, Window
 
-        speed_up = self.speed_up
-        if speed_up is None:
-            speed_up = CHASE_SPEED_UP if self.camera == "chase" else SPEED_UP
-        shot = Shot(
-            camera=self.camera,
-            speed_up=speed_up,
-            start=self.start,
-            end=self.end,
-            colour=self.colour,
-        )
-        subject, flight = self._live() if self.store is None else self._replay(self.store)
-        window = Window(subject, shot, flight, speed_up=speed_up)
+        shot = self._shot()
+        flight: Flight
+        if self.store is None:
+            subject, scenario = self._live()
+            flight = Live(scenario)
+        else:
+            subject = self._stored(self.store)
+            flight = Replay(subject.trajectory)
+        window = Window(subject, shot, flight, speed_up=self._speed)
         console.note("; ".join(f"{keys}: {what}" for keys, what in KEYS))
         rate = window.run(self.seconds)
         console.say(f"{subject.title}: closed, {rate:.0f} frames per second")
         return 0
 
-    def _replay(self, store: Path) -> tuple[Subject, Flight]:
-        from twin.render.flight import Replay
+    def _serve(self, console: Console) -> int:
+        """The page, until Ctrl-C or for `seconds`."""
+        import threading
+
+        from twin.replay.live import LiveMission
+        from twin.replay.page import assemble, page
+        from twin.replay.server import PageServer
+
+        shot, live = self._shot(), None
+        if self.store is None:
+            subject, scenario = self._live()
+            live = LiveMission(scenario, subject, shot, self._speed)
+            text = assemble(live.mission, connect="'self'")
+        else:
+            subject = self._stored(self.store)
+            text = page(subject, shot)
+        with PageServer(text, WEB_PORT if self.port is None else self.port, live) as server:
+            console.say(f"{subject.title}: open {server.address} in a browser; Ctrl-C ends it")
+            console.note(
+                f"from another machine: ssh -L {server.port}:localhost:{server.port} THIS_MACHINE, "
+                f"then http://localhost:{server.port}/ there"
+            )
+            with contextlib.suppress(KeyboardInterrupt):
+                threading.Event().wait(self.seconds)
+        return 0
+
+    @property
+    def _speed(self) -> float:
+        """Mission seconds per second."""
+        if self.speed_up is not None:
+            return self.speed_up
+        return CHASE_SPEED_UP if self.camera == "chase" else SPEED_UP
+
+    def _shot(self) -> Shot:
+        from twin.render.shot import Shot
+
+        return Shot(
+            camera=self.camera,
+            speed_up=self._speed,
+            start=self.start,
+            end=self.end,
+            colour=self.colour,
+        )
+
+    def _stored(self, store: Path) -> Subject:
         from twin.render.subject import read_subject
 
-        subject = read_subject(
+        return read_subject(
             store, self.mission, vehicle=self.vehicle, tracks=self.tracks, names=self.only
         )
-        return subject, Replay(subject.trajectory)
 
-    def _live(self) -> tuple[Subject, Flight]:
+    def _live(self) -> tuple[Subject, Scenario]:
         """Flown once without a picture, which takes a moment, to know how large the sea must be."""
         from twin.mission.shipped import load_mission_for
         from twin.physics.scenario import Scenario
         from twin.physics.simulation import simulate
         from twin.physics.tables import floor_table
         from twin.render.film import Subject
-        from twin.render.flight import Live
         from twin.vehicle.vehicle import load_vehicle
         from twin.water.current.spec import parse_current
         from twin.water.floor import parse_floor
@@ -119,8 +175,9 @@ class View:
             title=title,
             floor=floor if floor.size else None,
         )
-        return subject, Live(scenario)
+        return subject, scenario
 
 
 SPEED_UP, CHASE_SPEED_UP = 60.0, 5.0
 """Mission seconds per second when none are asked for"""
+WEB_PORT = 8080

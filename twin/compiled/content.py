@@ -177,7 +177,7 @@ def _search(name: str) -> tuple[str | None, tuple[str, ...]]:
             return None, ()
     try:
         spec = importlib.machinery.PathFinder.find_spec(name, path)
-    except (ImportError, ValueError):
+    except (ImportError, ValueError, KeyError):  # KeyError: a namespace in a package not loaded
         spec = None
     if spec is None:
         return None, ()

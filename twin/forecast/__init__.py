@@ -3,7 +3,8 @@
 from twin.forecast.forecast import Forecast, forecast
 from twin.forecast.known import Known, known_from_logs, known_without_logs
 from twin.forecast.request import Request, mission_to
-from twin.forecast.surfacing import Ellipse, Surfacing
+from twin.forecast.surfacing import Surfacing
+from twin.navigation.ellipse import Ellipse
 
 __all__ = [
     "Ellipse",

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from twin.forecast.forecast import Forecast
 from twin.forecast.map_drawing import draw_map
-from twin.forecast.surfacing import HALF, NINETY, Ellipse, Surfacing
+from twin.forecast.surfacing import HALF, NINETY, Surfacing
+from twin.navigation.ellipse import Ellipse
 from twin.records.checksums import LIST
 from twin.records.whole import check_folder_target, whole_folder
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from twin.forecast.flights import Flight
 from twin.geodesy import from_tangent_plane, wrap_longitude
+from twin.navigation.ellipse import Ellipse, chi_squared, outline
 from twin.water.current.origin import Origin
 
 Array = NDArray[np.float64]
@@ -25,18 +26,6 @@ LEAST = 0.99
 time and ellipse would be those of the early ones"""
 ELLIPSE_POINTS = 64
 KILO = 1e3
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Ellipse:
-    """Of a normal distribution, by its semi-axes: from the middle to the edge."""
-
-    semi_major_m: float
-    """[m] half of the longer axis"""
-    semi_minor_m: float
-    """[m] half of the shorter axis"""
-    bearing_deg: float
-    """[degree] of the longer axis, clockwise from north, 0 to 180"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -74,29 +63,18 @@ class Surfacing:
 
         Of few members it is wider: their mean and covariance are known by them alone.
         """
-        values, vectors = np.linalg.eigh(self._shape(holds))
-        axis = vectors[:, 1]
-        return Ellipse(
-            semi_major_m=float(math.sqrt(max(values[1], 0.0))),
-            semi_minor_m=float(math.sqrt(max(values[0], 0.0))),
-            bearing_deg=float(math.degrees(math.atan2(axis[1], axis[0])) % 180.0),
-        )
+        return Ellipse.of(self._shape(holds))
 
     def _shape(self, holds: float) -> Array:
         """[m2], (2, 2): squared semi-axes, from north and east."""
         fix = FIX_DEVIATION**2 * np.eye(2)
-        known = -2.0 * math.log(1.0 - holds)  # of chi-squared with 2 degrees of freedom
-        return prediction_quantile(holds, len(self.members)) * (self.covariance - fix) + known * fix
+        drawn = prediction_quantile(holds, len(self.members))
+        return drawn * (self.covariance - fix) + chi_squared(holds) * fix
 
     def ring(self, holds: float, place: Origin) -> Array:
         """Longitude, latitude [degree] around it, closed, counterclockwise, (point, 2)."""
-        angles = np.linspace(0.0, 2.0 * math.pi, ELLIPSE_POINTS + 1)
-        values, vectors = np.linalg.eigh(self._shape(holds))
-        circle = np.stack([np.cos(angles), np.sin(angles)])
-        if np.linalg.det(vectors) > 0.0:  # north and east, seen from above, turn the other way
-            vectors = vectors * [1.0, -1.0]
-        points = (vectors * np.sqrt(np.maximum(values, 0.0))) @ circle
-        return degrees(np.array([self.north, self.east]) + points.T, place)
+        around = outline(self._shape(holds), ELLIPSE_POINTS + 1)
+        return degrees(np.array([self.north, self.east]) + around, place)
 
     def describe(self) -> dict[str, Any]:
         """JSON-able."""

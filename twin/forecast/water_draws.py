@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.forecast.normal_draws import normal_draws
-from twin.navigation.current.filter import CALIBRATION, DIVE, MODES, CurrentFilter
+from twin.navigation.current.filter import CurrentFilter
+from twin.navigation.current.layout import CALIBRATION, DIVE, MODES
 from twin.navigation.current.modes import passage
 
 Array = NDArray[np.float64]

@@ -13,6 +13,7 @@ from twin.geodesy import position
 from twin.hindcast.hindcast import DeploymentHindcast
 from twin.hindcast.scores import METHODS
 from twin.hindcast.walk import NINETY, Surfacing
+from twin.navigation.ellipse import outline
 from twin.plot import style
 from twin.plot.dates import LABEL, draw_dates
 from twin.plot.graticule import box_around
@@ -36,7 +37,7 @@ CLOSE = 6
 """Surfacings of the detailed map"""
 HOUR = 3600.0
 """[s]"""
-ROUND = np.linspace(0.0, 2.0 * np.pi, 73)
+ELLIPSE_POINTS = 73
 
 
 def map_figure(one: DeploymentHindcast) -> Figure:
@@ -71,7 +72,7 @@ def _draw_map(
     outlines = [_ellipse(s) for s in surfacings] if ellipses else []
     named = {name: [s.places[name] for s in surfacings if name in s.places] for name in methods}
     every = np.concatenate(
-        [begins, fixes, *(np.array(p) for p in named.values() if p), *(o.T for o in outlines)]
+        [begins, fixes, *(np.array(p) for p in named.values() if p), *(ring.T for ring in outlines)]
     )
     unrolled = joined(every[:, 1])
     unroll = dict(zip(every[:, 1].tolist(), (unrolled - every[:, 1]).tolist(), strict=True))
@@ -81,9 +82,9 @@ def _draw_map(
 
     draw_base(axes, box_around(every[:, 0], unrolled, 0.95))
     axes.set_title(title)
-    for outline in outlines:
-        axes.plot(along(outline[1]), outline[0], color=COLOURS["forecast"], lw=0.8, zorder=3,
-                  label="90 % ellipse" if outline is outlines[0] else "")  # fmt: skip
+    for ring in outlines:
+        axes.plot(along(ring[1]), ring[0], color=COLOURS["forecast"], lw=0.8, zorder=3,
+                  label="90 % ellipse" if ring is outlines[0] else "")  # fmt: skip
     for begin, fix in zip(begins, fixes, strict=True):
         ends = along(np.array([begin[1], fix[1]]))
         axes.plot(ends, [begin[0], fix[0]], color=style.GUIDE, lw=0.8, zorder=2)
@@ -98,10 +99,8 @@ def _draw_map(
 
 def _ellipse(one: Surfacing) -> Array:
     """Latitude, longitude [degree] of the 90 % ellipse about the forecast, (2, n)."""
-    values, vectors = np.linalg.eigh(one.covariance)
-    lengths = np.sqrt(NINETY * np.maximum(values, 0.0))
-    metres = vectors @ (lengths[:, None] * np.stack([np.cos(ROUND), np.sin(ROUND)]))
-    return np.stack(position(metres[0], metres[1], *one.places["forecast"]))
+    north, east = outline(NINETY * one.covariance, ELLIPSE_POINTS).T
+    return np.stack(position(north, east, *one.places["forecast"]))
 
 
 def current_figure(one: DeploymentHindcast) -> Figure:

@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from twin.errors import InputError, StoreError
+from twin.hindcast.field import with_field
 from twin.hindcast.legs import LoggedLeg, flown_velocities, legs_of
 from twin.hindcast.scores import Scores, scores_of
 from twin.hindcast.walk import Surfacing, walk
 from twin.navigation.current import Tuned, tune
 from twin.records.logs import LogStore
+from twin.water.current.base import Current
 
 TRAIN_FRACTION = 0.4
 """[1] of the legs of a deployment that parameters are learned from"""
@@ -53,6 +55,7 @@ def hindcast(
     *,
     train_fraction: float = TRAIN_FRACTION,
     vehicle: str | None = None,
+    current: Current | None = None,
     advance: Callable[[], object] = lambda: None,
 ) -> Hindcast:
     """Walk through every deployment of some stores of logs.
@@ -63,9 +66,11 @@ def hindcast(
         from; the rest is scored. 0: nothing is learned, the prior's parameters are taken.
       vehicle: flight model for the way through the water, a file or a shipped name; by default that
         of depth rate and pitch, and where these are not logged the vehicle's reported current.
+      current: forecast field that is known ahead; what of it counts is learned, too.
       advance: called once for each deployment that is done.
 
     Raises:
+      CurrentError: the field does not cover a deployment.
       StoreError: no store of logs, or none of its dives has two fixes and a way through the water.
       InputError: a fraction that is not from 0 to below 1, no store, or the same dives twice.
       VehicleError: no such vehicle.
@@ -83,7 +88,7 @@ def hindcast(
             raise InputError(f"{path} is named twice: its dives would count double, name it once")
     found: list[DeploymentHindcast] = []
     for path in paths:
-        for one in _store(path, train_fraction, vehicle, advance):
+        for one in _store(path, train_fraction, vehicle, current, advance):
             _check_new(one, found)
             found.append(one)
     return Hindcast(
@@ -109,13 +114,19 @@ def _moment(one: LoggedLeg) -> tuple[float, float, float]:
 
 
 def _store(
-    path: Path, train_fraction: float, vehicle: str | None, advance: Callable[[], object]
+    path: Path,
+    train_fraction: float,
+    vehicle: str | None,
+    current: Current | None,
+    advance: Callable[[], object],
 ) -> list[DeploymentHindcast]:
     with LogStore(path) as logs:
         flown = None if vehicle is None else flown_velocities(path, vehicle)
         found = []
         for name in dict.fromkeys(logs.deployments):
             legs = legs_of(logs, name, flown)
+            if current is not None:
+                legs = with_field(logs, legs, current)
             if legs:
                 dives = len(logs.missions_of(name))
                 found.append(_deployment(name, path, dives, legs, train_fraction))
@@ -134,6 +145,10 @@ def _deployment(
     latitude = float(np.median([one.begin[0] for one in legs]))
     train = int(train_fraction * len(legs))
     tuned = tune([one.leg for one in legs[:train]], latitude=latitude)
+    if not train and legs[0].leg.field is not None:  # taken as it is: nothing is learned
+        tuned = dataclasses.replace(
+            tuned, parameters=dataclasses.replace(tuned.parameters, field=1.0)
+        )
     surfacings = walk(legs, tuned.parameters, latitude=latitude, train=train)
     return DeploymentHindcast(
         name=name,

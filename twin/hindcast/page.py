@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from twin.hindcast.figures import TITLES, current_figure, error_figure, map_figure
 from twin.hindcast.hindcast import DeploymentHindcast, Hindcast
 from twin.hindcast.scores import METHODS, Scores
 from twin.hindcast.walk import NINETY
+from twin.navigation.ellipse import Ellipse
 from twin.plot.dates import moment_of
 from twin.plot.page import Page
 
@@ -117,9 +116,7 @@ def _deployment(page: Page, one: DeploymentHindcast) -> None:
                 "latitude": f"{s.places['fix'][0]:.4f}",
                 "longitude": f"{s.places['fix'][1]:.4f}",
                 **{f"{TITLES[n]}, m/h": s.error(n) if n in s.missed else None for n in METHODS},
-                "90 % ellipse, km": "{1:.2f} x {0:.2f}".format(
-                    *np.sqrt(NINETY * np.linalg.eigvalsh(s.covariance)) / 1e3
-                ),
+                "90 % ellipse, km": _kilometres(Ellipse.of(NINETY * s.covariance)),
                 "held": "yes" if s.distance <= NINETY else "no",
             }
             for s in one.surfacings[-MOST_ROWS:]
@@ -128,3 +125,7 @@ def _deployment(page: Page, one: DeploymentHindcast) -> None:
         f"The last scored surfacings, {MOST_ROWS} at most; semi-axes of the ellipses.",
         first=False,
     )
+
+
+def _kilometres(ellipse: Ellipse) -> str:
+    return f"{ellipse.semi_major_m / 1e3:.2f} x {ellipse.semi_minor_m / 1e3:.2f}"

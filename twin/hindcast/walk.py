@@ -3,7 +3,8 @@
 At the fix before a dive are known: all fixes so far, and with them all currents so far. From there
 on the way through the water is taken as `legs` has it, and the same for every method: what is
 forecast is the displacement by the current. Persistence adds the current of the dive before,
-`no_current` none. The filter goes on learning the course of the current at every fix; its
+`no_current` none. Where there is a forecast field, what it foretells of the dive is known, too. The
+filter goes on learning the course of the current at every fix; its
 parameters stay those of the training part.
 """
 
@@ -18,11 +19,12 @@ from numpy.typing import NDArray
 from twin.geodesy import position
 from twin.hindcast.legs import LoggedLeg
 from twin.navigation.current import CurrentFilter, CurrentParameters, begin_leg, pass_leg
+from twin.navigation.ellipse import chi_squared
 
 Array = NDArray[np.float64]
 
-HALF, NINETY = 1.386, 4.605
-"""Quantiles of chi-squared with two degrees of freedom"""
+HALF, NINETY = chi_squared(0.5), chi_squared(0.9)
+"""Squared distances within which the parts lie that the ellipses shall hold"""
 HOUR = 3600.0
 """[s]"""
 
@@ -84,7 +86,8 @@ def walk(
     for k, one in enumerate(legs):
         leg = one.leg
         begin_leg(filter_, leg)
-        ahead = filter_.forecast([leg.end], leg.velocity)
+        field = leg.foretold(parameters)
+        ahead = filter_.forecast([leg.end], leg.velocity, field=field)
         way, ground = np.array(leg.through_water), np.array(leg.over_ground)
         reached = {"forecast": way + ahead.displacement[0], "no_current": way}
         if before is not None:

@@ -10,9 +10,12 @@ measured rates cancel. In flow axes, with T = W + P x omega turned by R_BC^T:
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.compiled import jit
 from twin.vehicle.vehicle import CUBIC_CM, Vehicle
 
 Array = NDArray[np.float64]
@@ -46,34 +49,60 @@ def balance(
       Speed [m/s], angle of attack and sideslip [rad], and where there is such a motion (bool):
       elsewhere the weight does not pull along the hull, as at an inflection. Each (time,).
     """
-    weight = (
-        vehicle.gravity
-        * net
-        * np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)])
-    )
     law = vehicle.flow_frame
     inertia = vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]
-    alpha, beta = np.zeros_like(pitch), np.zeros_like(pitch)
-    speed = np.zeros_like(pitch)
-    gliding: Mask = np.ones(pitch.shape, bool)
-    for _ in range(ITERATIONS):
-        c_a, s_a, c_b, s_b = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
-        momentum = inertia @ (speed * np.stack([c_a * c_b, s_b, s_a * c_b]))
-        total = weight + np.cross(momentum, rates, axis=0)
-        # Rows of R_BC^T (Zhang et al. 2013).
-        along = c_a * c_b * total[0] + s_b * total[1] + s_a * c_b * total[2]
-        side = -c_a * s_b * total[0] + c_b * total[1] - s_a * s_b * total[2]
-        normal = -s_a * total[0] + c_a * total[2]
-        gliding = along > 0
-        square = np.where(gliding, along, np.nan) / (
-            vehicle.flow_frame.drag[0] + vehicle.flow_frame.drag[1] * alpha**2
-        )
-        limit = law.blend_angle
-        with np.errstate(invalid="ignore"):
-            slope = (normal / square - law.lift[0]) / law.lift[1]
-            alpha = np.clip(np.nan_to_num(slope), -limit, limit)
-            drift = -side / square / law.side_force[0]
-            beta = np.clip(np.nan_to_num(drift), -limit, limit)
-        speed = np.sqrt(np.nan_to_num(square))
-    gliding = gliding & (np.abs(alpha) < limit) & (np.abs(beta) < limit)
+    speed, alpha, beta = (np.zeros(len(pitch)) for _ in range(3))
+    gliding: Mask = np.zeros(len(pitch), bool)
+    coefficients = np.array([*law.drag[:2], *law.lift[:2], law.side_force[0], law.blend_angle])
+    _balance(
+        vehicle.gravity * np.asarray(net, float), np.asarray(roll, float), np.asarray(pitch, float),
+        np.asarray(rates, float), inertia, coefficients, speed, alpha, beta, gliding,
+    )  # fmt: skip
     return speed, alpha, beta, gliding
+
+
+@jit
+def _balance(  # type: ignore[no-untyped-def]
+    pull, roll, pitch, rates, inertia, coefficients, speed, alpha, beta, gliding
+):
+    """The fixed point of each sample, into the last four; `pull` [N] is gravity's on the net mass.
+
+    coefficients: K_D0, K_D, K_L0, K_alpha, K_beta and the largest angle [rad].
+    """
+    drag_0, drag = coefficients[0], coefficients[1]
+    lift_0, lift = coefficients[2], coefficients[3]
+    side_force, limit = coefficients[4], coefficients[5]
+    momentum, velocity = np.empty(3), np.empty(3)
+    for k in range(len(pitch)):
+        down_x = -math.sin(pitch[k])
+        down_y = math.cos(pitch[k]) * math.sin(roll[k])
+        down_z = math.cos(pitch[k]) * math.cos(roll[k])
+        p, q, r = rates[0, k], rates[1, k], rates[2, k]
+        v, a, b, pulled = 0.0, 0.0, 0.0, False
+        for _ in range(ITERATIONS):
+            c_a, s_a, c_b, s_b = math.cos(a), math.sin(a), math.cos(b), math.sin(b)
+            velocity[0], velocity[1], velocity[2] = v * c_a * c_b, v * s_b, v * s_a * c_b
+            for i in range(3):
+                momentum[i] = 0.0
+                for j in range(3):
+                    momentum[i] += inertia[i, j] * velocity[j]
+            x = pull[k] * down_x + momentum[1] * r - momentum[2] * q
+            y = pull[k] * down_y + momentum[2] * p - momentum[0] * r
+            z = pull[k] * down_z + momentum[0] * q - momentum[1] * p
+            # Rows of R_BC^T (Zhang et al. 2013).
+            along = c_a * c_b * x + s_b * y + s_a * c_b * z
+            side = -c_a * s_b * x + c_b * y - s_a * s_b * z
+            normal = -s_a * x + c_a * z
+            before = v, a, b
+            pulled = along > 0.0
+            if pulled:
+                square = along / (drag_0 + drag * a * a)
+                v = math.sqrt(square)
+                a = min(max((normal / square - lift_0) / lift, -limit), limit)
+                b = min(max(-side / square / side_force, -limit), limit)
+            else:
+                v, a, b = 0.0, 0.0, 0.0
+            if (v, a, b) == before:
+                break
+        speed[k], alpha[k], beta[k] = v, a, b
+        gliding[k] = pulled and abs(a) < limit and abs(b) < limit

@@ -30,6 +30,16 @@ def check_reachable(label: str, place: tuple[float, float], start: tuple[float, 
     )
 
 
+def check_near(label: str, north: float, east: float) -> None:
+    """Raise MissionError for a target too far from the origin; both in metres."""
+    metres = math.hypot(north, east)
+    if metres > FARTHEST:
+        raise MissionError(
+            f"{label} is {metres / 1e3:.0f} km from the origin; at most {FARTHEST / 1e3:.0f} km "
+            "are flown: north_m and east_m are metres"
+        )
+
+
 def _slips(latitude: float, longitude: float) -> Iterator[tuple[tuple[float, float], str]]:
     """Places that could be meant, and by which slip they were missed."""
     yield (latitude, -longitude), "the sign of the longitude; west is negative"

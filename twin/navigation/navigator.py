@@ -2,8 +2,10 @@
 
 A velocity estimator says how fast the vehicle moves through the water. Its heave is solved for from
 the depth rate where it has none; measured roll, pitch and heading turn it to north and east
-(`twin.navigation.dead_reckoning`). The current filter adds the current, keeps the covariance, and
-takes the GPS fixes (`twin.navigation.current`).
+(`twin.navigation.dead_reckoning`), the heading corrected for the deviation that the gyros have told
+of the compass (`twin.navigation.compass_deviation`). The current filter adds the current, keeps the
+covariance, and takes the GPS fixes and the velocity over ground of a Doppler log in bottom lock
+(`twin.navigation.current`).
 """
 
 from __future__ import annotations
@@ -17,8 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.navigation.compass_deviation import IRON, CompassDeviation
 from twin.navigation.current import CurrentFilter, CurrentParameters
 from twin.navigation.dead_reckoning import LEAST_COSINE
+from twin.navigation.dvl_cleaning import BOTTOM
 from twin.navigation.estimator import State, VelocityEstimator
 
 Array = NDArray[np.float64]
@@ -26,6 +30,9 @@ Array = NDArray[np.float64]
 ATTITUDE = ("measured_roll", "measured_pitch", "measured_heading")
 DEPTH = "measured_depth"
 FIX = ("measured_gps_north", "measured_gps_east")
+RATES = ("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate")
+LOG = ("measured_dvl_surge", "measured_dvl_sway", "measured_dvl_heave")
+LOCK = "measured_dvl_mode"
 UPDATE_S = 60.0
 """[s] between steps of the current filter under water: short against every current's time"""
 AFLOAT_S = 30.0
@@ -34,6 +41,11 @@ with wind and waves that nothing measures"""
 VELOCITY_DEVIATION = 0.02
 """[m/s] north and east each, of estimators that claim nothing: what the dead reckoning of a glider
 by attitude and depth errs by in a minute"""
+LOG_DEVIATION = 0.005
+"""[m/s] north and east each, of the mean of a Doppler log in bottom lock: its scale and its mount
+are off by a hundredth of a glider's speed"""
+LEAST_LOCK = 0.5
+"""of the samples between two steps of the filter, for it to be taken"""
 START_DEVIATION = 1.0
 """[m] north and east each, of a place that is told as the start"""
 
@@ -108,7 +120,10 @@ class Navigator:
             current = CurrentFilter(current, latitude=latitude)
         self.filter = current
         self.channels = tuple(dict.fromkeys((*estimator.channels, DEPTH, *ATTITUDE)))
-        """Schema variables that a sample must hold; those of `FIX` are taken where they are."""
+        """Schema variables that a sample must hold; those of `FIX`, `RATES`, `LOG` and `LOCK` are
+        taken where they are."""
+        self.deviation = CompassDeviation(self.period)
+        """Of the compass, by the gyros where a sample holds their rates."""
         self._start = start
         self._first = self.filter.state()
         self.reset()
@@ -116,6 +131,7 @@ class Navigator:
     def reset(self) -> None:
         """Begin before the first sample again."""
         self.estimator.reset()
+        self.deviation.reset()
         self.filter.restore(self._first)
         self.filter.locate(self._start or (0.0, 0.0), START_DEVIATION)
         self._count = 0
@@ -126,6 +142,9 @@ class Navigator:
         self._moved = np.zeros(2)  # through the water since the filter's last step
         self._waited = 0.0
         self._since_fix = math.inf if self._start is None else 0.0
+        self._bent = np.zeros((2, IRON))  # change of the velocity by the compass' deviation
+        self._astray = np.zeros((2, IRON))  # [m] the same of the way since the last fix
+        self._iron = np.zeros(IRON)
         self._hold()
 
     def _hold(self) -> None:
@@ -136,13 +155,15 @@ class Navigator:
         self._turn = np.array([[1.0 + scale, -offset], [offset, 1.0 + scale]])
         self._moved[:] = 0.0
         self._waited = 0.0
+        self._drifts: list[Array] = []  # over ground less through the water, in bottom lock
 
     def step(self, sample: Mapping[str, float]) -> NavigationState:
         """What is believed at a sample, from it and those before it.
 
         Args:
-          sample: a value for each of `channels`, in the schema's units, and a fix where there is
-            one: NaN or nothing says that there is none.
+          sample: a value for each of `channels`, in the schema's units; a fix, rates of the gyros
+            and a Doppler log's velocity where there are some: NaN or nothing says that there is
+            none.
 
         Raises:
           InputError: a channel is missing or not finite.
@@ -160,11 +181,23 @@ class Navigator:
                 # the two horizontal axes of the body, in no particular direction of the sea
                 level = 0.5 * (found.covariance[0, 0] + found.covariance[1, 1])
                 self._spread = max(level, 1e-8) * np.eye(2)
-        velocity, heave, rate = self._through_water(sample)
+        roll, pitch, heading = (math.radians(sample[name]) for name in ATTITUDE)
+        rates = np.array([sample.get(name, math.nan) for name in RATES[1:]])
+        sensitivity = self.deviation.step(roll, pitch, heading, rates)
+        self._straighten()
+        heading += float(sensitivity @ self._iron)
+        velocity, heave, rate = self._through_water(sample[DEPTH], roll, pitch, heading)
+        bent = np.outer((-velocity[1], velocity[0]), sensitivity)
         if self._count:
             self._moved += 0.5 * self.period * (velocity + self._velocity)
+            self._astray += 0.5 * self.period * (bent + self._bent)
             self._waited += self.period
             self._since_fix += self.period
+        self._bent = bent
+        if sample.get(LOCK, math.nan) == BOTTOM:
+            log = np.array([sample[name] for name in LOG])
+            if np.isfinite(log).all():
+                self._drifts.append(_level(log, roll, pitch, heading) - velocity)
         self._velocity = velocity
         self._count += 1
         fix = [sample.get(name, math.nan) for name in FIX]
@@ -188,33 +221,41 @@ class Navigator:
             depth_rate=rate,
         )
 
-    def _through_water(self, sample: Mapping[str, float]) -> tuple[Array, float, float]:
+    def _straighten(self) -> None:
+        """Move the position by what is newly known of the compass on the way since the last fix."""
+        iron = self.deviation.iron
+        if not np.array_equal(iron, self._iron):
+            moved = self._astray @ (iron - self._iron)
+            self.filter.displace(moved)
+            self._place = self._place + moved
+            self._iron = iron
+
+    def _through_water(
+        self, depth: float, roll: float, pitch: float, heading: float
+    ) -> tuple[Array, float, float]:
         """North and east through the water, (2,), heave and depth rate, all [m/s].
 
         As `dead_reckoning.horizontal_velocity`, of one sample.
         """
-        roll, pitch, heading = (math.radians(sample[name]) for name in ATTITUDE)
-        depth = sample[DEPTH]
         rate = (depth - self._depth) / self.period if self._count else 0.0
         self._depth = depth
-        s_roll, c_roll = math.sin(roll), math.cos(roll)
-        s_pitch, c_pitch = math.sin(pitch), math.cos(pitch)
         surge, sway, heave = self._body.tolist()
         if math.isnan(heave):
-            cosine = c_pitch * c_roll
-            rest = rate + surge * s_pitch - sway * c_pitch * s_roll
+            cosine = math.cos(pitch) * math.cos(roll)
+            rest = rate + surge * math.sin(pitch) - sway * math.cos(pitch) * math.sin(roll)
             heave = rest * cosine / max(cosine**2, LEAST_COSINE**2)
-        forward = surge * c_pitch + (sway * s_roll + heave * c_roll) * s_pitch
-        starboard = sway * c_roll - heave * s_roll
-        c_head, s_head = math.cos(heading), math.sin(heading)
-        north = forward * c_head - starboard * s_head
-        return np.array([north, forward * s_head + starboard * c_head]), heave, rate
+        return _level(np.array([surge, sway, heave]), roll, pitch, heading), heave, rate
 
     def _update(self, *, known: bool) -> None:
         """Bring the filter to this sample; `known`: the motion since its last step is."""
         if self._waited > 0.0:
             through = self._moved / self._waited if known else None
             self.filter.step(self._waited, through, self._spread)
+            locked = len(self._drifts) * self.period >= LEAST_LOCK * self._waited
+            if through is not None and locked:
+                # the median leaves outliers of the log out
+                ground = through + np.median(self._drifts, axis=0)
+                self.filter.ground_velocity(ground, LOG_DEVIATION**2 * np.eye(2))
         self._hold()
 
     def _take(self, fix: list[float]) -> None:
@@ -224,6 +265,7 @@ class Navigator:
         else:
             self.filter.fix(fix)
         self._since_fix = 0.0
+        self._astray[:] = 0.0
         self._hold()
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -231,6 +273,7 @@ class Navigator:
         return {
             **{f"estimator:{name}": value for name, value in self.estimator.state().items()},
             **{f"filter:{name}": value for name, value in self.filter.state().items()},
+            **{f"deviation:{name}": value for name, value in self.deviation.state().items()},
             "own": np.concatenate(
                 [
                     [self._count, self._depth, self._waited, self._since_fix],
@@ -238,11 +281,17 @@ class Navigator:
                 ]
             ),
             "spread": self._spread.copy(),
+            "compass": np.stack([*self._bent, *self._astray, self._iron]),
+            "drifts": np.array(self._drifts).reshape(-1, 2),
         }
 
     def restore(self, state: State) -> None:
         """Go on from where `state` was called, with a navigator that was made in the same way."""
-        for part, prefix in ((self.estimator, "estimator:"), (self.filter, "filter:")):
+        for part, prefix in (
+            (self.estimator, "estimator:"),
+            (self.filter, "filter:"),
+            (self.deviation, "deviation:"),
+        ):
             part.restore({k[len(prefix) :]: v for k, v in state.items() if k.startswith(prefix)})
         own = np.array(state["own"], np.float64)
         self._hold()
@@ -250,3 +299,17 @@ class Navigator:
         self._waited, self._since_fix = float(own[2]), float(own[3])
         self._body, self._velocity, self._moved = own[4:7], own[7:9], own[9:11]
         self._spread = np.array(state["spread"], np.float64)
+        compass = np.array(state["compass"], np.float64)
+        self._bent, self._astray, self._iron = compass[:2], compass[2:4], compass[4]
+        self._drifts = list(np.array(state["drifts"], np.float64))
+
+
+def _level(velocity: Array, roll: float, pitch: float, heading: float) -> Array:
+    """North and east, (2,), of a velocity in body axes, (3,); angles in radians."""
+    surge, sway, heave = velocity.tolist()
+    s_roll, c_roll = math.sin(roll), math.cos(roll)
+    forward = surge * math.cos(pitch) + (sway * s_roll + heave * c_roll) * math.sin(pitch)
+    starboard = sway * c_roll - heave * s_roll
+    c_head, s_head = math.cos(heading), math.sin(heading)
+    north = forward * c_head - starboard * s_head
+    return np.array([north, forward * s_head + starboard * c_head])

@@ -237,6 +237,38 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int
         head[name]["start"], head[name]["size"] = used, 0
 
 
+def refit(model: mujoco.MjModel, data: mujoco.MjData, vehicle: Vehicle, other: Vehicle) -> None:
+    """Make a model of `vehicle` that of an `other` one of its build, without compiling.
+
+    They may differ in the hull's law, added mass, volume and compressibility, in the place of the
+    fixed block's centre of gravity, and in the fields of their parts but for travels and places.
+    The tables of a run are taken out, and `data` of the model are overwritten.
+
+    Raises:
+      VehicleError: they differ in something else.
+    """
+    for what, differs in {
+        "XML text": vehicle.xml != other.xml,
+        "hull law": vehicle.law.values().size != other.law.values().size,
+        "mass": vehicle.static_mass != other.static_mass,
+        "inertia": not np.array_equal(vehicle.static_inertia, other.static_inertia),
+        "moving masses": vehicle.masses != other.masses,
+        "travels or places of parts": [(p.low, p.high, p.position) for p in vehicle.parts]
+        != [(p.low, p.high, p.position) for p in other.parts],
+    }.items():
+        if differs:
+            raise VehicleError(
+                f"{_label(other)}: its {what} is not that of {vehicle.name!r}, so that it needs a "
+                "model of its own (twin.physics.mujoco_model.compile_model)"
+            )
+    head = header(model)
+    words, ring, centred = (int(head[name]) for name in ("words", "log_ring", "centred"))
+    model.body_ipos[model.body("hull").id] = flip_vector(other.static_cg)
+    mujoco.mj_setConst(model, data)
+    fill_block(model, other, words, ring=ring)
+    header(model)["centred"] = float(centred)
+
+
 def _floor_body(model: mujoco.MjModel) -> int:
     """Place of the sea floor's plane among the mocap bodies; -1 where there is none."""
     found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, FLOOR_BODY)

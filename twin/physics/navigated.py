@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.mission.controller import MissionController, Observation
 from twin.mission.plan import Mission
-from twin.navigation.navigator import ATTITUDE, DEPTH, FIX, NavigationState, Navigator
+from twin.navigation.navigator import (
+    ATTITUDE,
+    DEPTH,
+    FIX,
+    LOCK,
+    LOG,
+    RATES,
+    NavigationState,
+    Navigator,
+)
 from twin.navigation.settings import Navigation
 from twin.physics.part_signals import declare_parts
 from twin.sensors.base import Surroundings
@@ -28,7 +37,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-RATES = ("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate")
 ALTITUDE = "measured_altitude"
 ALTITUDE_S = 20.0
 """[s] for which the last echo of the altimeter holds"""
@@ -80,6 +88,7 @@ class OnBoard:
             *RATES,
             *(f"measured_{name}" for name in self._scales),
             *([ALTITUDE] if floor.size else []),
+            *((*LOG, LOCK) if floor.size or settings.bottom_depth is not None else []),
         ]
         known = {*(entry.name for entry in suite.writes(names)), *names}
         missing = [n for n in self.navigator.channels if n not in known or n.startswith("true_")]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -34,7 +34,9 @@ from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
+    from twin.physics.ballast import Ballast
     from twin.physics.navigated import OnBoard
+    from twin.water.density import DensityProfile
 
 Array = NDArray[np.float64]
 
@@ -226,7 +228,14 @@ class Simulation:
         set_start(self.model, self.data, self.start(), self._current_at_start())
         if header(self.model)["centred"]:
             stagger(self.model, self.data)
-        apply_real_vehicle(self.model, self.scenario)
+        scenario = self.scenario
+        apply_real_vehicle(
+            self.model,
+            scenario.vehicle,
+            ballast=scenario.ballast,
+            density=scenario.density,
+            encoder_zeros=scenario.encoder_zeros,
+        )
         self._count = 0
         self.on_board = None
 
@@ -388,14 +397,25 @@ def set_start(model: mujoco.MjModel, data: mujoco.MjData, start: Start, current:
         data.qpos[place] = positions[index]
 
 
-def apply_real_vehicle(model: mujoco.MjModel, scenario: Scenario) -> None:
-    """Put the ballasting and the encoders' zero errors of a scenario into its model."""
+def apply_real_vehicle(
+    model: mujoco.MjModel,
+    vehicle: Vehicle,
+    *,
+    ballast: Ballast | None,
+    density: DensityProfile | None,
+    encoder_zeros: Mapping[str, float],
+) -> None:
+    """Put the ballasting and the encoders' zero errors of a vehicle into its model.
+
+    Args:
+      density: of the water that it was weighed for. encoder_zeros: by part, in the parts' units.
+    """
     head, rows = header(model), part_table(model)
-    if scenario.ballast is not None:
-        head["neutral_volume"] = scenario.ballast.neutral_volume(scenario.vehicle, scenario.density)
+    if ballast is not None:
+        head["neutral_volume"] = ballast.neutral_volume(vehicle, density)
     driven = dict(joint_places(model))
-    for name, zero in scenario.encoder_zeros.items():
-        index = scenario.vehicle.part_names.index(name)
+    for name, zero in encoder_zeros.items():
+        index = vehicle.part_names.index(name)
         if index in driven:
             # at the encoder's zero the joint then sits at the offset
             model.qpos0[driven[index]] -= zero

@@ -12,8 +12,9 @@ from twin.preload import preload_triton
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 """Environment variables that name a screen on Linux"""
 WAY_OUT = (
-    "draw a picture or a video with `twin render`, or give the command a virtual screen with "
-    "`xvfb-run -a` (Debian package xvfb)"
+    "`twin view --web` shows it in a browser, `twin render STORE --html dive.html` writes such a "
+    "page, `twin render` draws pictures and videos; `xvfb-run -a` (Debian package xvfb) gives the "
+    "command a virtual screen"
 )
 
 

@@ -136,7 +136,7 @@ def build(
         raise InputError(f"part {first:g} to {last:g} s holds fewer than 2 samples")
     points = np.stack([signal(trajectory, n) for n in ("north", "east", "depth")], axis=-1)
     true = Path(name="truth", time=trajectory.time[shown], points=points[shown], colour=None)
-    paths = [true, *(_beside(track, i, true) for i, track in enumerate(tracks))]
+    paths = [true, *(beside(track, i, true) for i, track in enumerate(tracks))]
 
     def lay_out(bottom: float | None) -> Layout:
         return plan(
@@ -203,15 +203,20 @@ def build(
         ground=[model.geom(name).id for name in ground],
         arrows=[_reshaped(model, name) for name in ladder],
         hull_length=vehicle.hull_length,
-        turned=_turned(model, vehicle),
+        turned=turned_bodies(model, vehicle),
     )
 
 
-def _turned(model: mujoco.MjModel, vehicle: Vehicle) -> dict[str, Turned]:
-    """The bodies of the file that show its parts' turning; a part without one is not seen."""
+def turned_bodies(
+    model: mujoco.MjModel, vehicle: Vehicle, prefix: str = VEHICLE
+) -> dict[str, Turned]:
+    """The bodies of the file that show its parts' turning; a part without one is not seen.
+
+    `prefix` is what stands before the file's names in the model.
+    """
     found: dict[str, Turned] = {}
     for part in vehicle.parts:
-        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"{VEHICLE}{part.name}")
+        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}{part.name}")
         if body < 0 or part.drawn_axis is None:
             continue
         axis = flip_vector(np.array(part.drawn_axis))
@@ -219,8 +224,12 @@ def _turned(model: mujoco.MjModel, vehicle: Vehicle) -> dict[str, Turned]:
     return found
 
 
-def _beside(track: NamedTrack, index: int, true: Path) -> Path:
-    """A dead-reckoned track within the part, at the true depth."""
+def beside(track: NamedTrack, index: int, true: Path) -> Path:
+    """A dead-reckoned track within the part, at the true depth, in the colour of its `index`.
+
+    Raises:
+      InputError: it has fewer than 2 samples there.
+    """
     inside = (track.time >= true.time[0]) & (track.time <= true.time[-1])
     if inside.sum() < 2:
         raise InputError(f"track {track.name!r} has fewer than 2 samples in the shown part")

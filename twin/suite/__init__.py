@@ -2,8 +2,8 @@
 
 `load("hold", task_kwargs={"random": 1})` returns a `dm_env` environment; `ALL_TASKS` names them:
 hold heading and pitch, reach a depth, follow waypoints in a current, save energy. The model and
-the native callbacks are those of the batch. `twin.suite.gym.make` gives the same tasks to
-Gymnasium, and `python -m twin.suite --task hold` shows one in the dm_control viewer.
+the native callbacks are those of the batch. `twin.gym` gives the same tasks to Gymnasium, and
+`python -m twin.suite --task hold` shows one in the dm_control viewer.
 """
 
 from twin.suite.backend import choose_backend

@@ -41,20 +41,20 @@ class Believed:
         *,
         period: float,
         samples: int,
-        random: np.random.RandomState,
     ):
         """For episodes of at most so many `samples`, one every `period` [s].
 
         Raises:
           InputError: the estimator does not suit the vehicle.
         """
-        self.vehicle, self._navigation, self._random = vehicle, navigation, random
+        self.vehicle, self._navigation = vehicle, navigation
         self._period, self._samples = period, samples
         navigation.open(vehicle, period)
-        self.restart()
+        self.restart(np.random.RandomState(0))
 
-    def restart(self) -> None:
-        """The next look is the first of an episode, whose sensors have errors of their own."""
+    def restart(self, random: np.random.RandomState) -> None:
+        """The next look is the first of an episode, whose sensors' errors come from `random`."""
+        self._random = random
         self._on_board: OnBoard | None = None
         self._time = -math.inf
 

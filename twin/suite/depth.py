@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,14 @@ from dm_control.utils import rewards
 
 from twin.physics.start import Start
 from twin.suite.environment import Environment, build
+from twin.suite.episode import Episode
 from twin.suite.physics import Physics
 from twin.suite.task import (
     Array,
     GliderTask,
     Reference,
     place_marker,
+    row,
     with_marker,
 )
 from twin.vehicle.vehicle import load_vehicle
@@ -59,32 +62,36 @@ def depth(
 class Depth(GliderTask):
     """Reward: mostly for being near, a quarter of it for being still there."""
 
-    target_depth = 0.0
+    goals = MappingProxyType({"target_depth": ()})
+    goal_scales = MappingProxyType({"to_target": 50.0})
+    target_depth: Any = 0.0
     """[m]"""
 
-    def initialize_episode(self, physics: Physics) -> None:
-        """Draw the depths of start and target; the glider rests, neutral and level."""
-        draw = self.random.uniform
-        self.target_depth = draw(*DEPTHS)
-        physics.set_start(Start(depth=draw(*DEPTHS), heading=draw(0.0, 2.0 * math.pi)))
-        place_marker(physics, 0.0, 0.0, self.target_depth)
-        super().initialize_episode(physics)
+    def draw_episode(self, random: np.random.RandomState) -> Episode:
+        """Depths of target and start; the glider rests, neutral and level."""
+        target_depth = random.uniform(*DEPTHS)
+        start = Start(depth=random.uniform(*DEPTHS), heading=random.uniform(0.0, 2.0 * math.pi))
+        return Episode(start=start, goal={"target_depth": target_depth})
 
-    def error(self, physics: Physics) -> float:
+    def mark(self, physics: Physics) -> None:
+        """A disc at the wanted depth."""
+        place_marker(physics, 0.0, 0.0, self.target_depth)
+
+    def error(self, physics: Physics) -> Any:
         """Wanted minus present depth [m], positive when it must dive."""
         return self.target_depth - physics.depth()
 
     def observe_goal(self, physics: Physics) -> dict[str, Array]:
         """`to_target`: wanted minus present depth [m]."""
-        return {"to_target": np.array([self.error(physics)])}
+        return {"to_target": row(self.error(physics))}
 
-    def get_reward(self, physics: Physics) -> float:
+    def get_reward(self, physics: Physics) -> Any:
         """1 at rest at the wanted depth."""
         near = rewards.tolerance(
             self.error(physics), bounds=(-BAND, BAND), margin=MARGIN, sigmoid="long_tail"
         )
         still = rewards.tolerance(physics.depth_rate(), bounds=(-STILL, STILL), margin=STILL_MARGIN)
-        return float(near * (3.0 + still) / 4.0)
+        return near * (3.0 + still) / 4.0
 
     def reference(self, physics: Physics) -> Reference:
         """Net buoyancy and pitch in proportion to the depth error LEAD seconds ahead."""

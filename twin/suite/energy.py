@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from dm_control.utils import rewards
 
 from twin.suite.environment import Environment, build
+from twin.suite.episode import Episode
 from twin.suite.physics import Physics
 from twin.suite.task import (
     Array,
     GliderTask,
+    Place,
     Reference,
     as_direction,
+    row,
     wrap_angle,
 )
 from twin.suite.waypoints import yo_sense
@@ -65,49 +69,59 @@ def energy(
 class Energy(GliderTask):
     """Reward: falls with the cost of transport along the course since the start."""
 
-    course = 0.0
+    goals = MappingProxyType({"course": (), "spent": (), "counted": ()})
+    goal_scales = MappingProxyType({"distance": 500.0, "spent": 5.0})
+    course: Any = 0.0
     """[rad]"""
-    spent = 0.0
+    spent: Any = 0.0
     """[J] since the start"""
+    counted: Any = 0.0
+    """[s] time up to which it is counted"""
 
     def __init__(self, *arguments: Any, consumption: Consumption, **settings: Any):
         super().__init__(*arguments, **settings)
         self.consumption = consumption
-        self._before = self.vehicle.rest
-        self._time = 0.0
+        self.before: Any = self.vehicle.rest
+        """Positions of the parts up to which energy is counted, (parts,) of each vehicle"""
 
-    def initialize_episode(self, physics: Physics) -> None:
-        """Draw a course and a dive to start from."""
-        draw = self.random.uniform
-        self.course = draw(0.0, 2.0 * math.pi)
-        heading = (self.course + draw(-LARGEST_TURN, LARGEST_TURN)) % (2.0 * math.pi)
-        self.start_gliding(
-            physics, depth=draw(*START_DEPTHS), heading=heading, pitch=-self.cruise_pitch
-        )
-        self.spent = 0.0
-        self._before = physics.activation()
-        self._time = physics.time()
-        super().initialize_episode(physics)
+    def serve(self, generators: Sequence[np.random.RandomState]) -> None:
+        """As every task."""
+        super().serve(generators)
+        self.before = np.tile(self.vehicle.rest, (len(generators), 1))
+
+    def draw_episode(self, random: np.random.RandomState) -> Episode:
+        """A course and a dive to start from."""
+        course = random.uniform(0.0, 2.0 * math.pi)
+        heading = (course + random.uniform(-LARGEST_TURN, LARGEST_TURN)) % (2.0 * math.pi)
+        depth = random.uniform(*START_DEPTHS)
+        start = self.gliding_start(depth=depth, heading=heading, pitch=-self.cruise_pitch)
+        return Episode(start=start, goal={"course": course, "spent": 0.0})
+
+    def begin(self, physics: Physics, at: Place, episode: Episode) -> None:
+        """Count from here on."""
+        super().begin(physics, at, episode)
+        self.put(at, before=physics.activation()[at], counted=np.asarray(physics.time())[at])
 
     def after_step(self, physics: Physics) -> None:
         """Count what the step took."""
         after, time = physics.activation(), physics.time()
-        self.spent += self.consumption.energy(
+        shares = self.consumption.shares(
             self.vehicle,
-            self._before,
+            self.before,
             after,
             depth=physics.depth(),
             pitch=physics.pitch(),
-            duration=time - self._time,
+            duration=time - self.counted,
         )
-        self._before, self._time = after, time
+        self.spent = self.spent + sum(shares.values())
+        self.before, self.counted = after, time
         super().after_step(physics)
 
-    def distance(self, physics: Physics) -> float:
+    def distance(self, physics: Physics) -> Any:
         """Way made along the course since the start [m]."""
-        return physics.north() * math.cos(self.course) + physics.east() * math.sin(self.course)
+        return physics.north() * np.cos(self.course) + physics.east() * np.sin(self.course)
 
-    def heading_error(self, physics: Physics) -> float:
+    def heading_error(self, physics: Physics) -> Any:
         """Course minus heading [rad], in [-pi, pi)."""
         return wrap_angle(self.course - physics.heading())
 
@@ -115,21 +129,17 @@ class Energy(GliderTask):
         """`to_course`: sine and cosine of the heading error; `distance` [m]; `spent` [kJ]."""
         return {
             "to_course": as_direction(self.heading_error(physics)),
-            "distance": np.array([self.distance(physics)]),
-            "spent": np.array([self.spent / KILO]),
+            "distance": row(self.distance(physics)),
+            "spent": row(self.spent / KILO),
         }
 
-    def get_reward(self, physics: Physics) -> float:
+    def get_reward(self, physics: Physics) -> Any:
         """1 at GOOD_COST or less."""
         vehicle = self.vehicle
         credit = GOOD_COST * vehicle.mass * vehicle.gravity * SETTLING
         cost = cost_of_transport(vehicle, self.spent + credit, self.distance(physics) + SETTLING)
-        if not math.isfinite(cost):
-            return 0.0
-        return float(
-            rewards.tolerance(
-                cost, bounds=(0.0, GOOD_COST), margin=COST_MARGIN, sigmoid="long_tail"
-            )
+        return rewards.tolerance(
+            cost, bounds=(0.0, GOOD_COST), margin=COST_MARGIN, sigmoid="long_tail"
         )
 
     def reference(self, physics: Physics) -> Reference:

@@ -13,8 +13,10 @@ from twin.errors import InputError
 from twin.navigation.estimator import VelocityEstimator
 from twin.navigation.settings import Navigation
 from twin.suite.believed import Believed
+from twin.suite.conditions import Randomiser, conditions_of
 from twin.suite.physics import Physics
 from twin.suite.task import GliderTask
+from twin.water.current.base import Current
 
 
 class Environment(control.Environment):
@@ -32,6 +34,8 @@ class Environment(control.Environment):
         *,
         raise_on_instability: bool = False,
         navigate: str | VelocityEstimator | Navigation | None = None,
+        current: Current | str | None = None,
+        randomise: Randomiser | str | Mapping[str, Any] | None = None,
         **settings: Any,
     ):
         """See `control.Environment` for the other settings.
@@ -40,12 +44,21 @@ class Environment(control.Environment):
           navigate: what observations show, as `Scenario.navigate`: the truth, or what is known on
             board. Rewards and the ends of episodes go by the truth. A Navigation's own seed is not
             used: every episode draws one from the task's `random`.
+          current: of the water, or its text as `twin simulate --current` takes it; it is added to
+            what the task draws.
+          randomise: what draws the errors of the vehicle and its water for every episode; see
+            `twin.suite.conditions`.
 
         Raises:
-          InputError: there is no such estimator, or the episodes have no time limit.
+          InputError: there is no such estimator, current or randomiser, or the episodes have no
+            time limit.
         """
         navigation = Navigation.of(navigate)
         super().__init__(physics, task, **settings)
+        task.duration = self._step_limit * self._n_sub_steps * physics.timestep()
+        task.conditions = conditions_of(
+            current, randomise, vehicle=task.vehicle, depth=task.max_depth, duration=task.duration
+        )
         task.believed = None
         if navigation is not None:
             if not np.isfinite(self._step_limit):
@@ -58,7 +71,6 @@ class Environment(control.Environment):
                 navigation,
                 period=self._n_sub_steps * physics.timestep(),
                 samples=int(self._step_limit) + 2,
-                random=task.random,
             )
         self._believed = task.believed
         self._raise_on_instability = raise_on_instability
@@ -67,7 +79,7 @@ class Environment(control.Environment):
     def reset(self) -> dm_env.TimeStep:
         """Start a new episode."""
         if self._believed is not None:
-            self._believed.restart()
+            self._believed.restart(self.task.random)
         return self._remember(super().reset())
 
     def step(self, action: Any) -> dm_env.TimeStep:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from dm_control.utils import rewards
 
 from twin.suite.environment import Environment, build
+from twin.suite.episode import Episode
 from twin.suite.physics import Physics
-from twin.suite.task import Array, GliderTask, Reference, as_direction, wrap_angle
+from twin.suite.task import Array, GliderTask, Reference, row, wrap_angle
 from twin.vehicle.vehicle import load_vehicle
 
 TIME_LIMIT = 600.0
@@ -53,41 +55,42 @@ def hold(
 class Hold(GliderTask):
     """Reward: product of how well pitch and heading are held and of flying fast enough to steer."""
 
-    target_pitch = 0.0
+    goals = MappingProxyType({"target_pitch": (), "target_heading": ()})
+    target_pitch: Any = 0.0
     """[rad]"""
-    target_heading = 0.0
+    target_heading: Any = 0.0
     """[rad]"""
 
-    def initialize_episode(self, physics: Physics) -> None:
-        """Draw a glide to start from and one to hold."""
-        draw = self.random.uniform
-        heading = draw(0.0, 2.0 * math.pi)
-        self.target_pitch = self._draw_pitch()
-        self.target_heading = (heading + draw(-LARGEST_TURN, LARGEST_TURN)) % (2.0 * math.pi)
-        self.start_gliding(
-            physics, depth=draw(*START_DEPTHS), heading=heading, pitch=self._draw_pitch()
-        )
-        super().initialize_episode(physics)
+    def draw_episode(self, random: np.random.RandomState) -> Episode:
+        """A glide to start from and one to hold."""
+        heading = random.uniform(0.0, 2.0 * math.pi)
+        goal = {
+            "target_pitch": self._draw_pitch(random),
+            "target_heading": (heading + random.uniform(-LARGEST_TURN, LARGEST_TURN)) % math.tau,
+        }
+        depth, pitch = random.uniform(*START_DEPTHS), self._draw_pitch(random)
+        start = self.gliding_start(depth=depth, heading=heading, pitch=pitch)
+        return Episode(start=start, goal=goal)
 
-    def _draw_pitch(self) -> float:
-        sense = 1.0 if self.random.uniform() < 0.5 else -1.0
+    def _draw_pitch(self, random: np.random.RandomState) -> float:
+        sense = 1.0 if random.uniform() < 0.5 else -1.0
         pitches = PROPELLED_PITCHES if self.propelled else PITCHES
-        return sense * float(self.random.uniform(*pitches))
+        return sense * float(random.uniform(*pitches))
 
-    def pitch_error(self, physics: Physics) -> float:
+    def pitch_error(self, physics: Physics) -> Any:
         """Wanted minus present pitch [rad]."""
         return self.target_pitch - physics.pitch()
 
-    def heading_error(self, physics: Physics) -> float:
+    def heading_error(self, physics: Physics) -> Any:
         """Wanted minus present heading [rad], in [-pi, pi)."""
         return wrap_angle(self.target_heading - physics.heading())
 
     def observe_goal(self, physics: Physics) -> dict[str, Array]:
         """`to_target`: pitch error [rad], sine and cosine of the heading error."""
-        heading = as_direction(self.heading_error(physics))
-        return {"to_target": np.array([self.pitch_error(physics), *heading])}
+        error = self.heading_error(physics)
+        return {"to_target": row(self.pitch_error(physics), np.sin(error), np.cos(error))}
 
-    def get_reward(self, physics: Physics) -> float:
+    def get_reward(self, physics: Physics) -> Any:
         """1 on pitch and heading at half the cruise speed or more."""
         enough = SPEED_SHARE * self.cruise.speed
         pitch = rewards.tolerance(
@@ -106,7 +109,7 @@ class Hold(GliderTask):
             sigmoid="linear",
             value_at_margin=0.0,
         )
-        return float(pitch * heading * flying)
+        return pitch * heading * flying
 
     def reference(self, physics: Physics) -> Reference:
         """The target, with the cruise's buoyancy."""

@@ -32,13 +32,13 @@ from twin.physics.mujoco_model import (
     write_tables,
 )
 from twin.physics.native.install import install
-from twin.physics.simulation import set_start, stagger
 from twin.physics.start import Start
 from twin.physics.tables import Tables
+from twin.suite.conditions import Conditions
+from twin.suite.placing import Nominal, place_vehicle, write_conditions
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 from twin.water.current.base import Current
 from twin.water.current.origin import Origin
-from twin.water.current.sampler import sample
 
 Array = NDArray[np.float64]
 
@@ -151,6 +151,7 @@ class Physics(dm_mujoco.Physics):
         install()
         super()._reload_from_data(data)
         raw = data.ptr
+        self._nominal: Nominal | None = None
         self._head, self._parts = head, part_table(model)
         self._names = part_names(model)
         self._rotation = raw.xmat[int(head["hull_body"])].reshape(3, 3)
@@ -206,14 +207,28 @@ class Physics(dm_mujoco.Physics):
                 "set_current(current, duration, origin=Origin(...)), which reads the water there"
             )
         model, data = self.model.ptr, self.data.ptr
-        program, current = table(model, "current"), np.zeros(3)
-        if program.size:
-            place = (start.north, start.east, start.depth)
-            current = np.array(sample(program, data.time, *place, 0.0, 0.0, 0.0)[:3])
-        data.userdata[:] = 0.0
-        set_start(model, data, start, current)
-        if self._head["centred"]:
-            stagger(model, data)
+        place_vehicle(model, data, start)
+
+    def place(
+        self,
+        at: tuple[int, ...],
+        start: Start,
+        *,
+        vehicle: Vehicle,
+        conditions: Conditions | None,
+        duration: float,
+    ) -> None:
+        """Begin an episode of a task, as `twin.suite.many.ManyPhysics.place`; `at` is ()."""
+        model, data = self.model.ptr, self.data.ptr
+        if conditions is not None and conditions.only_current:
+            self.set_current(conditions.current, duration, conditions.origin)
+        elif conditions is not None:
+            if self._nominal is None:
+                self._nominal = Nominal(model)
+            self._nominal.restore()
+            write_conditions(model, data, vehicle, conditions, duration)
+            mujoco.mj_resetData(model, data)
+        place_vehicle(model, data, start, vehicle, conditions)
 
     # --- water --------------------------------------------------------------------------------
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import collections
 import dataclasses
 import math
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -18,11 +19,15 @@ from twin.mission.way import Way
 from twin.mission.way import way as steady_way
 from twin.physics.start import Start
 from twin.suite.believed import Believed
+from twin.suite.conditions import Conditions, Randomiser
+from twin.suite.episode import Episode
 from twin.suite.physics import Physics
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Observation = collections.OrderedDict[str, Array]
+Place = tuple[int, ...]
+"""(index,) of one vehicle among many, or () of the only one."""
 
 CRUISE_PITCH = math.radians(35.0)
 """[rad] of the glide that rewards and starts take as normal"""
@@ -32,6 +37,16 @@ CRUISE_PUMP = 0.5
 """Part of the pump's travel in that glide"""
 MARKER = "target"
 """Name of the site that shows where to go"""
+VEHICLE_SCALES = {
+    "attitude": 1.0,  # rad
+    "rates": 0.1,  # rad/s
+    "velocity": 0.5,  # m/s
+    "depth": 100.0,  # m
+    "depth_rate": 0.2,  # m/s
+    "actuators": 1.0,
+    "net_buoyancy": 0.5,  # kg
+}
+"""Sizes that the observations of a vehicle usually have, in their units."""
 _HULL = "hull"
 _REWARDED = np.array([0.15, 0.85, 0.35])
 """Colour of the hull at reward 1, when rewards are shown"""
@@ -58,7 +73,16 @@ class GliderTask(base.Task):
     from -1 to 1 over its travel, or in its own unit with `normalised=False`. The parts follow with
     their lags and rates. An episode ends with discount 0 when the hull breaks the surface or goes
     below `max_depth`.
+
+    A task that draws its episodes in `draw_episode` and whose formulas take arrays serves one
+    vehicle or, after `serve`, many at once: `physics` then is a `twin.suite.many.ManyPhysics`, and
+    measurements, goals and rewards have the vehicle as their first axis.
     """
+
+    goals: ClassVar[Mapping[str, tuple[int, ...]]] = {}
+    """Attributes that an episode or its course sets for each vehicle, and their shapes."""
+    goal_scales: ClassVar[Mapping[str, float]] = {}
+    """Usual sizes of what `observe_goal` shows, in their units; others count as 1."""
 
     def __init__(
         self,
@@ -90,6 +114,13 @@ class GliderTask(base.Task):
             volume = pump.rest + CRUISE_PUMP * (pump.low - pump.rest)
             self.cruise_mass = vehicle.net_mass_for_pump(float(volume))
         self.cruise = self.way(-self.cruise_pitch)
+        self.conditions: Randomiser | None = None
+        """What draws the vehicle's errors and the water of an episode; None: as the files say."""
+        self.duration = math.inf
+        """[s] of an episode at most"""
+        self.count: int | None = None
+        """Vehicles that it serves at once; None is one, without an axis for it."""
+        self._generators: list[np.random.RandomState] = []
         self._colour: Array | None = None
         self.believed: Believed | None = None
         """What observations are made of in place of the truth, in a navigated environment."""
@@ -117,9 +148,13 @@ class GliderTask(base.Task):
           InputError: another shape, or a value that is not finite.
         """
         values: Array = np.asarray(action, float)
-        if values.shape != (len(self.vehicle.parts),) or not np.isfinite(values).all():
+        parts = len(self.vehicle.parts)
+        shape = (parts,) if self.count is None else (self.count, parts)
+        if values.shape != shape or not np.isfinite(values).all():
+            many = "" if self.count is None else f" for each of {self.count} vehicles"
+            found = values.tolist() if values.size <= parts else f"of shape {values.shape}"
             raise InputError(
-                f"action {values.tolist()} must be {len(self.vehicle.parts)} finite numbers: "
+                f"action {found} must be {parts} finite numbers{many}: "
                 f"{', '.join(self.vehicle.part_names)}"
             )
         if not self.normalised:
@@ -140,6 +175,76 @@ class GliderTask(base.Task):
 
     # --- episodes -----------------------------------------------------------------------------
 
+    def serve(self, generators: Sequence[np.random.RandomState]) -> None:
+        """Be the task of as many vehicles as there are `generators`, one of each.
+
+        Raises:
+          InputError: it draws its episodes for one vehicle only.
+        """
+        kind = type(self)
+        if kind.draw_episode is GliderTask.draw_episode or (
+            kind.initialize_episode is not GliderTask.initialize_episode
+        ):
+            raise InputError(
+                f"task {kind.__name__} serves one vehicle at a time: to serve many, draw its "
+                "episodes in draw_episode, and not in initialize_episode"
+            )
+        self._generators = list(generators)
+        self.count = len(self._generators)
+        for name, shape in self.goals.items():
+            setattr(self, name, np.zeros((self.count, *shape)))
+
+    def generator(self, at: Place) -> np.random.RandomState:
+        """The random numbers of one vehicle: `at` is (its index,), or () for the only one."""
+        return self._generators[at[0]] if at else self.random
+
+    def set_generator(self, random: np.random.RandomState, at: Place = ()) -> None:
+        """Draw from `random` from now on."""
+        if at:
+            self._generators[at[0]] = random
+        else:
+            self._random = random
+
+    def put(self, at: Place, **values: Any) -> None:
+        """Set attributes of `goals` for one vehicle."""
+        for name, value in values.items():
+            if at:
+                getattr(self, name)[at] = value
+            else:
+                setattr(self, name, value)
+
+    def draw_episode(self, random: np.random.RandomState) -> Episode:
+        """Where one vehicle begins and what it is to reach."""
+        raise NotImplementedError
+
+    def initialize_episode(self, physics: Physics) -> None:
+        """Draw an episode and begin it."""
+        episode = self.place(physics, ())
+        self.begin(physics, (), episode)
+        self.mark(physics)
+        super().initialize_episode(physics)
+
+    def place(self, physics: Physics, at: Place) -> Episode:
+        """Draw an episode of one vehicle and write its start; `begin` follows."""
+        random = self.generator(at)
+        episode = self.draw_episode(random)
+        conditions = None if self.conditions is None else self.conditions.draw(random)
+        if episode.current is not None:
+            conditions = (conditions or Conditions()).flowing(episode.current)
+        # without a limit only the tasks' own currents flow, which are steady
+        duration = self.duration if math.isfinite(self.duration) else 1.0
+        physics.place(
+            at, episode.start, vehicle=self.vehicle, conditions=conditions, duration=duration
+        )
+        return episode
+
+    def begin(self, physics: Physics, at: Place, episode: Episode) -> None:
+        """Take over an episode whose vehicle has been placed."""
+        self.put(at, **episode.goal)
+
+    def mark(self, physics: Physics) -> None:
+        """Move the marker of a task that has one; it is called for a single vehicle."""
+
     def after_step(self, physics: Physics) -> None:
         """Colour the hull by the reward when rewards are shown."""
         if not self.visualize_reward:
@@ -153,9 +258,11 @@ class GliderTask(base.Task):
 
     def get_termination(self, physics: Physics) -> float | None:
         """Discount 0 at the surface and below the depth limit, None otherwise."""
-        if physics.immersion() < 1.0 or physics.depth() > self.max_depth:
-            return 0.0
-        return None
+        return 0.0 if self.lost(physics) else None
+
+    def lost(self, physics: Physics) -> Any:
+        """Whether the hull is at the surface or below the depth limit, for each vehicle."""
+        return (physics.immersion() < 1.0) | (physics.depth() > self.max_depth)
 
     def way(self, pitch: float) -> Way:
         """The steady way at `pitch` [rad]: the cruise's glide, or under the propeller."""
@@ -164,17 +271,13 @@ class GliderTask(base.Task):
             self.vehicle, "task", "pitch", math.degrees(pitch), mass, None, within_travel=True
         )
 
-    def start_gliding(
-        self, physics: Physics, *, depth: float, heading: float, pitch: float
-    ) -> None:
-        """Start at the origin on the steady way at `pitch` [rad], depth [m], heading [rad]."""
+    def gliding_start(self, *, depth: float, heading: float, pitch: float) -> Start:
+        """At the origin on the steady way at `pitch` [rad], depth [m], heading [rad]."""
         way = self.way(pitch)
         alpha = way.angle_of_attack
         v_rel = (way.speed * math.cos(alpha), 0.0, way.speed * math.sin(alpha))
         actuators = tuple(way.command.tolist())
-        physics.set_start(
-            Start(depth=depth, heading=heading, pitch=pitch, v_rel=v_rel, actuators=actuators)
-        )
+        return Start(depth=depth, heading=heading, pitch=pitch, v_rel=v_rel, actuators=actuators)
 
     # --- observations -------------------------------------------------------------------------
 
@@ -186,13 +289,13 @@ class GliderTask(base.Task):
         net_buoyancy [kg].
         """
         return collections.OrderedDict(
-            attitude=np.array([physics.roll(), physics.pitch()]),
+            attitude=row(physics.roll(), physics.pitch()),
             rates=physics.rates(),
             velocity=physics.velocity_through_water(),
-            depth=np.array([physics.depth()]),
-            depth_rate=np.array([physics.depth_rate()]),
+            depth=row(physics.depth()),
+            depth_rate=row(physics.depth_rate()),
             actuators=physics.actuators(),
-            net_buoyancy=np.array([physics.net_buoyancy()]),
+            net_buoyancy=row(physics.net_buoyancy()),
         )
 
     def get_observation(self, physics: Physics) -> Observation:
@@ -206,12 +309,16 @@ class GliderTask(base.Task):
         observation.update(self.observe_goal(seen))
         return observation
 
+    def scale(self, name: str) -> float:
+        """The size that an observation usually has, in its unit; 1 where nothing is said."""
+        return self.goal_scales.get(name, VEHICLE_SCALES.get(name, 1.0))
+
     def observe_goal(self, physics: Physics) -> dict[str, Array]:
         """What the task asks for, by name, relative to the vehicle."""
         raise NotImplementedError
 
-    def get_reward(self, physics: Physics) -> float:
-        """Between 0 and 1."""
+    def get_reward(self, physics: Physics) -> Any:
+        """Between 0 and 1, for each vehicle."""
         raise NotImplementedError
 
     def reference(self, physics: Physics) -> Reference:
@@ -219,14 +326,19 @@ class GliderTask(base.Task):
         raise NotImplementedError
 
 
-def wrap_angle(angle: float) -> float:
+def row(*values: Any) -> Array:
+    """Numbers of one vehicle as shape (values,), or of many as (vehicles, values)."""
+    return np.stack([np.asarray(value, float) for value in values], axis=-1)
+
+
+def wrap_angle(angle: Any) -> Any:
     """The same direction in [-pi, pi) [rad]."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
-def as_direction(angle: float) -> Array:
-    """Sine and cosine of an angle [rad], which have no jump at a half turn, shape (2,)."""
-    return np.array([math.sin(angle), math.cos(angle)])
+def as_direction(angle: Any) -> Array:
+    """Sine and cosine of an angle [rad], which have no jump at a half turn, shape (..., 2)."""
+    return row(np.sin(angle), np.cos(angle))
 
 
 def with_marker(vehicle: Vehicle, **attributes: Any) -> Vehicle:

@@ -3,47 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
-import numpy as np
 import tyro
 
 from twin.cli.console import Console
 from twin.errors import InputError, unknown_name
 from twin.render.screen import NoScreen
 from twin.suite.environment import Environment
+from twin.suite.policies import POLICIES, Policy
 from twin.suite.registry import TASKS
-
-Policy = Callable[[Any], Any]
-
 
 KEYS = "Space starts and pauses, ] goes to the chase camera, = and - change the speed, F1 helps"
 """What a user must know of dm_control's viewer; its free camera stays at the surface."""
-
-
-def autopilot(environment: Environment, seed: int) -> Policy:
-    """The suite's own pilot."""
-    from twin.suite.autopilot import Autopilot
-
-    return Autopilot(environment)
-
-
-def random_policy(environment: Environment, seed: int) -> Policy:
-    """Uniform commands."""
-    spec = environment.action_spec()
-    generator = np.random.default_rng(seed)
-    return lambda time_step: generator.uniform(spec.minimum, spec.maximum)
-
-
-def still(environment: Environment, seed: int) -> Policy:
-    """Every actuator at its neutral position."""
-    action = environment.task.to_action(np.zeros(environment.action_spec().shape))
-    return lambda time_step: action
-
-
-POLICIES = {"autopilot": autopilot, "random": random_policy, "still": still}
 
 
 @dataclass(frozen=True, kw_only=True)

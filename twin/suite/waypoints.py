@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from dm_control.utils import rewards
 
 from twin.suite.environment import Environment, build
+from twin.suite.episode import Episode
 from twin.suite.physics import Physics
 from twin.suite.task import (
     Array,
     GliderTask,
     Reference,
     place_marker,
+    row,
     with_marker,
 )
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.profile import Profile
+
+Pair = tuple[float, float]
 
 TIME_LIMIT = 3600.0
 """[s]"""
@@ -57,9 +62,11 @@ def waypoints(
 class Waypoints(GliderTask):
     """Reward: speed over ground toward the waypoint, 1 at the cruise's horizontal speed."""
 
-    target = (0.0, 0.0)
+    goals = MappingProxyType({"target": (2,), "reached": ()})
+    goal_scales = MappingProxyType({"to_target": 200.0, "current": 0.2})
+    target: Any = (0.0, 0.0)
     """North and east of the waypoint [m]"""
-    reached = 0
+    reached: Any = 0
     """Waypoints reached in this episode"""
 
     def __init__(self, *arguments: Any, **settings: Any):
@@ -67,70 +74,70 @@ class Waypoints(GliderTask):
         cruise = self.cruise
         self.cruise_progress = math.sqrt(cruise.speed**2 - cruise.vertical_speed**2)
 
-    def initialize_episode(self, physics: Physics) -> None:
-        """Draw the current, the first waypoint and the heading of a dive to start from."""
+    def draw_episode(self, random: np.random.RandomState) -> Episode:
+        """The current, the heading of a dive to start from and the first waypoint."""
         strongest = STRONGEST_CURRENT * self.cruise_progress
-        speed = self.random.uniform(0.2 * strongest, strongest, size=2)
-        toward = self.random.uniform(0.0, 2.0 * math.pi) + np.array([0.0, 1.0]) * (
-            self.random.uniform(-0.5 * math.pi, 0.5 * math.pi)
+        speed = random.uniform(0.2 * strongest, strongest, size=2)
+        toward = random.uniform(0.0, 2.0 * math.pi) + np.array([0.0, 1.0]) * (
+            random.uniform(-0.5 * math.pi, 0.5 * math.pi)
         )
         current = Profile(
             depth=(0.0, self.max_depth),
             north=tuple(speed * np.cos(toward)),
             east=tuple(speed * np.sin(toward)),
         )
-        physics.set_current(current, duration=1.0)  # steady: any duration
-        self.start_gliding(
-            physics,
-            depth=START_DEPTH,
-            heading=self.random.uniform(0.0, 2.0 * math.pi),
-            pitch=-self.cruise_pitch,
-        )
-        self.reached = 0
-        self._draw_waypoint(physics)
-        super().initialize_episode(physics)
+        heading = random.uniform(0.0, 2.0 * math.pi)
+        start = self.gliding_start(depth=START_DEPTH, heading=heading, pitch=-self.cruise_pitch)
+        target = _draw_waypoint(random, start.north, start.east)
+        return Episode(start=start, goal={"target": target, "reached": 0}, current=current)
 
-    def _draw_waypoint(self, physics: Physics) -> None:
-        distance = self.random.uniform(*LEGS)
-        bearing = self.random.uniform(0.0, 2.0 * math.pi)
-        north = physics.north() + distance * math.cos(bearing)
-        east = physics.east() + distance * math.sin(bearing)
-        self.target = (north, east)
-        place_marker(physics, north, east, 0.5 * self.max_depth)
+    def mark(self, physics: Physics) -> None:
+        """A column at the waypoint."""
+        place_marker(physics, self.target[0], self.target[1], 0.5 * self.max_depth)
 
     def after_step(self, physics: Physics) -> None:
         """Put up the next waypoint when this one is reached."""
-        if math.hypot(*self.to_target(physics)) < RADIUS:
-            self.reached += 1
-            self._draw_waypoint(physics)
+        near = np.hypot(*self.to_target(physics)) < RADIUS
+        north, east, reached = (
+            np.asarray(v) for v in (physics.north(), physics.east(), self.reached)
+        )
+        for place in np.argwhere(near):  # few: a leg takes minutes
+            at = tuple(place)
+            target = _draw_waypoint(self.generator(at), float(north[at]), float(east[at]))
+            self.put(at, target=target, reached=reached[at] + 1)
+            if not at:
+                self.mark(physics)
         super().after_step(physics)
 
-    def to_target(self, physics: Physics) -> tuple[float, float]:
+    def to_target(self, physics: Physics) -> tuple[Any, Any]:
         """North and east from the glider to the waypoint [m]."""
-        return self.target[0] - physics.north(), self.target[1] - physics.east()
+        target = np.asarray(self.target)
+        return target[..., 0] - physics.north(), target[..., 1] - physics.east()
 
     def observe_goal(self, physics: Physics) -> dict[str, Array]:
         """`to_target` [m] and `current` [m/s], each ahead and to starboard of the heading."""
-        c, s = math.cos(physics.heading()), math.sin(physics.heading())
-        turn = np.array([[c, s], [-s, c]])
+        c, s = np.cos(physics.heading()), np.sin(physics.heading())
+
+        def ahead_and_starboard(north: Any, east: Any) -> Array:
+            return row(c * north + s * east, c * east - s * north)
+
+        current = physics.current()
         return {
-            "to_target": turn @ self.to_target(physics),
-            "current": turn @ physics.current()[:2],
+            "to_target": ahead_and_starboard(*self.to_target(physics)),
+            "current": ahead_and_starboard(current[..., 0], current[..., 1]),
         }
 
-    def get_reward(self, physics: Physics) -> float:
+    def get_reward(self, physics: Physics) -> Any:
         """Progress over ground in units of the cruise's, from 0 to 1."""
-        to_target = np.array(self.to_target(physics))
-        velocity = physics.velocity_over_ground()[:2]
-        progress = float(velocity @ to_target) / float(np.linalg.norm(to_target))
-        return float(
-            rewards.tolerance(
-                progress,
-                bounds=(self.cruise_progress, math.inf),
-                margin=self.cruise_progress,
-                sigmoid="linear",
-                value_at_margin=0.0,
-            )
+        north, east = self.to_target(physics)
+        velocity = physics.velocity_over_ground()
+        progress = (velocity[..., 0] * north + velocity[..., 1] * east) / np.hypot(north, east)
+        return rewards.tolerance(
+            progress,
+            bounds=(self.cruise_progress, math.inf),
+            margin=self.cruise_progress,
+            sigmoid="linear",
+            value_at_margin=0.0,
         )
 
     def reference(self, physics: Physics) -> Reference:
@@ -146,6 +153,12 @@ class Waypoints(GliderTask):
             heading=bearing - lead,
             net_mass=sense * self.cruise_mass,
         )
+
+
+def _draw_waypoint(random: np.random.RandomState, north: float, east: float) -> Pair:
+    """North and east [m] of the waypoint after a place."""
+    distance, bearing = random.uniform(*LEGS), random.uniform(0.0, 2.0 * math.pi)
+    return north + distance * math.cos(bearing), east + distance * math.sin(bearing)
 
 
 def yo_sense(physics: Physics, vehicle: Vehicle, shallow: float, deep: float) -> float:

@@ -19,6 +19,7 @@ import functools
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -157,8 +158,11 @@ def _of_file(xml: str, path: Path) -> Consumption:
         raise VehicleError(f"vehicle file {path}: {error}") from error
 
 
-def cost_of_transport(vehicle: Vehicle, energy: float, distance: float) -> float:
-    """Energy [J] over weight times distance [m], dimensionless; infinite without progress."""
-    if distance <= 0.0:
-        return math.inf
-    return energy / (vehicle.mass * vehicle.gravity * distance)
+def cost_of_transport(vehicle: Vehicle, energy: ArrayLike, distance: ArrayLike) -> Any:
+    """Energy [J] over weight times distance [m], dimensionless; infinite without progress.
+
+    Numbers, or arrays of one shape.
+    """
+    progress = np.maximum(distance, 0.0)
+    with np.errstate(divide="ignore"):
+        return np.divide(energy, vehicle.mass * vehicle.gravity * progress)

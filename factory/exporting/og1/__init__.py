@@ -19,8 +19,8 @@ def _write(
     advance: Advance,
     options: ExportOptions,
 ) -> list[Path]:
+    from factory.exporting.metadata import metadata_for
     from factory.exporting.og1.deployments import export_og1_logs
-    from factory.exporting.og1.metadata import metadata_for
     from factory.exporting.og1.missions import export_og1
     from factory.stores.generated import GeneratedStore
     from factory.stores.stored_flight import StoredFlight
@@ -44,6 +44,6 @@ OG1 = Exporter(
     name="og1",
     title="OceanGliders OG1.0 netCDF files, one a simulated mission or one a logged deployment",
     ending="-og1",
-    takes_options=True,
+    takes=("vehicle", "metadata"),
     write=_write,
 )

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.exporting.base import Advance, no_progress
+from factory.exporting.metadata import Metadata
 from factory.exporting.og1.flight_terms import JoinedDives, flight_terms
 from factory.exporting.og1.flown import Flown, flown
-from factory.exporting.og1.metadata import Metadata
 from factory.exporting.og1.places import corrected_places, gps_fixes, tracks
 from factory.exporting.og1.quality import ENDING, quality
 from factory.exporting.og1.seawater import conductivity, payload

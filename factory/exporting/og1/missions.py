@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.exporting.metadata import Metadata
 from factory.exporting.og1.flight_terms import reckoning
 from factory.exporting.og1.flown import Track, flown
-from factory.exporting.og1.metadata import Metadata
 from factory.exporting.og1.simulated import SimulatedMission, simulated_mission
 from factory.exporting.og1.terms import (
     ASCENT,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.og1.metadata import Metadata, with_metadata
+from factory.exporting.metadata import Metadata, with_metadata
 from factory.exporting.og1.simulated import SimulatedMission
 from factory.stores.generated import GeneratedStore
 from factory.stores.stored_flight import StoredFlight

@@ -23,59 +23,81 @@ from twin.records.timeseries import sample_coordinates
 def export_parquet(
     run: MissionStore, missions: Sequence[int], path: Path, advance: Advance = no_progress
 ) -> Path:
-    """Write the samples of `missions`: mission, split, time, when and where, then every signal.
-
-    Logs have also the deployment and the dive. One row group for each mission; units and meanings
-    are in the columns' metadata.
+    """Write the samples of `missions` as one table, with one row group for each mission.
 
     Raises:
       ModuleNotFoundError: pyarrow is not installed.
       OSError: the disk refuses.
       StoreError: no such mission, or its data cannot be read.
     """
-    pa, pq = import_module("pyarrow"), import_module("pyarrow.parquet")
+    pq = import_module("pyarrow.parquet")
+    flat = FlatTable(run)
     for mission in missions:
         run.check_mission(mission)
-    names = run.signals()
-    fields = [
-        pa.field("mission", pa.int32(), metadata={"units": "1"}),
-        pa.field("split", pa.string()),
-        pa.field("time", pa.float64(), metadata={"units": "s"}),
-        pa.field(DATETIME, pa.timestamp("ms", tz="UTC")),
-        *(
-            pa.field(name, pa.float64(), metadata={"units": ATTRIBUTES[name]["units"]})
-            for name in (LATITUDE, LONGITUDE)
-        ),
-    ]
-    if isinstance(run, LogStore):
-        fields += [
-            pa.field("deployment", pa.string()),
-            pa.field("dive", pa.int32(), metadata={"units": "1"}),
-        ]
-    for name in names:
-        attributes = run.dataset[name].attrs
-        metadata = {key: str(attributes[key]) for key in ("units", "long_name", "signal_group")}
-        fields.append(pa.field(name, pa.float32(), metadata=metadata))
-    schema = pa.schema(fields, metadata=_about(run))
-    with pq.ParquetWriter(path, schema, compression="zstd") as writer:
+    with pq.ParquetWriter(path, flat.schema, compression="zstd") as writer:
         for mission in missions:
-            samples = int(run.samples[mission])
-            where = sample_coordinates(run, mission)
-            columns = [
-                np.full(samples, mission, np.int32),
-                [run.splits[mission]] * samples,
-                np.arange(samples) * run.period,
-                where[DATETIME].astype("datetime64[ms]"),
-                where[LATITUDE],
-                where[LONGITUDE],
-            ]
-            if isinstance(run, LogStore):
-                columns += _logged(run, mission)
-            columns += [run.row(name, mission)[:samples] for name in names]
-            arrays = [pa.array(c, f.type) for c, f in zip(columns, fields, strict=True)]
-            writer.write_table(pa.table(arrays, schema=schema))
+            writer.write_table(flat.rows(mission))
             advance()
     return path
+
+
+class FlatTable:
+    """A store as rows of samples: mission, split, time, when and where, then every signal.
+
+    Logs have also the deployment and the dive. Units and meanings are in the columns' metadata.
+
+    Raises:
+      ModuleNotFoundError: pyarrow is not installed.
+    """
+
+    def __init__(self, run: MissionStore) -> None:
+        pa = import_module("pyarrow")
+        self._run, self._pa = run, pa
+        self._names = run.signals()
+        fields = [
+            pa.field("mission", pa.int32(), metadata={"units": "1"}),
+            pa.field("split", pa.string()),
+            pa.field("time", pa.float64(), metadata={"units": "s"}),
+            pa.field(DATETIME, pa.timestamp("ms", tz="UTC")),
+            *(
+                pa.field(name, pa.float64(), metadata={"units": ATTRIBUTES[name]["units"]})
+                for name in (LATITUDE, LONGITUDE)
+            ),
+        ]
+        if isinstance(run, LogStore):
+            fields += [
+                pa.field("deployment", pa.string()),
+                pa.field("dive", pa.int32(), metadata={"units": "1"}),
+            ]
+        for name in self._names:
+            attributes = run.dataset[name].attrs
+            metadata = {key: str(attributes[key]) for key in ("units", "long_name", "signal_group")}
+            fields.append(pa.field(name, pa.float32(), metadata=metadata))
+        self.schema = pa.schema(fields, metadata=_about(run))
+        """of pyarrow"""
+
+    def rows(self, mission: int) -> Any:
+        """The samples of a mission, a pyarrow.Table.
+
+        Raises:
+          StoreError: its data cannot be read.
+        """
+        run, pa = self._run, self._pa
+        samples = int(run.samples[mission])
+        where = sample_coordinates(run, mission)
+        columns = [
+            np.full(samples, mission, np.int32),
+            [run.splits[mission]] * samples,
+            np.arange(samples) * run.period,
+            where[DATETIME].astype("datetime64[ms]"),
+            where[LATITUDE],
+            where[LONGITUDE],
+        ]
+        if isinstance(run, LogStore):
+            columns += _logged(run, mission)
+        columns += [run.row(name, mission)[:samples] for name in self._names]
+        arrays = [pa.array(c, f.type) for c, f in zip(columns, self.schema, strict=True)]
+        return pa.table(arrays, schema=self.schema)
 
 
 def _about(run: MissionStore) -> dict[str, str]:

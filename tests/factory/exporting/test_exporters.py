@@ -35,8 +35,8 @@ def log_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_stores_are_written_and_progress_is_told(
     exporter: Exporter, name: str, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
-    if exporter.extra == "parquet":
-        pytest.importorskip("pyarrow")
+    for package in {"parquet": ["pyarrow"], "mcap": ["mcap", "rosbags"]}.get(exporter.extra, []):
+        pytest.importorskip(package)
     run = open_missions(request.getfixturevalue(name))
     done: list[int] = []
     target = exporter.default_path(tmp_path / "store.zarr")
@@ -44,17 +44,18 @@ def test_stores_are_written_and_progress_is_told(
     assert len(done) == 2
     assert written
     for path in written:
-        assert path.stat().st_size > 1000
-        assert target == (path if exporter.target == "file" else path.parent)
+        assert path.stat().st_size > 300
+        assert path == target if exporter.target == "file" else target in path.parents
     assert target.name.startswith("store")
     with pytest.raises(StoreError, match="not 77"):
         exporter.export(run, [77], target)
     with pytest.raises(WriteError, match="already exists; use --overwrite"):
         exporter.export(run, [0], target)
-    (again,) = exporter.export(run, [0], target, overwrite=True)
-    assert again in (target, written[0])
+    again = exporter.export(run, [0], target, overwrite=True)
+    assert set(again) <= {target, *written}
     if exporter.target == "folder":
-        assert {path.name for path in target.iterdir()} == {again.name, "checksums.json"}
+        there = {path for path in target.rglob("*") if path.is_file()}
+        assert there == {*again, target / "checksums.json"}
         (target / "notes.txt").write_text("precious")
         with pytest.raises(WriteError, match="glider-twin did not write it"):
             exporter.export(run, [0], target, overwrite=True)

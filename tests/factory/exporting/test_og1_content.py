@@ -13,9 +13,9 @@ from simulated_logs import simulated_flight
 
 from factory.__main__ import PROGRAM
 from factory.exporting import EXPORTERS, ExportOptions
+from factory.exporting.metadata import read_metadata
 from factory.exporting.og1.deployments import export_og1_logs
 from factory.exporting.og1.flown import ON_BOARD, STRAIGHT, flown
-from factory.exporting.og1.metadata import read_metadata
 from factory.importing import import_logs
 from factory.stores.stored_flight import open_exportable
 from twin.errors import InputError, VehicleError

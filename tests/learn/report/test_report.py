@@ -258,7 +258,9 @@ def test_tables_leave_out_what_a_method_does_not_define(judged):
     assert "on-board track" not in titles
     assert track_rows(judged.figures, "ground")[0]["method"] == "networks"
     assert {r["method"] for r in dive_rows(judged.figures)} >= {"networks", "on-board track"}
-    assert summary_rows(judged.figures)[1]["surge MSE"] is None  # the floor has no error to show
+    assert (
+        summary_rows(judged.figures)[1]["surge MSE [(m/s)²]"] is None
+    )  # the floor has no error to show
 
 
 def test_verdicts_name_who_is_beaten_and_who_is_not(judged):

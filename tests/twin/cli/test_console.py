@@ -6,6 +6,7 @@ import io
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Callable
@@ -23,7 +24,7 @@ from twin.cli.console import Console, JsonOption, to_json
 from twin.cli.options import option_names, parse_options
 from twin.cli.program import Command, Program
 from twin.cli.progress import Progress, format_duration
-from twin.cli.text_table import format_number, format_pairs, format_table
+from twin.cli.text_table import WIDEST, format_number, format_pairs, format_table
 from twin.errors import InputError, NoSteadyState
 
 HEAVY = ("numpy", "scipy", "mujoco", "torch", "matplotlib", "xarray", "zarr", "numba", "dm_control")
@@ -236,6 +237,37 @@ def test_help_is_no_wider_than_the_terminal(
     assert "(default: )" not in text
 
 
+@pytest.mark.parametrize(
+    ("program", "command"),
+    [(program, command) for program in (TWIN, FACTORY, LEARN) for command in program.commands],
+    ids=lambda thing: thing.name,
+)
+def test_help_of_every_command_has_an_example_that_its_parser_takes(
+    program: Program, command: Command, capsys: pytest.CaptureFixture[str]
+) -> None:
+    prog = f"{program.name} {command.name}"
+    assert parse_options(command.load(), prog=prog, words=["--help"]) is None
+    text = capsys.readouterr().out
+    examples = re.findall(rf"^    {prog}\b(.*)$", text, re.MULTILINE)
+    assert examples
+    for words in examples:
+        assert len(prog + words) <= WIDEST
+        assert parse_options(command.load(), prog=prog, words=shlex.split(words)) is not None
+    assert "default: False" not in text  # a switch that is not given is off
+    assert "default: None" not in text
+
+
+def test_help_of_an_option_is_wrapped_to_its_box_and_not_at_the_lines_of_the_source(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    twin_simulate = next(c for c in TWIN.commands if c.name == "simulate")
+    assert parse_options(twin_simulate.load(), prog="twin simulate", words=["--help"]) is None
+    lines = [line.strip("│ ") for line in capsys.readouterr().out.splitlines()]
+    begin = next(i for i, line in enumerate(lines) if line.startswith("--density"))
+    assert lines[begin + 1].startswith("hull is), constant, thermocline")
+
+
 def test_option_names_include_nested_ones() -> None:
     assert list(option_names(Glide)) == [
         "--json",
@@ -395,6 +427,46 @@ def test_table_aligns_numbers_right_and_text_left() -> None:
     assert format_pairs({"speed": (0.49021, "m/s"), "samples": 7}) == (
         "speed    0.4902 m/s\nsamples  7"
     )
+
+
+def test_a_wide_table_folds_its_titles_and_then_its_text_to_100_columns() -> None:
+    row = {f"figure number {i} [%]": 1.234 * i for i in range(8)}
+    table = format_table([{"method": "steady flight model"} | row])
+    assert max(map(len, table.splitlines())) <= WIDEST
+    assert re.fullmatch(r" +figure( +figure){7}", table.splitlines()[0])
+    assert table.splitlines()[-1].startswith("steady flight model ")  # its text had room
+    long = {
+        "name": "pitch_deg",
+        "why": "the range that gliders use at sea " * 5,
+        "what": "pitch " * 9,
+    }
+    lines = format_table([long, long]).splitlines()
+    assert 80 < max(map(len, lines)) <= WIDEST
+    assert [line.startswith("pitch_deg") for line in lines].count(True) == 2
+    assert " ".join("\n".join(lines).split()).count("gliders") == 10
+    pairs = format_pairs({"energy": "9.76 kJ, of it " + "pump 8.58 kJ, " * 12, "samples": 7})
+    assert max(map(len, pairs.splitlines())) <= WIDEST
+    assert pairs.splitlines()[1].startswith("         ")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["twin", "vehicles"],
+        ["twin", "trim"],
+        ["factory", "distributions", "--preset", "field"],
+        ["factory", "distributions", "--vehicle", "tethys"],
+    ],
+    ids=" ".join,
+)
+def test_tables_that_commands_print_fit_100_columns(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = {"twin": TWIN, "factory": FACTORY}[words[0]]
+    assert program.main(words[1:]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) > 5
+    assert [line for line in lines if len(line) > WIDEST] == []
 
 
 def test_progress_in_a_log_is_a_line_every_thirty_seconds() -> None:

@@ -97,7 +97,8 @@ def package(tmp_path, monkeypatch):
         "from stamped \\\n    import far\n"
         "if TYPE_CHECKING:\n    from stamped.typed import T\n",
         "near.py": "from .deep import x as y\n",
-        "deep.py": "x = 1\n",
+        "deep.py": "x = 1\n\ndef late():\n    from stamped.bare import nothing\n",
+        "bare/no_python.txt": "",
         "many/__init__.py": "",
         "many/first.py": "a = 1\n",
         "many/second.py": "a = 1\n",

@@ -145,6 +145,13 @@ def test_every_argument_is_used_or_listed(tmp_path):
         path.write_text(text, encoding="utf-8")
 
 
+@pytest.mark.parametrize("depth", ["0", "92"])
+def test_an_overdepth_that_would_abort_at_once_is_listed(tmp_path, depth):
+    reading = read_slocum(written(tmp_path, box=[("(m)         180", f"(m)  {depth}")]))
+    assert reading.mission.max_depth_m is None
+    assert any(f"overdepth {depth} m is left out" in note for note in reading.notes)
+
+
 def test_a_pitch_in_degrees_is_refused_with_its_line(tmp_path):
     path = written(tmp_path, yo10=[("d_pitch_value(X)  -0.4538", "d_pitch_value(X)  -26")])
     with pytest.raises(MissionError, match=r"yo10\.ma line 10: yo: .*radian: write -0\.4538"):

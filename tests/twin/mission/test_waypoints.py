@@ -178,6 +178,7 @@ def test_a_compass_that_reads_too_much_turns_the_way_to_port():
         ({"target": {"north_m": 1.0, "longitude": 2.0}}, "latitude and longitude, or"),
         ({"target": {"latitude": 89.0, "longitude": 0.0}}, "-88 to 88"),
         ({"target": (1.0, 2.0)}, "latitude = DEGREES"),
+        ({"target": {"north_m": 8e5, "east_m": 9e5}}, "1204 km from the origin; at most 1000 km"),
         ({"renewed": "sometimes"}, "at-surfacing"),
         ({"position": "gps"}, "dead-reckoned"),
         ({"current_north_m_s": 0.1}, "together"),

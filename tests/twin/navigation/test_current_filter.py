@@ -67,7 +67,7 @@ def test_the_inertial_part_turns_clockwise_in_the_north_and_not_in_the_south() -
 def test_smoothing_is_the_dense_gaussian_conditional() -> None:
     """All states at once by their joint covariance: another way to the same answer."""
     filter_ = CurrentFilter(SOME, latitude=LATITUDE, record=True)
-    nodes = filter_._nodes
+    nodes = filter_._record.nodes
     assert nodes is not None
     filter_.fix((0.0, 0.0))
     rng = np.random.default_rng(3)

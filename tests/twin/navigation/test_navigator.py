@@ -7,7 +7,12 @@ import pytest
 from navigation import PERIOD, steady_mission
 
 from twin.errors import InputError
-from twin.navigation.dead_reckoning import Attitude, horizontal_error, water_track
+from twin.navigation.dead_reckoning import (
+    Attitude,
+    horizontal_error,
+    rotate_to_ned,
+    water_track,
+)
 from twin.navigation.estimator import BodyVelocity, VelocityEstimator
 from twin.navigation.navigator import Navigator
 
@@ -108,6 +113,45 @@ def test_it_goes_on_from_a_saved_state_and_begins_again():
     other.restore(navigator.state())
     assert np.array_equal(walk(other, measured, first=500), whole[500:])
     assert other.estimator.count == 900
+
+
+def locked(signals, current, first, last, outliers=()):
+    """A Doppler log in bottom lock for some samples: the steady velocity and the current."""
+    roll, pitch, heading = (np.deg2rad(signals[f"true_{n}"]) for n in ("roll", "pitch", "heading"))
+    velocity = np.stack([signals[f"true_{n}"] for n in ("surge", "sway", "heave")], axis=1)
+    attitude = Attitude(roll=roll, pitch=pitch, heading=heading)
+    over = rotate_to_ned(velocity, attitude) + np.array([*current, 0.0])
+    axes = rotate_to_ned(np.broadcast_to(np.eye(3), (len(over), 3, 3)).transpose(1, 0, 2), attitude)
+    log = np.einsum("ikj,kj->ki", axes, over)
+    mode = np.zeros(len(log))
+    mode[first:last] = 1.0
+    log[mode == 0.0] = np.nan
+    log[list(outliers)] += 3.0
+    for name, values in zip(("surge", "sway", "heave"), log.T, strict=True):
+        signals[f"measured_dvl_{name}"] = values
+    signals["measured_dvl_mode"] = mode
+
+
+def test_bottom_lock_of_a_doppler_log_tells_the_current():
+    signals = steady_mission(3000, velocity=(0.4, 0.0, 0.02), turn_rate=0.002, current=(0.1, -0.2))
+    locked(signals, (0.1, -0.2), 600, 1800, outliers=(700, 950, 1300))
+    measured = {n: v for n, v in signals.items() if n.startswith("measured_") and "gps" not in n}
+    truth = np.stack([signals["true_north"], signals["true_east"]], axis=1)
+    navigator = Navigator(Given(0.4, 0.0), latitude=30.0)
+    found = walk(navigator, measured)
+    off = horizontal_error(found, truth)
+    assert off[599] == pytest.approx(np.hypot(0.1, 0.2) * 299.5, rel=0.02)
+    assert off[1799] - off[720] < 3.0  # 67 m without the log
+    assert off[2999] - off[1799] < 0.1 * np.hypot(0.1, 0.2) * 600.0  # the current holds
+    blind = {n: v for n, v in measured.items() if "dvl" not in n}
+    assert (
+        horizontal_error(walk(Navigator(Given(0.4, 0.0), latitude=30.0), blind), truth)[-1] > 300.0
+    )
+    half = Navigator(Given(0.4, 0.0), latitude=30.0)
+    walk(half, measured, last=1000)
+    other = Navigator(Given(0.4, 0.0), latitude=30.0)
+    other.restore(half.state())
+    assert np.array_equal(walk(other, measured, first=1000), found[1000:])
 
 
 def test_a_slow_estimator_holds_in_between():

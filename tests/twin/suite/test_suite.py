@@ -11,6 +11,7 @@ from dm_control.rl import control
 from twin import suite
 from twin.errors import InputError
 from twin.suite.autopilot import Autopilot
+from twin.suite.policies import POLICIES, Proportional
 from twin.suite.task import wrap_angle
 from twin.vehicle.vehicle import vehicle_names
 
@@ -199,6 +200,31 @@ def test_the_autopilot_does_far_better_than_chance(task):
     piloted = mean_reward(Autopilot)
     assert piloted > 0.5
     assert piloted > 2.0 * chance
+
+
+@every_task
+@pytest.mark.parametrize("policy", POLICIES)
+def test_every_policy_commands_within_the_bounds(task, policy):
+    environment = suite.load(task, task_kwargs={"random": 3})
+    pilot, spec = POLICIES[policy](environment, 0), environment.action_spec()
+    time_step, actions = environment.reset(), []
+    for _ in range(20):
+        actions.append(np.array(pilot(time_step)))
+        spec.validate(actions[-1])
+        time_step = environment.step(actions[-1])
+    assert (np.ptp(actions, axis=0) > 0.0).any() == (policy != "still")
+
+
+def test_proportional_gains_go_to_a_depth():
+    environment = suite.load("depth", task_kwargs={"random": 3})
+    pilot, time_step = Proportional(environment), environment.reset()
+    first, rewards = time_step.observation["to_target"][0], []
+    while not time_step.last():
+        time_step = environment.step(pilot(time_step))
+        rewards.append(time_step.reward)
+    assert abs(first) > 20.0
+    assert abs(time_step.observation["to_target"][0]) < 5.0
+    assert np.mean(rewards) > 0.5
 
 
 def test_unknown_names_are_refused_with_the_nearest():

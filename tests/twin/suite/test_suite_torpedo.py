@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
-
 import numpy as np
 import pytest
 from torpedo import TORPEDO
 
 from twin import suite
-from twin.suite import gym
 from twin.suite.autopilot import Autopilot
 
 PARTS = ("propeller", "rudder", "elevator")
@@ -50,9 +47,8 @@ def test_the_autopilot_reaches_depth_and_heading():
 
 
 def test_gymnasium_has_it_too():
-    if any(importlib.util.find_spec(name) is None for name in ("shimmy", "gymnasium")):
-        pytest.skip("the extra 'gym' is not installed")
-    env = gym.make("depth", {"vehicle": str(TORPEDO), "random": 0}, {"flat_observation": True})
+    gym = pytest.importorskip("twin.gym.environment")
+    env = gym.GliderEnv("depth", vehicle=str(TORPEDO))
     first, _ = env.reset(seed=1)
     assert env.action_space.shape == (3,)
     assert env.observation_space.contains(first)

@@ -16,7 +16,7 @@ from twin import geodesy
 from twin.errors import MissionError, unknown_name
 from twin.mission import fields as check
 from twin.mission import table as g
-from twin.mission.far_targets import check_reachable
+from twin.mission.far_targets import check_near, check_reachable
 from twin.mission.segments.base import command_of, limit
 from twin.mission.segments.profile import Profile
 from twin.mission.segments.surface import Surface
@@ -233,7 +233,10 @@ def _checked(label: str, target: object) -> dict[str, float]:
         highest = HIGHEST_LATITUDE
         check.within(label, "latitude", target["latitude"], "degree", -highest, highest)
         check.within(label, "longitude", target["longitude"], "degree", -360.0, 360.0)
-    return {key: check.number(label, key, value) for key, value in target.items()}
+    numbers = {key: check.number(label, key, value) for key, value in target.items()}
+    if "north_m" in numbers:
+        check_near(label, numbers["north_m"], numbers["east_m"])
+    return numbers
 
 
 def _in_metres(target: Mapping[str, Any], latitude: float, longitude: float) -> dict[str, float]:

@@ -268,7 +268,7 @@ def _rest(behaviors: list[Behavior], deepest: float, notes: list[str]) -> dict[s
             over = arguments.pop("overdepth", -1.0)
             if over >= deepest + OVERSHOOT_MARGIN_M:
                 fields["max_depth_m"] = over
-            elif over > 0.0:
+            elif over >= 0.0:
                 notes.append(
                     f"{behavior.label}: overdepth {over:g} m is left out: the yo's {deepest:g} m "
                     f"and an overshoot of {OVERSHOOT_MARGIN_M:g} m would abort"

@@ -171,13 +171,15 @@ def afloat(depth: Array, period: float) -> Mask:
 
 
 def smooth(values: Array, seconds: float, period: float) -> Array:
-    """Centred moving average over about `seconds`, shorter at the ends; (time,)."""
+    """Centred moving average over about `seconds`, shorter at the ends; (..., time)."""
     half = round(0.5 * seconds / period)
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    index = np.arange(len(values))
+    count = values.shape[-1]
+    total = np.zeros((*values.shape[:-1], count + 1))
+    np.cumsum(values, axis=-1, out=total[..., 1:])
+    index = np.arange(count)
     first = np.maximum(index - half, 0)
-    last = np.minimum(index + half + 1, len(values))
-    return (total[last] - total[first]) / (last - first)
+    last = np.minimum(index + half + 1, count)
+    return np.asarray((total[..., last] - total[..., first]) / (last - first))
 
 
 def hold(values: Array, valid: Mask, initial: float = 0.0) -> Array:

@@ -8,13 +8,24 @@ steep the depth rate fixes it, which a wrong drag coefficient or ballast cannot 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
 from twin.identify.balance import balance, net_mass
-from twin.navigation.baselines.base import Baseline, Estimate, afloat, bridge, no_glider, smooth
-from twin.navigation.dead_reckoning import Attitude, Signals, depth_rate, finite_channel
+from twin.navigation.baselines.base import (
+    Baseline,
+    Estimate,
+    Mask,
+    afloat,
+    bridge,
+    no_glider,
+    smooth,
+)
+from twin.navigation.baselines.steps import BaselineSteps
+from twin.navigation.dead_reckoning import Array, Attitude, Signals, depth_rate, finite_channel
+from twin.navigation.estimator import BodyVelocity, VelocityEstimator
 from twin.vehicle.vehicle import Vehicle
 
 WINDOW_S = 10.0
@@ -52,19 +63,64 @@ class SteadyFlight(Baseline):
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
         """See `twin.navigation.baselines.base.Baseline`."""
-        depth = finite_channel(signals, "measured_depth")
-        rate = smooth(depth_rate(depth, period), WINDOW_S, period)
-        attitude = Attitude.of(signals)
-        roll, pitch = (smooth(a, WINDOW_S, period) for a in (attitude.roll, attitude.pitch))
-        steady = smooth(np.abs(attitude.pitch - pitch), WINDOW_S, period) < STEADY_PITCH
-        rates = np.stack(
-            [
-                smooth(finite_channel(signals, f"measured_{name}_rate"), WINDOW_S, period)
-                for name in ("roll", "pitch", "yaw")
-            ]
+        seen = Seen.of(self.vehicle, signals, period)
+        velocity, gliding = seen.balanced(self.vehicle, slice(None))
+        surge, sway = (bridge(one, gliding, held=True) for one in velocity)
+        return Estimate(
+            surge=np.where(seen.still, 0.0, surge), sway=np.where(seen.still, 0.0, sway)
         )
-        net = net_mass(self.vehicle, finite_channel(signals, "measured_pump"), depth)
-        speed, alpha, beta, gliding = balance(self.vehicle, net, roll, pitch, rates)
+
+    def begin(self, period: float) -> VelocityEstimator:
+        """See `twin.navigation.baselines.base.Baseline`."""
+        return SteadyFlightSteps(self, period)
+
+
+@dataclasses.dataclass(frozen=True)
+class Seen:
+    """What was measured, averaged; angles and rates in radians."""
+
+    rate: Array
+    """[m/s] of depth, (time,)"""
+    roll: Array
+    pitch: Array
+    rates: Array
+    """[rad/s], (3, time)"""
+    net: Array
+    """[kg] net buoyancy mass, (time,)"""
+    steady: Mask
+    """Whether the pitch rests, under water"""
+    still: Mask
+    """Whether it lies at the surface"""
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, signals: Signals, period: float) -> Seen:
+        """Of one mission, or of its last minutes."""
+        depth = finite_channel(signals, "measured_depth")
+        attitude = Attitude.of(signals)
+        turning = [finite_channel(signals, f"measured_{n}_rate") for n in ("roll", "pitch", "yaw")]
+        rows = np.stack([depth_rate(depth, period), attitude.roll, attitude.pitch, *turning])
+        rate, roll, pitch, *rates = smooth(rows, WINDOW_S, period)
+        swing = smooth(np.abs(attitude.pitch - pitch), WINDOW_S, period)
+        still = afloat(depth, period)
+        return cls(
+            rate=rate,
+            roll=roll,
+            pitch=pitch,
+            rates=np.stack(rates),
+            net=net_mass(vehicle, finite_channel(signals, "measured_pump"), depth),
+            steady=(swing < STEADY_PITCH) & ~still,
+            still=still,
+        )
+
+    def balanced(self, vehicle: Vehicle, span: slice) -> tuple[Array, Mask]:
+        """Surge and sway [m/s] of some samples, (2, samples), and where forces are in balance.
+
+        At inflections nothing is.
+        """
+        rate, roll, pitch = self.rate[span], self.roll[span], self.pitch[span]
+        speed, alpha, beta, gliding = balance(
+            vehicle, self.net[span], roll, pitch, self.rates[:, span]
+        )
         direction = np.stack(
             [np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)]
         )
@@ -73,11 +129,29 @@ class SteadyFlight(Baseline):
             + direction[1] * np.cos(pitch) * np.sin(roll)
             + direction[2] * np.cos(pitch) * np.cos(roll)
         )
-        # At inflections nothing is in balance: there the velocities are bridged.
-        gliding = gliding & steady & (rate * down > 0) & (np.abs(down) > LEAST_SINE)
-        still = afloat(depth, period)
-        gliding = gliding & ~still
+        gliding = gliding & self.steady[span] & (rate * down > 0) & (np.abs(down) > LEAST_SINE)
         speed = (speed * FLAT_SINE**2 + rate * down) / (FLAT_SINE**2 + down**2)
-        speed = np.maximum(speed, 0.0)
-        surge, sway = (bridge(speed * direction[i], gliding, held=True) for i in (0, 1))
-        return Estimate(surge=np.where(still, 0.0, surge), sway=np.where(still, 0.0, sway))
+        return np.maximum(speed, 0.0) * direction[:2], gliding
+
+
+class SteadyFlightSteps(BaselineSteps):
+    """Steady flight under way: only samples from the last glide on are balanced."""
+
+    baseline: SteadyFlight
+
+    def step(self, sample: Mapping[str, float]) -> BodyVelocity:
+        """See `VelocityEstimator`; at rest at the first sample and before the first glide."""
+        self.recent.add(sample)
+        if self.recent.count < 2:
+            return BodyVelocity(surge=0.0, sway=0.0)
+        vehicle = self.baseline.vehicle
+        seen = Seen.of(vehicle, self.recent.signals(), self.period)
+        end, count = (0 if seen.still[-1] else self.recent.count), 1
+        while end > 0:
+            begin = max(end - count, 0)
+            velocity, gliding = seen.balanced(vehicle, slice(begin, end))
+            if gliding.any():
+                surge, sway = velocity[:, np.flatnonzero(gliding)[-1]]
+                return BodyVelocity(surge=float(surge), sway=float(sway))
+            end, count = begin, 2 * count
+        return BodyVelocity(surge=0.0, sway=0.0)

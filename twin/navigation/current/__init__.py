@@ -5,8 +5,9 @@ found = CurrentFilter(tuned.parameters, latitude=31.5)
 """
 
 from twin.navigation.current.constituents import CONSTITUENTS, chosen_constituents
-from twin.navigation.current.filter import CurrentFilter, Innovation
+from twin.navigation.current.filter import CurrentFilter
 from twin.navigation.current.forecast import CurrentForecast
+from twin.navigation.current.innovation import Innovation
 from twin.navigation.current.leg import Leg, begin_leg, pass_leg, replay
 from twin.navigation.current.parameters import CurrentParameters
 from twin.navigation.current.smoother import SmoothedTrack

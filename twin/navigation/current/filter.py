@@ -18,7 +18,6 @@ conformal inference, Gibbs and Candes 2021, NeurIPS 34).
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -28,43 +27,29 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
 from twin.navigation.current.forecast import CurrentForecast
+from twin.navigation.current.innovation import Innovation
+from twin.navigation.current.layout import CALIBRATION, DIVE, MODES, POSITION, even, pair, square
 from twin.navigation.current.modes import LONGEST, Modes, Passage, modes_of, passage, turns
 from twin.navigation.current.parameters import CurrentParameters
-from twin.navigation.current.smoother import Node, SmoothedTrack, smoothed
+from twin.navigation.current.record import Record
+from twin.navigation.current.smoother import SmoothedTrack, smoothed
+from twin.navigation.current.transition import transition
+from twin.navigation.ellipse import chi_squared
 
 Array = NDArray[np.float64]
 
-POSITION, CALIBRATION, DIVE = slice(0, 2), slice(2, 4), slice(4, 6)
-MODES = 6
-"""Index of the first mode's north."""
 FIX_DEVIATION = 5.0
 """[m] north and east each, of a GPS fix"""
 OUTLIER = 9.0
 """[1] squared distance, of two degrees of freedom (mean 2; 1.1 % are beyond), of a surprise"""
-HELD, QUANTILE = 0.90, 4.605
-"""Part of the fixes that an ellipse shall hold, and that quantile of chi-squared with 2 degrees"""
+HELD = 0.90
+"""Part of the fixes that an ellipse shall hold"""
 INFLATION, LEARNING = 1.5, 0.4
 """Of the variances of forecasts before any fix, and the gain by which its logarithm follows"""
 LEAST_LEG = 600.0
 """[s] between two fixes that count for these guards: shorter, the fixes' noise decides"""
-ELSEWHERE = 1.0
-"""[m/s] at which a position is lost while the motion is not known"""
 _CACHED = 256
 """Passages that are kept: equal steps repeat"""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Innovation:
-    """What a fix said that the filter had not known."""
-
-    residual: Array
-    """North, east [m], (2,): fix less prediction"""
-    covariance: Array
-    """[m2], (2, 2), of the prediction and the fix"""
-    distance: float
-    """[1] squared Mahalanobis distance"""
-    duration: float
-    """[s] since the fix before"""
 
 
 class CurrentFilter:
@@ -119,13 +104,18 @@ class CurrentFilter:
         self._since = 0.0
         self._velocity: Array | None = None
         self._passages: dict[float, Passage] = {}
-        self._nodes: list[Node] | None = [] if record else None
+        self._record = Record() if record else None
         self._note(np.eye(self.size))
 
     # -- prediction ---------------------------------------------------------------------------
 
     def step(
-        self, dt: float, velocity: ArrayLike | None, covariance: ArrayLike | None = None
+        self,
+        dt: float,
+        velocity: ArrayLike | None,
+        covariance: ArrayLike | None = None,
+        *,
+        field: ArrayLike | None = None,
     ) -> None:
         """Pass a time.
 
@@ -134,50 +124,43 @@ class CurrentFilter:
           velocity: north, east through the water [m/s], mean over dt; None: the motion is not
             known, as at the surface, so that only the next fix tells where the vehicle is.
           covariance: [m2/s2], (2, 2), of its error; None: none but the scale and the compass.
+          field: north, east [m/s] of a current that a forecast field foretells, mean over dt: the
+            filter's current is then what the field lacks.
 
         Raises:
           InputError: a time or a velocity that is not finite, or a negative time.
         """
         if not (math.isfinite(dt) and dt >= 0.0):
             raise InputError(f"a step of {dt:g} s; it must be zero or positive")
-        through = None if velocity is None else _pair(velocity, "velocity")
-        spread = np.zeros((2, 2)) if covariance is None else _matrix(covariance, "covariance")
+        through = None if velocity is None else pair(velocity, "velocity")
+        carried = np.zeros(2) if field is None else pair(field, "current")
+        spread = np.zeros((2, 2)) if covariance is None else square(covariance, "covariance")
         pieces = max(1, math.ceil(dt / LONGEST))
         for _ in range(pieces if dt > 0.0 else 0):
-            self._pass(dt / pieces, through, spread)
+            self._pass(dt / pieces, through, spread, carried)
 
-    def _pass(self, dt: float, through: Array | None, spread: Array) -> None:
-        size = self.size
-        gone = self._passage(dt)
-        carry = np.eye(size)
-        noise = np.zeros((size, size))
-        modes = np.arange(len(self.modes))
-        blocks = MODES + 2 * modes[:, None] + np.arange(2)
-        rows, columns = blocks[:, :, None], blocks[:, None, :]
-        carry[rows, columns] = turns(gone.kept)
-        noise[rows, columns] = gone.noise[:, None, None] * np.eye(2)
+    def _pass(self, dt: float, through: Array | None, spread: Array, field: Array) -> None:
+        carry, noise = transition(self._passage(dt), dt, through, spread, self.memory)
+        self._mean = carry @ self._mean
         if through is None:
-            noise[POSITION, POSITION] = (ELSEWHERE * dt) ** 2 * np.eye(2)
             self._lost = True
         else:
-            displaced = turns(gone.displaced)
-            carry[POSITION, MODES:] = displaced.transpose(1, 0, 2).reshape(2, -1)
-            carry[POSITION, DIVE] = dt * np.eye(2)
-            carry[POSITION, CALIBRATION] = dt * turns(np.array(complex(*through)))
-            shared = turns(gone.shared)
-            noise[MODES:, POSITION] = shared.reshape(-1, 2)
-            noise[POSITION, MODES:] = noise[MODES:, POSITION].T
-            # an error of first order adds up to 2 memory dt; that of a long step is its mean's
-            alike = max(2.0 * self.memory, dt)
-            noise[POSITION, POSITION] = gone.scattered.sum() * np.eye(2) + spread * dt * alike
-        self._mean = carry @ self._mean
-        if through is not None:
-            self._mean[POSITION] += dt * through
-        self._covariance = _even(carry @ self._covariance @ carry.T + noise)
+            self._mean[POSITION] += dt * (through + field)
+        self._covariance = even(carry @ self._covariance @ carry.T + noise)
         self.time += dt
         self._since += dt
         self._velocity = through
         self._note(carry)
+
+    def displace(self, metres: ArrayLike) -> None:
+        """Move the position by what is now known of the way before, north and east [m], (2,).
+
+        Raises:
+          InputError: a displacement that is not finite.
+        """
+        self._mean = self._mean.copy()
+        self._mean[POSITION] += pair(metres, "displacement")
+        self._note(np.eye(self.size))
 
     def _passage(self, dt: float) -> Passage:
         key = round(dt, 9)
@@ -203,7 +186,7 @@ class CurrentFilter:
         Raises:
           InputError: a position that is not finite, or a deviation that is not positive.
         """
-        place = _pair(position, "position")
+        place = pair(position, "position")
         if not (math.isfinite(sigma) and sigma > 0.0):
             raise InputError(f"a fix with a deviation of {sigma:g} m; it must be positive")
         found = None
@@ -220,7 +203,7 @@ class CurrentFilter:
         Args:
           position, sigma: as `fix`.
         """
-        self._locate(_pair(position, "position"), sigma)
+        self._locate(pair(position, "position"), sigma)
         self._begin_dive()
 
     def _update_by_fix(self, place: Array, sigma: float) -> Innovation:
@@ -228,7 +211,7 @@ class CurrentFilter:
         spread = self._covariance[POSITION, POSITION] + sigma**2 * np.eye(2)
         distance = float(residual @ np.linalg.solve(spread, residual))
         if self._since >= LEAST_LEG:
-            held = distance / self.inflation <= QUANTILE
+            held = distance / self.inflation <= chi_squared(HELD)
             self.inflation *= math.exp(LEARNING * (HELD - float(held)))
         found = Innovation(
             residual=residual, covariance=spread, distance=distance, duration=self._since
@@ -247,8 +230,9 @@ class CurrentFilter:
         into = np.zeros((self.size, 2))
         into[POSITION] = np.eye(2)
         into[first : first + 2] = np.eye(2) / self._since
-        self._covariance = _even(self._covariance + into @ surprise @ into.T)
-        self._note_prediction()
+        self._covariance = even(self._covariance + into @ surprise @ into.T)
+        if self._record is not None:
+            self._record.widen(self._covariance)
 
     def current_report(
         self, current: ArrayLike, covariance: ArrayLike, *, dive: bool = False
@@ -268,8 +252,8 @@ class CurrentFilter:
           InputError: values that are not finite.
         """
         observed = self._of_current(dive=dive)
-        value = _pair(current, "current")
-        self._update(observed, value - observed @ self._mean, _matrix(covariance, "covariance"))
+        value = pair(current, "current")
+        self._update(observed, value - observed @ self._mean, square(covariance, "covariance"))
 
     def ground_velocity(self, velocity: ArrayLike, covariance: ArrayLike) -> None:
         """Velocity over ground, by a Doppler log that has lock, at the end of the last step.
@@ -288,8 +272,8 @@ class CurrentFilter:
             )
         observed = self._of_current(dive=True)
         observed[:, CALIBRATION] = turns(np.array(complex(*self._velocity)))
-        value = _pair(velocity, "velocity") - self._velocity
-        self._update(observed, value - observed @ self._mean, _matrix(covariance, "covariance"))
+        value = pair(velocity, "velocity") - self._velocity
+        self._update(observed, value - observed @ self._mean, square(covariance, "covariance"))
 
     def _of_current(self, *, dive: bool) -> Array:
         observed = np.zeros((2, self.size))
@@ -304,8 +288,9 @@ class CurrentFilter:
         gain = np.linalg.solve(observed @ cross + spread, cross.T).T
         left = np.eye(self.size) - gain @ observed
         self._mean = self._mean + gain @ residual
-        self._covariance = _even(left @ self._covariance @ left.T + gain @ spread @ gain.T)
-        self._note_estimate()
+        self._covariance = even(left @ self._covariance @ left.T + gain @ spread @ gain.T)
+        if self._record is not None:
+            self._record.update(self._mean, self._covariance)
 
     def _locate(self, place: Array, sigma: float) -> None:
         """Set the position, which was not known."""
@@ -358,7 +343,13 @@ class CurrentFilter:
                 found += self._mean[MODES + 2 * k : MODES + 2 * k + 2]
         return found
 
-    def forecast(self, times: ArrayLike, velocity: ArrayLike | None = None) -> CurrentForecast:
+    def forecast(
+        self,
+        times: ArrayLike,
+        velocity: ArrayLike | None = None,
+        *,
+        field: ArrayLike | None = None,
+    ) -> CurrentForecast:
         """The current at later times and the displacement that it makes until then.
 
         Covariances are those of the filter times `inflation`, which follows how many fixes the
@@ -368,43 +359,38 @@ class CurrentFilter:
           times: [s] on the filter's clock, none before its time, (time,).
           velocity: north, east through the water [m/s] meanwhile, (2,): the displacement then holds
             what the errors of the speed and the compass make of it, too.
+          field: north, east [m/s] that a forecast field foretells, as `step` takes it; it is part
+            of the displacement, and not of the current.
 
         Raises:
           InputError: a time before the filter's.
         """
-        ahead = np.atleast_1d(np.asarray(times, float)) - self.time
+        moments = np.atleast_1d(np.asarray(times, float))
+        ahead = moments - self.time
         if not (np.isfinite(ahead).all() and (ahead >= -1e-6).all()):
             raise InputError(
                 f"a forecast for {ahead.min():g} s from the filter's time; it must be later"
             )
-        through = np.zeros(2) if velocity is None else _pair(velocity, "velocity")
-        order = np.argsort(ahead, kind="stable")
-        probe = self._probe()
-        answers: list[tuple[Array, Array, Array, Array]] = []
-        passed = 0.0
-        observed = probe._of_current(dive=False)
-        for index in order:
-            wait = max(float(ahead[index]) - passed, 0.0)
-            probe.step(wait, through)
-            passed += wait
-            place, spread = probe.position
-            answers.append(
-                (
-                    observed @ probe._mean,
-                    self.inflation * (observed @ probe._covariance @ observed.T),
-                    place - passed * through,
-                    self.inflation * spread,
-                )
-            )
-        back = np.argsort(order, kind="stable")
-        current, spread, moved, scattered = (np.array(x)[back] for x in zip(*answers, strict=True))
-        return CurrentForecast(
-            times=np.atleast_1d(np.asarray(times, float)),
-            current=current,
-            current_covariance=spread,
-            displacement=moved,
-            displacement_covariance=scattered,
+        through = np.zeros(2) if velocity is None else pair(velocity, "velocity")
+        count = len(moments)
+        found = CurrentForecast(
+            times=moments,
+            current=np.empty((count, 2)),
+            current_covariance=np.empty((count, 2, 2)),
+            displacement=np.empty((count, 2)),
+            displacement_covariance=np.empty((count, 2, 2)),
         )
+        probe, passed = self._probe(), 0.0
+        for index in np.argsort(ahead, kind="stable"):
+            wait = max(float(ahead[index]) - passed, 0.0)
+            probe.step(wait, through, field=field)
+            passed += wait
+            (current, spread), (place, scattered) = probe.current, probe.position
+            found.current[index] = current
+            found.current_covariance[index] = self.inflation * spread
+            found.displacement[index] = place - passed * through
+            found.displacement_covariance[index] = self.inflation * scattered
+        return found
 
     def _probe(self) -> CurrentFilter:
         """A copy that starts at the origin, known exactly."""
@@ -454,14 +440,14 @@ class CurrentFilter:
         self._lost, self._since = bool(state["lost"]), float(state["since_fix"])
         velocity = np.array(state["velocity"], float)
         self._velocity = velocity if np.isfinite(velocity).all() else None
-        if self._nodes is not None:
-            self._nodes.clear()
+        if self._record is not None:
+            self._record = Record()
             self._note(np.eye(self.size))
 
     @property
     def recorded(self) -> int:
         """Nodes that `smooth` will answer for so far; 0 without `record`."""
-        return 0 if self._nodes is None else len(self._nodes)
+        return 0 if self._record is None else len(self._record.nodes)
 
     def smooth(self) -> SmoothedTrack:
         """Position and current at every step, by all measurements before and after it.
@@ -469,53 +455,12 @@ class CurrentFilter:
         Raises:
           InputError: the filter was made without `record`.
         """
-        if self._nodes is None:
+        if self._record is None:
             raise InputError("smoothing needs the steps: make the CurrentFilter with record=True")
         return smoothed(
-            self._nodes, position=POSITION, current=self._of_current(dive=False), dive=DIVE
+            self._record.nodes, position=POSITION, current=self._of_current(dive=False), dive=DIVE
         )
 
     def _note(self, carry: Array) -> None:
-        if self._nodes is not None:
-            self._nodes.append(
-                Node(
-                    time=self.time,
-                    carry=carry,
-                    predicted=self._mean,
-                    predicted_covariance=self._covariance,
-                    estimate=self._mean,
-                    covariance=self._covariance,
-                )
-            )
-
-    def _note_prediction(self) -> None:
-        if self._nodes is not None:
-            self._nodes[-1] = dataclasses.replace(
-                self._nodes[-1],
-                predicted_covariance=self._covariance,
-                covariance=self._covariance,
-            )
-
-    def _note_estimate(self) -> None:
-        if self._nodes is not None:
-            self._nodes[-1] = dataclasses.replace(
-                self._nodes[-1], estimate=self._mean, covariance=self._covariance
-            )
-
-
-def _even(matrix: Array) -> Array:
-    return 0.5 * (matrix + matrix.T)
-
-
-def _pair(values: ArrayLike, what: str) -> Array:
-    found = np.asarray(values, float)
-    if found.shape != (2,) or not np.isfinite(found).all():
-        raise InputError(f"a {what} is north and east, two finite numbers, not {values!r}")
-    return found
-
-
-def _matrix(values: ArrayLike, what: str) -> Array:
-    found = np.asarray(values, float)
-    if found.shape != (2, 2) or not np.isfinite(found).all():
-        raise InputError(f"a {what} is a finite matrix of 2 by 2, not {values!r}")
-    return found
+        if self._record is not None:
+            self._record.step(self.time, carry, self._mean, self._covariance)

@@ -8,7 +8,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.navigation.current.filter import FIX_DEVIATION, CurrentFilter, Innovation
+from twin.navigation.current.filter import FIX_DEVIATION, CurrentFilter
+from twin.navigation.current.innovation import Innovation
+from twin.navigation.current.parameters import CurrentParameters
 
 Array = NDArray[np.float64]
 
@@ -25,6 +27,8 @@ class Leg:
     """North, east [m] from fix to fix"""
     through_water: tuple[float, float] | None
     """North, east [m]; None where it is not known"""
+    field: tuple[float, float] | None = None
+    """North, east [m/s], mean over the leg, that a forecast field foretells; None without"""
 
     @property
     def end(self) -> float:
@@ -43,6 +47,10 @@ class Leg:
             return np.full(2, np.nan)
         return (np.array(self.over_ground) - np.array(self.through_water)) / self.duration
 
+    def foretold(self, parameters: CurrentParameters) -> Array:
+        """North, east [m/s] of the field as far as it is believed, (2,); 0 without."""
+        return parameters.field * np.array((0.0, 0.0) if self.field is None else self.field)
+
 
 def begin_leg(filter_: CurrentFilter, leg: Leg, sigma: float = FIX_DEVIATION) -> None:
     """Bring a filter to the fix before a leg; positions count from there."""
@@ -53,7 +61,7 @@ def begin_leg(filter_: CurrentFilter, leg: Leg, sigma: float = FIX_DEVIATION) ->
 
 def pass_leg(filter_: CurrentFilter, leg: Leg, sigma: float = FIX_DEVIATION) -> Innovation | None:
     """Let a filter make a leg, which it has begun, and take the fix after it."""
-    filter_.step(leg.duration, leg.velocity)
+    filter_.step(leg.duration, leg.velocity, field=leg.foretold(filter_.parameters))
     return filter_.fix(leg.over_ground, sigma)
 
 

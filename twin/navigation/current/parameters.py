@@ -55,6 +55,9 @@ class CurrentParameters:
     """[degree] of the compass' offset"""
     constituents: tuple[str, ...] = ("M2", "K1")
     """of the tide"""
+    field: float = 0.0
+    """[1] part that counts of the current that a forecast field foretells, where there is one: all
+    other numbers are then of what the field lacks"""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -78,7 +81,7 @@ class CurrentParameters:
         """
         return cls(
             wander=wander, eddy=0.0, semidiurnal=0.0, diurnal=0.0, inertial=0.0,
-            dive=PERSISTENCE_DIVE, speed_scale=0.0, compass=0.0, constituents=(),
+            dive=PERSISTENCE_DIVE, speed_scale=0.0, compass=0.0, constituents=(), field=0.0,
         )  # fmt: skip
 
     @property
@@ -120,6 +123,10 @@ UNKNOWNS: tuple[Unknown, ...] = (  # few legs tell the first, several short reco
 1 m/s in a sound) and narrow in the rest: a training part holds a few dozen dives. The proportions
 are those of shelf currents, where tide and weather share the variance (Kundu 1976, J. Phys.
 Oceanogr. 6; Pollard and Millard 1970, Deep-Sea Res. 17, for 1 to 10 days of inertial decay)."""
+
+
+FIELD, FIELD_SPREAD, MOST_FIELD = 1.0, 0.5, 2.0
+"""[1] part that counts of a forecast field: likely, its deviation, and the most"""
 
 
 def parameters_of(logarithms: Array, constituents: Sequence[str]) -> CurrentParameters:

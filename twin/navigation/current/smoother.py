@@ -11,26 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.navigation.current.record import Node
+
 Array = NDArray[np.float64]
 
 _JITTER = 1e-12
 """[1] added to the diagonal of a correlation, so that parts that are known exactly can stay"""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Node:
-    """One step of a filter."""
-
-    time: float
-    """[s] at its end"""
-    carry: Array
-    """What it made of the state before, (state, state)"""
-    predicted: Array
-    """State before the measurements of this time, (state,)"""
-    predicted_covariance: Array
-    estimate: Array
-    """State after them"""
-    covariance: Array
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

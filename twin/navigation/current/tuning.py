@@ -2,8 +2,10 @@
 
 The likelihood of a filter's innovations (Schweppe 1965, IEEE Trans. Inf. Theory 11), with Student's
 t in place of the normal distribution, so that a front crossed once does not set the scale, times
-the prior of `parameters`. Persistence is a special case with one parameter; it is taken where it is
-the more likely of the two: the prior of the rest is what the larger model pays for its freedom.
+the prior of `parameters`. A forecast field counts as far as it makes the fixes more likely, and not
+at all where they are more likely without it. Persistence is a special case with one parameter; it
+is taken where it is the more likely of the two: the prior of the rest is what the larger model pays
+for its freedom.
 """
 
 from __future__ import annotations
@@ -18,9 +20,13 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.navigation.current.constituents import chosen_constituents
-from twin.navigation.current.filter import CurrentFilter, Innovation
+from twin.navigation.current.filter import CurrentFilter
+from twin.navigation.current.innovation import Innovation
 from twin.navigation.current.leg import Leg, replay
 from twin.navigation.current.parameters import (
+    FIELD,
+    FIELD_SPREAD,
+    MOST_FIELD,
     CurrentParameters,
     likely_logarithms,
     parameters_of,
@@ -87,14 +93,18 @@ def tune(
         constituents = constituents_of(longest)
     start = likely_logarithms()
 
-    def parameters_at(sought: Array) -> CurrentParameters:
+    def parameters_at(sought: Array, field: float) -> CurrentParameters:
         found = parameters_of(_filled(start, sought), constituents)
-        return dataclasses.replace(found, speed_scale=speed_scale, compass=compass)
+        return dataclasses.replace(found, speed_scale=speed_scale, compass=compass, field=field)
 
-    def cost(sought: Array) -> float:
-        return surprise(parameters_at(sought), records, latitude) + prior_cost(
-            _filled(start, sought)
-        )
+    def cost(sought: Array, field: float) -> float:
+        found = parameters_at(sought, field)
+        return surprise(found, records, latitude) + prior_cost(_filled(start, sought))
+
+    def cost_beside_field(sought: Array) -> float:
+        """The part that counts of the field, and the logarithms."""
+        away = (float(sought[0]) - FIELD) / FIELD_SPREAD
+        return cost(sought[1:], float(sought[0])) + 0.5 * away**2
 
     def persistence_cost(logarithm: Array) -> float:
         parameters = CurrentParameters.persistence(math.exp(float(logarithm[0])))
@@ -104,11 +114,19 @@ def tune(
     count = sum(len(record) for record in records)
     many = len(start) if len(longest) >= FEWEST else 2 if count >= FEWEST else 1
     options = {"maxiter": MOST_STEPS}
-    found = minimize(cost, start[:many], method="L-BFGS-B", options=options)
+    found = minimize(cost, start[:many], args=(0.0,), method="L-BFGS-B", options=options)
+    logarithms, field, chosen = found.x, 0.0, float(found.fun)
+    if any(leg.field is not None for record in records for leg in record):
+        limits = [(0.0, MOST_FIELD), *[(None, None)] * many]
+        beside = minimize(
+            cost_beside_field, np.concatenate([[FIELD], found.x]), method="L-BFGS-B",
+            bounds=limits, options=options,
+        )  # fmt: skip
+        if beside.fun < chosen:
+            logarithms, field, chosen = beside.x[1:], float(beside.x[0]), float(beside.fun)
     simple = minimize(persistence_cost, [math.log(WANDER)], method="L-BFGS-B", options=options)
-    parameters = parameters_at(found.x)
-    chosen = float(found.fun)
-    if may_persist and simple.fun < found.fun:
+    parameters = parameters_at(logarithms, field)
+    if may_persist and simple.fun < chosen:
         chosen = float(simple.fun)
         parameters = CurrentParameters.persistence(math.exp(float(simple.x[0])))
     return Tuned(

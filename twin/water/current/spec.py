@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 from twin.errors import CurrentError
 from twin.water.current import registry
@@ -41,6 +42,11 @@ def parse_current(text: str) -> Current:
         for part in (current.parts if isinstance(current, CurrentSum) else (current,))
     ]
     return CurrentSum(parts=tuple(parts))
+
+
+def parse_field(text: str) -> Current:
+    """The current of a forecast: as `parse_current`, and the path of a file alone is a grid."""
+    return parse_current(f"grid:{text}" if Path(text).exists() else text)
 
 
 def _parse_one(text: str) -> Current:

@@ -10,7 +10,7 @@ import json
 import re
 from typing import Any
 
-from factory.exporting.og1.metadata import INSTRUMENTS
+from factory.exporting.metadata import INSTRUMENTS
 from factory.exporting.og1.terms import NOT_LOGGED, ON_A_GRID
 from factory.importing.reading.netcdf import attributes_of, text_of
 

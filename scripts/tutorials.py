@@ -1,0 +1,191 @@
+"""Runs the tutorials and the examples, and keeps the pictures that they make.
+
+    python scripts/tutorials.py                          # all, and their pictures in docs/gallery
+    python scripts/tutorials.py --only fly own_current       # some of them
+    python scripts/tutorials.py --only fly --folder FOLDER   # into a folder; no picture is kept
+
+A tutorial runs block by block in one empty folder, as a reader would: `sh` in a shell, `python` in
+one session, and a block with `file=NAME` is written there. A block of `text` shows lines of what
+the block before it printed; numbers may differ. `sh gl` needs OpenGL, and what is marked
+`elsewhere` is for another machine and not run. Examples run in a folder of their own each.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib
+import io
+import os
+import re
+import runpy
+import shlex
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+TUTORIALS = ROOT / "docs" / "tutorials"
+EXAMPLES = ROOT / "examples"
+GALLERY = ROOT / "docs" / "gallery"
+BLOCK = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+PICTURE = re.compile(r"!\[[^\]]+\]\(\.\./gallery/tutorials/([\w.-]+)\)")
+NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
+SHELL = re.compile(r"[|&;<>*$`()~]|^\w+=")
+"""What only a shell understands"""
+WIDEST = 1000
+"""[px] of a kept picture"""
+
+
+class Lesson:
+    """One run of a page: its folder, the names of its Python session, and what was printed last."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self.session: dict[str, Any] = {"__name__": "tutorial"}
+        self.said = ""
+
+    def run(self, page: str) -> None:
+        """Every block of a page's text, in order.
+
+        Raises:
+          RuntimeError: a command failed, or did not print what the page shows.
+        """
+        for language, mark, text in BLOCK.findall(page):
+            mark = mark.strip()
+            if mark == "elsewhere" or (mark == "gl" and not has_opengl()):
+                continue
+            if mark.startswith("file="):
+                (self.folder / mark.removeprefix("file=")).write_text(text)
+            elif language == "text":
+                self.compare(text)
+            elif language in ("python", "sh") and mark in ("", "gl"):
+                self.said = self.python(text) if language == "python" else self.shell(text)
+                print(self.said, end="", flush=True)
+            else:
+                raise RuntimeError(f"no way to run a block marked {language} {mark}")
+
+    def python(self, text: str) -> str:
+        """Run a block in the session; what it printed."""
+        said = io.StringIO()
+        with contextlib.chdir(self.folder), contextlib.redirect_stdout(said):
+            if str(self.folder) not in sys.path:
+                sys.path.insert(0, str(self.folder))  # as the folder of a session is
+            exec(compile(text, "tutorial", "exec"), self.session)
+        return said.getvalue()
+
+    def shell(self, text: str) -> str:
+        """Run commands; ours in this process, so that each library is loaded once."""
+        lines = [line for line in text.replace("\\\n", " ").splitlines() if line.strip()]
+        words = [shlex.split(line, comments=True) for line in lines]
+        ours = all(one[0] in ("twin", "factory", "learn") for one in words)
+        if not ours or any(SHELL.search(word) for one in words for word in one):
+            return self.bash(text)
+        return "".join(self.command(*one) for one in words)
+
+    def command(self, program: str, *words: str) -> str:
+        """One of our commands; what it printed."""
+        said = io.StringIO()
+        with contextlib.chdir(self.folder), contextlib.redirect_stdout(said):
+            code = importlib.import_module(f"{program}.__main__").PROGRAM.main(words)
+        if code:
+            raise RuntimeError(
+                f"{program} {shlex.join(words)} ended with {code}\n{said.getvalue()}"
+            )
+        return said.getvalue()
+
+    def bash(self, text: str) -> str:
+        """Commands that need a shell; what they printed."""
+        found = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+        places = os.pathsep.join(p for p in (str(ROOT), os.environ.get("PYTHONPATH")) if p)
+        done = subprocess.run(
+            ["bash", "-euo", "pipefail", "-c", text],
+            cwd=self.folder,
+            env={**os.environ, "PATH": found, "PYTHONPATH": places},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        if done.returncode:
+            raise RuntimeError(f"{text}ended with {done.returncode}\n{done.stdout}")
+        return done.stdout
+
+    def compare(self, shown: str) -> None:
+        """What a page shows must have been printed, whatever the numbers."""
+        said = {without_numbers(line) for line in self.said.splitlines()}
+        for line in shown.splitlines():
+            if line.strip() and line.strip() != "..." and without_numbers(line) not in said:
+                raise RuntimeError(f"the page shows a line that was not printed: {line}")
+
+
+def without_numbers(line: str) -> str:
+    """The words of a line, a sign or a blank more or less."""
+    return " ".join(NUMBER.sub("#", line).split())
+
+
+def has_opengl() -> bool:
+    """Whether `twin render` can draw here."""
+    from twin.render.context import available_backend
+
+    return available_backend() is not None
+
+
+def names() -> dict[str, Path]:
+    """Every tutorial and example by its name, in the order of their files."""
+    pages = [page for page in sorted(TUTORIALS.glob("*.md")) if page.stem != "index"]
+    return {path.stem: path for path in (*pages, *sorted(EXAMPLES.glob("*.py")))}
+
+
+def pictures(path: Path) -> list[str]:
+    """Names of the pictures that a tutorial shows or an example makes."""
+    return PICTURE.findall(path.read_text()) if path.suffix == ".md" else [f"{path.stem}.png"]
+
+
+def run(path: Path, folder: Path) -> None:
+    """A tutorial or an example in an empty folder."""
+    if path.suffix == ".md":
+        Lesson(folder).run(path.read_text())
+        return
+    with contextlib.chdir(folder):
+        runpy.run_path(str(path), run_name="__main__")
+
+
+def keep(picture: Path, place: Path) -> None:
+    """A copy that is small enough for a repository: at most WIDEST wide, in 256 colours."""
+    from PIL import Image
+
+    with Image.open(picture) as full:
+        scale = min(1.0, WIDEST / full.width)
+        small = full.convert("RGB").resize(
+            (round(full.width * scale), round(full.height * scale)), Image.Resampling.LANCZOS
+        )
+        place.parent.mkdir(parents=True, exist_ok=True)
+        small.quantize(256, method=Image.Quantize.MAXCOVERAGE).save(place, optimize=True)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run what was asked for; the first failure ends it."""
+    parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
+    parser.add_argument("--only", nargs="+", choices=names(), default=[*names()], metavar="NAME")
+    parser.add_argument("--folder", type=Path)
+    asked = parser.parse_args(arguments)
+    sys.path.insert(0, str(ROOT))
+    for name in asked.only:
+        path, began = names()[name], time.perf_counter()
+        with contextlib.ExitStack() as stack:
+            folder = asked.folder
+            if folder is None:
+                folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            run(path, folder)
+            for picture in pictures(path) if asked.folder is None else ():
+                kind = "tutorials" if path.suffix == ".md" else "examples"
+                keep(folder / picture, GALLERY / kind / picture)
+        print(f"{name}: {time.perf_counter() - began:.1f} s", file=sys.stderr, flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

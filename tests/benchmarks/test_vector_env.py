@@ -1,0 +1,29 @@
+"""The benchmarks of many vehicles run and print what they measure."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+pytest.importorskip("gymnasium", reason="the extra 'gym' is not installed")
+
+from benchmarks import one_scene, vector_env
+
+
+def test_rates_stand_beside_their_limit(monkeypatch, capsys):
+    monkeypatch.setattr(vector_env, "ROUNDS", 1)
+    monkeypatch.setattr(vector_env, "SECONDS", 0.01)
+    monkeypatch.setattr(sys, "argv", ["vector_env", "--vehicles", "8"])
+    vector_env.main()
+    head, columns, *rows = capsys.readouterr().out.splitlines()
+    assert "8 vehicles" in head
+    assert columns.split() == ["task", "vector", "bare", "batch", "part", "single", "times"]
+    assert [row.split()[0] for row in rows] == list(vector_env.TASKS)
+    assert all(float(cell) > 0.0 for row in rows for cell in row.split()[1:])
+
+
+def test_a_scene_has_as_many_gliders_as_asked_for():
+    model = one_scene.scene(2)
+    assert model.nu == 2 * one_scene.scene(1).nu
+    assert one_scene.cost(model) > 0.0

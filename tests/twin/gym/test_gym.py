@@ -1,0 +1,201 @@
+"""The suite's tasks as Gymnasium environments of one vehicle."""
+
+# ruff: noqa: E402 - the packages are those of an extra
+# ruff: noqa: E402 - the packages are those of an extra
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium", reason="the extra 'gym' is not installed")
+
+import twin.gym
+from twin import suite
+from twin.errors import InputError
+from twin.gym.registration import TASKS, environment_id
+from twin.render.context import available_backend
+
+every_task = pytest.mark.parametrize("task", TASKS)
+
+
+def make(task, **settings):
+    return gymnasium.make(environment_id(task), **settings)
+
+
+def test_every_task_of_the_suite_is_registered():
+    assert suite.ALL_TASKS == TASKS
+
+
+def test_gymnasium_finds_the_tasks_by_the_package_in_the_name():
+    program = (
+        "import gymnasium, sys; env = gymnasium.make('twin.gym:glider_twin/Depth-v0'); "
+        "print(env.spec.id)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120
+    )
+    assert done.stdout.split() == ["glider_twin/Depth-v0"], done.stderr
+
+
+def test_registering_loads_neither_mujoco_nor_dm_control():
+    program = (
+        "import twin.gym, sys; "
+        "sys.exit(any(n in sys.modules for n in ('mujoco', 'dm_control', 'torch')))"
+    )
+    assert subprocess.run([sys.executable, "-c", program], timeout=120).returncode == 0
+
+
+@every_task
+def test_gymnasiums_own_checker_finds_nothing(task):
+    from gymnasium.utils.env_checker import check_env
+
+    env = make(task)
+    check_env(env.unwrapped, skip_render_check=True)  # a warning would be an error here
+    assert env.metadata["render_fps"] == pytest.approx(2.0)
+
+
+@every_task
+def test_the_checker_of_stable_baselines_finds_nothing(task):
+    check = pytest.importorskip("stable_baselines3.common.env_checker")
+    check.check_env(make(task), warn=True, skip_render_check=True)
+
+
+@every_task
+def test_flat_observations_are_the_named_ones_over_their_usual_sizes(task):
+    flat, named = make(task).unwrapped, make(task, observation="dict").unwrapped
+    vector, _ = flat.reset(seed=4)
+    found, _ = named.reset(seed=4)
+    action = np.array([0.3, -0.2, -0.5], np.float32)
+    for _ in range(30):
+        assert vector.dtype == np.float32
+        assert flat.observation_space.contains(vector)
+        assert named.observation_space.contains(found)
+        for name, where in flat.columns.items():
+            expected = np.clip(found[name] / flat.task.scale(name), -10.0, 10.0)
+            np.testing.assert_allclose(vector[where], expected, rtol=1e-6, atol=1e-7)
+        assert np.abs(vector).max() < 4.0
+        vector, found = flat.step(action)[0], named.step(action)[0]
+    np.testing.assert_array_equal(flat.scale[flat.columns["depth"]], 100.0)
+
+
+def test_episodes_are_the_suites():
+    env = make("hold", observation="dict").unwrapped
+    native = suite.load("hold")
+    observation, _ = env.reset(seed=3)
+    native.task.set_generator(twin.gym.episodes.episode_random(3, 0))
+    expected = native.reset()
+    action = np.array([0.2, -0.4, -0.6])
+    for _ in range(20):
+        for name, value in expected.observation.items():
+            np.testing.assert_array_equal(observation[name], value)
+        observation, reward, terminated, truncated, _ = env.step(action)
+        expected = native.step(action)
+        assert reward == expected.reward
+        assert (terminated, truncated) == (False, False)
+
+
+def test_an_episode_depends_on_the_seed_and_its_number_alone():
+    env, other = make("waypoints").unwrapped, make("waypoints").unwrapped
+    env.reset(seed=11), other.reset(seed=11)
+    for _ in range(5):
+        env.step(env.action_space.sample())
+    second, _ = env.reset()
+    np.testing.assert_array_equal(second, other.reset()[0])
+    again, _ = env.reset(seed=11)
+    np.testing.assert_array_equal(again, other.reset(seed=11)[0])
+    assert not np.array_equal(again, second)
+
+
+def test_both_ends_of_an_episode():
+    env = make("depth", time_limit=1.0)
+    env.reset(seed=0)
+    assert env.step(env.action_space.sample())[2:4] == (False, False)
+    assert env.step(env.action_space.sample())[2:4] == (False, True)  # time limit: truncated
+    with pytest.raises(InputError, match="call reset first"):
+        env.unwrapped.step(np.zeros(3))
+    env.reset()
+    env.unwrapped.dm_env.physics.data.qpos[2] = -1e4
+    assert env.step(np.zeros(3, np.float32))[2:4] == (True, False)  # too deep: terminated
+
+
+def test_white_noise_has_its_deviation_and_touches_nothing_else():
+    noisy = make("depth", observation="dict", noise={"depth": 0.5}).unwrapped
+    clean = make("depth", observation="dict").unwrapped
+    errors, still = [], np.zeros(3, np.float32)
+    seen, true = noisy.reset(seed=1)[0], clean.reset(seed=1)[0]
+    for _ in range(400):
+        errors.append(float(seen["depth"][0] - true["depth"][0]))
+        np.testing.assert_array_equal(seen["to_target"], true["to_target"])
+        seen, true = noisy.step(still)[0], clean.step(still)[0]
+    assert np.std(errors) == pytest.approx(0.5, rel=0.12)
+    assert abs(np.mean(errors)) < 0.1
+    assert abs(np.corrcoef(errors[1:], errors[:-1])[0, 1]) < 0.15
+
+
+def test_navigation_shows_what_is_known_on_board():
+    env = make("depth", observation="dict", navigate="ekf", time_limit=20.0).unwrapped
+    true = make("depth", observation="dict", time_limit=20.0).unwrapped
+    seen, known = env.reset(seed=2)[0], true.reset(seed=2)[0]
+    assert 0.0 < abs(seen["depth"][0] - known["depth"][0]) < 5.0
+    assert not np.array_equal(env.reset(seed=3)[0]["depth"], seen["depth"])
+    np.testing.assert_array_equal(env.reset(seed=2)[0]["depth"], seen["depth"])
+
+
+def test_a_current_carries_the_vehicle():
+    env = make("depth", current="uniform:north=0.2", time_limit=60.0).unwrapped
+    env.reset(seed=0)
+    for _ in range(40):
+        env.step(np.zeros(3, np.float32))
+    physics = env.dm_env.physics
+    assert physics.north() == pytest.approx(0.2 * physics.time(), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"observation": "flaat"}, "did you mean 'flat'"),
+        ({"noise": {"dept": 0.1}}, "did you mean 'depth'"),
+        ({"noise": {"depth": -0.1}}, "give 0 or more"),
+        ({"render_mode": "human"}, "unknown render_mode 'human'"),
+        ({"random": 3}, r"reset\(seed=\.\.\.\)"),
+        ({"vehicl": "glider"}, "did you mean 'vehicle'"),
+        ({"current": "uniform:north=0.1", "time_limit": float("inf")}, "time limit"),
+        ({"randomise": 3}, "a name, a mapping of distributions or an object"),
+    ],
+)
+def test_settings_that_cannot_be_used_are_refused(settings, message):
+    with pytest.raises(InputError, match=message):
+        twin.gym.GliderEnv("depth", **settings)
+
+
+def test_actions_in_the_parts_units():
+    env = make("depth", normalised=False)
+    low, high = env.unwrapped.dm_env.physics.actuator_range()
+    np.testing.assert_allclose(env.action_space.low, low, rtol=1e-6)
+    np.testing.assert_allclose(env.action_space.high, high, rtol=1e-6)
+
+
+@pytest.mark.skipif(available_backend() is None, reason="nothing here can draw")
+def test_pictures():
+    kwargs = {"camera_id": "side", "height": 64, "width": 80}
+    env = make("energy", render_mode="rgb_array", render_kwargs=kwargs)
+    env.reset(seed=0)
+    picture = env.render()
+    assert picture.shape == (64, 80, 3)
+    assert picture.std() > 5.0
+    env.close()
+
+
+def test_a_missing_extra_is_named():
+    program = (
+        "import sys; sys.modules['gymnasium'] = None\n"
+        "from twin.errors import InputError\n"
+        "try:\n    import twin.gym\nexcept InputError as error:\n    print(error)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120
+    )
+    assert 'pip install "glider-twin[gym]"' in done.stdout

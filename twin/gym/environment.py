@@ -1,0 +1,157 @@
+"""Environment: one task with one vehicle, as a Gymnasium environment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, SupportsFloat
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from twin.errors import InputError, unknown_name
+from twin.gym.episodes import LARGEST_SEED, episode_random
+from twin.gym.noise import Noise
+from twin.gym.observations import FLAT, Observations
+from twin.suite.environment import Environment
+from twin.suite.loader import load
+
+SETTINGS = ("control_timestep", "n_sub_steps", "navigate", "randomise", "current")
+"""Arguments that `twin.suite.load` takes as `environment_kwargs`; all others are the task's"""
+RENDER_MODES = ("rgb_array",)
+
+
+def load_task(task: str, settings: Mapping[str, Any]) -> Environment:
+    """The dm_env environment behind one of Gymnasium's.
+
+    Raises:
+      InputError: an argument belongs to another interface; and what `twin.suite.load` raises.
+    """
+    for name in ("random", "environment_kwargs", "task_kwargs"):
+        if name in settings:
+            raise InputError(
+                f"{name} is an argument of twin.suite.load: here reset(seed=...) gives the random "
+                "numbers, and everything else is an argument of its own"
+            )
+    ours = {name: settings[name] for name in SETTINGS if name in settings}
+    others = {name: value for name, value in settings.items() if name not in ours}
+    return load(task, others, ours)
+
+
+def action_space(environment: Environment) -> spaces.Space[Any]:
+    """Commands of the parts, from -1 to 1 or in their units."""
+    spec = environment.action_spec()
+    low, high = spec.minimum.astype(np.float32), spec.maximum.astype(np.float32)
+    return spaces.Box(low, high, dtype=np.float32)
+
+
+class GliderEnv(gymnasium.Env[Any, NDArray[np.float32]]):
+    """A task of the suite with one vehicle.
+
+    The end of the time limit is a truncation; the surface, the depth limit and an instability are
+    terminations. The k-th episode after `reset(seed=...)` is drawn from the seed and k alone.
+    """
+
+    metadata = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012
+
+    def __init__(
+        self,
+        task: str = "depth",
+        *,
+        observation: str = FLAT,
+        noise: Mapping[str, float] | None = None,
+        render_mode: str | None = None,
+        render_kwargs: Mapping[str, Any] | None = None,
+        **settings: Any,
+    ):
+        """Make the environment.
+
+        Args:
+          task: one of `twin.suite.TASKS`.
+          observation: "flat", one Box of numbers of order 1; or "dict", by name in SI units.
+          noise: standard deviation of white noise by name of the observation, in its unit.
+          render_mode: None or "rgb_array".
+          render_kwargs: height, width, camera_id of `dm_control`'s `render`.
+          settings: the task's arguments (vehicle, time_limit [s], normalised, hydrodynamics) and
+            SETTINGS.
+
+        Raises:
+          InputError: an unknown task, argument, observation or render mode.
+        """
+        if render_mode not in (None, *RENDER_MODES):
+            raise InputError(unknown_name("render_mode", str(render_mode), RENDER_MODES))
+        self._environment = load_task(task, settings)
+        self.render_mode, self._render_kwargs = render_mode, dict(render_kwargs or {})
+        self._render_kwargs.setdefault("camera_id", "chase")
+        self.metadata = {
+            **self.metadata,
+            "render_fps": 1.0 / self._environment.control_timestep(),
+        }
+        found = self._environment.reset().observation
+        self._observations = Observations(self.task, found, observation)
+        self._noise = Noise(noise, self._observations.widths)
+        self.observation_space = self._observations.space
+        self.action_space = action_space(self._environment)
+        self._seed: int | None = None
+        self._episode, self._step = 0, 0
+
+    @property
+    def task(self) -> Any:
+        """The suite's task, with its goal and measurements."""
+        return self._environment.task
+
+    @property
+    def dm_env(self) -> Environment:
+        """The environment of `twin.suite`; `twin.suite.autopilot.Autopilot` takes it."""
+        return self._environment
+
+    @property
+    def columns(self) -> dict[str, slice]:
+        """Where each observation stands in a flat one, by name."""
+        return dict(self._observations.columns)
+
+    @property
+    def scale(self) -> NDArray[np.float64]:
+        """What a flat observation is multiplied by to be in SI units, shape (width,)."""
+        return self._observations.scale.copy()
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode."""
+        super().reset(seed=seed)
+        if seed is not None or self._seed is None:
+            self._seed = int(self.np_random.integers(LARGEST_SEED)) if seed is None else seed
+            self._episode = 0
+        self.task.set_generator(episode_random(self._seed, self._episode))
+        self._episode, self._step = self._episode + 1, 0
+        return self._show(self._environment.reset().observation), {}
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
+        """Advance by one control period."""
+        time_step = self._environment.step(np.asarray(action, float))
+        if time_step.first():
+            raise InputError("this episode is over, or none has begun: call reset first")
+        self._step += 1
+        over = time_step.last()
+        terminated = over and time_step.discount == 0.0
+        reward = float(time_step.reward)
+        return self._show(time_step.observation), reward, terminated, over and not terminated, {}
+
+    def _show(self, found: Mapping[str, Any]) -> Any:
+        assert self._seed is not None
+        key = np.array([self._seed]), np.array([self._episode]), np.array([self._step])
+        return self._observations.show(self._noise.add(found, *key))
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The picture, shape (height, width, 3), in the render mode "rgb_array"."""
+        if self.render_mode is None:
+            return None
+        return np.asarray(self._environment.physics.render(**self._render_kwargs))
+
+    def close(self) -> None:
+        """Free what draws."""
+        self._environment.close()

@@ -1,0 +1,1 @@
+"""Replay: a mission in three dimensions as one HTML file that any browser opens offline."""
