@@ -133,7 +133,7 @@ def phases_of(logs: Sequence[Log], calibration: Calibration) -> tuple[Phase, ...
 
 
 def with_usual_glide(calibration: Calibration, phases: Sequence[Phase]) -> Calibration:
-    """Missions that say no pitch or pump are flown as the log was: at the flatter of its two pitches,
+    """Missions that say no pitch or pump fly as the log did: at the flatter of its two pitches,
     which both phases reach, and with half of the net mass between them."""
     dive, climb = phases
     pitch = min(abs(dive.pitch), abs(climb.pitch))
