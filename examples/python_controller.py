@@ -30,4 +30,4 @@ class Porpoise:
 run = twin.simulate(controller=Porpoise(), duration=3600.0, current="uniform:0.1,0")
 print(f"deepest {run['true_depth'].max():.1f} m")
 print(f"turned to {run['true_heading'][-1]:.0f} degree after an hour")
-run.plot("track_3d").savefig("python_controller.png")
+run.plot("track_3d").savefig("python_controller.png", dpi=200)

@@ -111,4 +111,7 @@ def add_caption(figure: Figure, text: str) -> None:
             legend.set_bbox_to_anchor((0.02, 0.99 * kept), transform=figure.transFigure)
         figure.text(0.02, 1.0 - 0.04 / (height + room), "\n".join(lines), va="top", **style)
         return
+    below = (0.0, 0.0, 1.0, height / (height + room))  # the layout leaves room for both, one on one
+    for legend in figure.legends:
+        legend.set_bbox_to_anchor(below, transform=figure.transFigure)
     figure.suptitle("\n".join(lines), x=0.01, **style)
