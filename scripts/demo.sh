@@ -42,9 +42,9 @@ Done in $SECONDS s. Open
 The data are demo/run.zarr and demo/data/missions.zarr: xarray.open_zarr reads both.
 
 To try next, with .venv/bin on the path (source .venv/bin/activate):
-    twin simulate --vehicle seaglider --out seaglider.zarr        another vehicle; twin vehicles lists them
+    twin vehicles                                                 other vehicles: simulate --vehicle
     twin simulate --navigate ekf --sensors field --out own.zarr   guided by what is known on board
-    factory generate --preset field --hours 20 --out field.zarr   sensor errors, tides, GPS at the surface
+    factory generate --preset field --hours 20 --out field.zarr   sensor errors, tides, GPS
     learn fit field.zarr --seconds 30                             networks for these missions
 README.md has pictures of what else there is, docs/index.md leads on.
 END

@@ -5,7 +5,7 @@ from __future__ import annotations
 from twin.navigation.baselines.registry import BASELINES
 from twin.plot.style import ESTIMATE, GUIDE, PALETTE, TRUTH
 
-TITLES = {"network": "networks", "floor": "floor: true surge and sway"}
+TITLES = {"network": "networks", "floor": "floor: true velocities"}
 """What people read, of methods that are not baselines."""
 COLOURS = {"truth": TRUTH, "network": ESTIMATE, "floor": GUIDE}
 

@@ -127,11 +127,11 @@ def summary_rows(evaluation: Figures) -> list[Row]:
             "method": title_of(name),
             "surge MSE [(m/s)²]": None if name == "floor" else figures["surge_mse"],
             "sway MSE [(m/s)²]": None if name == "floor" else figures["sway_mse"],
-            "through water, mean [%]": figures["dr_water_percent_mean"],
+            "through water mean [%]": figures["dr_water_percent_mean"],
             "p90 [%]": figures["dr_water_percent_p90"],
-            "with true attitude, mean [%]": figures["dr_velocity_percent_mean"],
+            "with true attitude mean [%]": figures["dr_velocity_percent_mean"],
             "p90 [%] ": figures["dr_velocity_percent_p90"],
-            "over ground, mean [%]": figures["dr_ground_percent_mean"],
+            "over ground mean [%]": figures["dr_ground_percent_mean"],
             "p90 [%]  ": figures["dr_ground_percent_p90"],
         }
         for name, figures in methods_of(evaluation)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -48,7 +49,7 @@ def test_generate_info_verify_replay_plot_export_in_a_row(
     assert made["stored_bytes"] == sum(p.stat().st_size for p in store.rglob("*") if p.is_file())
     code, out, _ = run(capsys, "info", store)
     assert code == 0
-    assert "uniform(15, 45) except (28, 32)" in out
+    assert re.search(r"pitch_deg .*uniform\(15, 45\)[^\n]*\n +except \(28, 32\)", out)
     assert "1 test" not in out
     info = answer(capsys, "info", store)
     assert info["settings"]["seed"] == 4

@@ -92,7 +92,7 @@ class EkfRun(NamedTuple):
 class Ekf(Baseline):
     """Model-based observer with the nominal parameters."""
 
-    title = "EKF on the dynamic model"
+    title = "EKF, dynamic model"
     summary = (
         "extended Kalman filter on the nominal momentum equations with measured attitude, rates "
         "and pump, updated with depth; estimates the error of the net buoyancy on the way"
