@@ -3,7 +3,7 @@
     python benchmarks/network_study.py TRAIN --test STORE [STORE ...] [--kinds mlp elman lstm]
         [--optimisers soap adam scg] [--inputs full glider] [--targets surge sway] [--seeds 3]
         [--memories 2,8,30 8] [--sizes 3x50 2x64] [--seconds 60] [--window 128] [--washin 48]
-        [--json]
+        [--without GROUP] [--json]
 
 Trains one network for every kind, optimiser, set of inputs, memories, size, velocity and seed on
 the missions of TRAIN that are for training, `--seconds` of computing each, and runs it free over
@@ -98,19 +98,26 @@ class Case:
         )
 
 
-def run(case: Case, train: str, tests: list[str], settings: dict[str, float]) -> dict[str, float]:
+def run(
+    case: Case,
+    train: str,
+    tests: list[str],
+    settings: dict[str, float],
+    without: tuple[str, ...] = (),
+) -> dict[str, float]:
     """Train the case; its epochs and its mean squared errors [(m/s)^2] by store."""
     import numpy as np
 
     from learn.data.dataset import TARGETS as CHANNELS
     from learn.data.dataset import load_missions
+    from learn.data.parts import input_groups
     from learn.data.preparation import prepare
     from learn.networks.predictor import Predictor
     from learn.training.schedule import TrainingConfig
     from learn.training.trainer import Trainer
-    from twin.navigation.features import INPUT_SETS, channels_of, select_features
+    from twin.navigation.features import channels_of, select_features
 
-    features = select_features(INPUT_SETS[case.inputs])
+    features = select_features(input_groups(case.inputs, train), without)
     data = prepare(train, target=case.target, features=features)
     trained = Trainer(
         case.network(data.period),
@@ -142,6 +149,7 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="+", default=list(NETWORKS.shipped()))
     parser.add_argument("--optimisers", nargs="+", default=["soap"])
     parser.add_argument("--inputs", nargs="+", default=["full"])
+    parser.add_argument("--without", nargs="*", default=[], help="features or groups to leave out")
     parser.add_argument("--targets", nargs="+", default=TARGETS, choices=TARGETS)
     parser.add_argument("--memories", nargs="+", default=["2,8,30"], help="[s] of ema")
     parser.add_argument("--sizes", nargs="+", default=["3x50"], help="layers x units")
@@ -173,9 +181,11 @@ def main() -> None:
         if (value := getattr(options, name)) is not None
     }
     results: dict[Case, dict[str, float]] = {}
+    without = tuple(options.without)
     with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
         futures = {
-            pool.submit(run, case, options.train, options.test, settings): case for case in cases
+            pool.submit(run, case, options.train, options.test, settings, without): case
+            for case in cases
         }
         for future in as_completed(futures):
             case = futures[future]

@@ -17,7 +17,8 @@ from pathlib import Path
 
 import torch
 
-from learn.data.dataset import load_missions
+from learn.data.dataset import Selection
+from learn.data.parts import input_groups
 from learn.data.preparation import prepare
 from learn.networks.base import build_network
 from learn.networks.c_export import export_c
@@ -25,7 +26,7 @@ from learn.networks.config import NetworkConfig
 from learn.networks.onnx_export import export_step
 from learn.networks.predictor import Ensemble, Predictor
 from learn.networks.registry import NETWORKS
-from twin.navigation.features import INPUT_SETS, channels_of, select_features
+from twin.navigation.features import channels_of, select_features
 
 
 def main() -> None:
@@ -36,9 +37,10 @@ def main() -> None:
     parser.add_argument("--members", type=int, default=1)
     options = parser.parse_args()
     os.environ["OMP_NUM_THREADS"] = "1"
-    features = select_features(INPUT_SETS["full"])
-    missions = load_missions(options.store, channels_of(features))
-    mission = max(missions, key=lambda m: m.samples)
+    features = select_features(input_groups("full", options.store))
+    with Selection(options.store, channels_of(features)) as selection:
+        (mission,) = selection.read([int(selection.lengths.argmax())])
+        vehicle = selection.vehicle
     scales = {
         target: prepare(options.store, target=target, features=features).normalisation
         for target in ("surge", "sway")
@@ -53,7 +55,7 @@ def main() -> None:
         }
         members = [member for ensemble in networks.values() for member in ensemble.members]
         with tempfile.TemporaryDirectory() as folder:
-            c = export_c(networks, Path(folder) / "velocity.h", mission)
+            c = export_c(networks, Path(folder) / "velocity.h", mission, vehicle)
             onnx = [export_step(m, Path(folder) / "step.onnx", mission).step_us for m in members]
         weights = sum(p.numel() for m in members for p in m.network.parameters())
         state = sum(m.network.state_size for m in members)

@@ -5,13 +5,14 @@
 Generates stores of the preset `field` (seeds of its own), lets `twin flight` correct their tracks
 both ways, and compares them with the truth between the first and the last fix, deeper than 3 m.
 `deviation` is the mean reported variance's root, `normalised` the root mean square of error by
-reported deviation: 1 is right.
+reported deviation: 1 is right. `normalised_after` is that after the last fix, mean of missions.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,9 +31,10 @@ UNDER_WATER = 3.0
 FIRST_SEED = 7100
 
 
-def errors_of(flight: Flight) -> tuple[Array, Array]:
-    """Squared error [m2], mean of north and east, and reported variance [m2] under water."""
-    store, missed, said = flight.store, [], []
+def errors_of(flight: Flight) -> tuple[Array, Array, float]:
+    """Squared error [m2], mean of north and east, and reported variance [m2] under water between
+    fixes; and the error by the deviation after the last one, NaN where no mission goes on."""
+    store, missed, said, after = flight.store, [], [], []
     for one in flight.missions:
         mission, count = one.dive.mission, len(one.dive.depth)
         if len(one.fixes) < 2 or one.dive.motion is None:
@@ -42,11 +44,15 @@ def errors_of(flight: Flight) -> tuple[Array, Array]:
             axis=1,
         )
         index = np.arange(count)
-        use = store.row("true_depth", mission)[:count] > UNDER_WATER
-        use &= (index >= one.fixes.sample[0]) & (index <= one.fixes.sample[-1])
-        missed.append(((one.position - truth)[use] ** 2).mean(axis=1))
-        said.append(one.deviation[use] ** 2)
-    return np.concatenate(missed), np.concatenate(said)
+        under = store.row("true_depth", mission)[:count] > UNDER_WATER
+        square, variance = ((one.position - truth) ** 2).mean(axis=1), one.deviation**2
+        if (late := under & (index > one.fixes.sample[-1])).any():
+            after.append((square / variance)[late].mean())
+        use = under & (index >= one.fixes.sample[0]) & (index <= one.fixes.sample[-1])
+        missed.append(square[use])
+        said.append(variance[use])
+    left = float(np.sqrt(np.mean(after))) if after else math.nan
+    return np.concatenate(missed), np.concatenate(said), left
 
 
 def figures(store: Path) -> dict[str, float]:
@@ -54,10 +60,11 @@ def figures(store: Path) -> dict[str, float]:
     found: dict[str, float] = {}
     for correction in CORRECTIONS:
         flight = estimate_flight(store, track=correction, thermal_lag=False)
-        missed, said = errors_of(flight)
+        missed, said, after = errors_of(flight)
         found[f"{correction}_error_m"] = float(np.sqrt(missed.mean()))
         found[f"{correction}_deviation_m"] = float(np.sqrt(said.mean()))
         found[f"{correction}_normalised"] = float(np.sqrt((missed / said).mean()))
+        found[f"{correction}_normalised_after"] = after
     found["smoother_by_linear"] = found["smoother_error_m"] / found["linear_error_m"]
     return found
 

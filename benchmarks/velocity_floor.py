@@ -1,5 +1,4 @@
-"""The surge error that sensors leave to an estimator which knows their errors and the spread of
-vehicles.
+"""What surge error sensors leave to an estimator that knows their errors and those of its model.
 
     python benchmarks/velocity_floor.py STORE [--seed 0] [--json]
 

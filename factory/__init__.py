@@ -21,11 +21,13 @@ if TYPE_CHECKING:
     from factory.stores.generated import GeneratedStore as GeneratedStore
     from factory.stores.generated import open_missions as open  # noqa: F401
     from twin.records.logs import LogStore as LogStore
+    from twin.records.windows import Windows as Windows
 
 _PLACES = {
     "PRESETS": "factory.recipe.presets:PRESETS",
     "LogStore": "twin.records.logs:LogStore",
     "GeneratedStore": "factory.stores.generated:GeneratedStore",
+    "Windows": "twin.records.windows:Windows",
     "Summary": "factory.generation.generate:Summary",
     "generate": "factory.facade:generate",
     "import_logs": "factory.facade:import_logs",

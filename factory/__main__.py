@@ -14,6 +14,11 @@ PROGRAM = Program(
             loader="factory.commands.generate:Generate",
         ),
         Command(
+            name="reference",
+            summary="make the reference set of 200 h, compare it with its checksums",
+            loader="factory.commands.reference:Reference",
+        ),
+        Command(
             name="finish",
             summary="complete a store that was made in parts, or say which are missing",
             loader="factory.commands.finish:Finish",

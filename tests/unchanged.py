@@ -2,28 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from pathlib import Path
-
-import numpy as np
-import xarray as xr
 
 KEPT = Path(__file__).resolve().parent / "data" / "arrays.json"
 PRESETS = ("paper", "field")
 SEED = 1
-
-
-def array_hashes(store: Path) -> dict[str, str]:
-    """SHA-256 over type, shape and values of each array, by name."""
-    with xr.open_zarr(store, decode_times=False) as data:
-        return {
-            str(name): hashlib.sha256(
-                f"{array.dtype.str}{array.shape}".encode()
-                + np.ascontiguousarray(array.values).tobytes()
-            ).hexdigest()
-            for name, array in sorted(data.variables.items(), key=lambda item: str(item[0]))
-        }
 
 
 def expected_hashes(hours: int, preset: str) -> dict[str, str]:

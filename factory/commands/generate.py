@@ -102,7 +102,7 @@ class Generate(JsonOption):
             executor = None
             if self.scheduler is not None:
                 executor = stack.enter_context(dask_executor(self.scheduler))
-            watch = stack.enter_context(_watching(recipe.plan.hours, console))
+            watch = stack.enter_context(watching(recipe.plan.hours, console))
             return generate(
                 recipe,
                 self.out,
@@ -124,7 +124,7 @@ class Generate(JsonOption):
                     f"--{name} does not go with --shard: a part is flown by one process and only "
                     "adds what is missing"
                 )
-        with _watching(hours_of(recipe, part), console) as watch:
+        with watching(hours_of(recipe, part), console) as watch:
             flown, missions = generate_part(recipe, self.out, part, history=history, watch=watch)
         console.answer(
             out=self.out, part=part.index, parts=part.count, missions=missions, flown=flown
@@ -187,7 +187,7 @@ def show_summary(recipe: Recipe, summary: Summary, console: Console) -> None:
 
 
 @contextlib.contextmanager
-def _watching(hours: float, console: Console) -> Iterator[Watcher]:
+def watching(hours: float, console: Console) -> Iterator[Watcher]:
     """A progress bar over so many hours, and what tells it of a mission."""
     with console.progress(total=hours, label="generate", unit="h") as progress:
 

@@ -23,8 +23,9 @@ FORMATS = (".png", ".pdf", ".svg")
 
 @dataclass(frozen=True, kw_only=True)
 class Plot(JsonOption):
-    """Simulated missions: tracks, depths, currents and histograms of inputs and targets on one
-    page. Logs: map with currents, depth over time and figures of the dives, one page a deployment.
+    """Simulated missions: tracks, depths, currents and histograms of velocities and measured
+    signals on one page. Logs: map with currents, depth over time and figures of the dives, one page
+    a deployment.
 
     Example:
 

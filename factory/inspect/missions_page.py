@@ -36,12 +36,12 @@ SPLIT_COLOURS = {
     "validation": style.PALETTE["green"],
     "test": style.PALETTE["vermillion"],
 }
-TARGETS = (
+VELOCITIES = (
     ("true_surge", "surge through the water [m/s]"),
     ("true_sway", "sway through the water [m/s]"),
     ("true_heave", "heave through the water [m/s]"),
 )
-INPUTS = (
+MEASURED = (
     ("measured_pitch", "pitch [deg]"),
     ("measured_roll", "roll [deg]"),
     ("measured_depth", "depth [m]"),
@@ -101,11 +101,11 @@ def sample_store(run: GeneratedStore, names: list[str]) -> Sampled:
 
 
 def store_page(run: GeneratedStore) -> Figure:
-    """Tracks, depths, currents, targets and inputs of a store; sensor errors if it has any."""
+    """Tracks, depths, currents, velocities, measured signals, and sensor errors if any."""
     noisy = run.sensor_preset != "ideal"
     names = ["true_north", "true_east", "true_depth", "true_current_north", "true_current_east"]
-    inputs = [*INPUTS, *part_inputs(run)]
-    names += [name for name, _ in (*TARGETS, *inputs)]
+    inputs = [*MEASURED, *part_inputs(run)]
+    names += [name for name, _ in (*VELOCITIES, *inputs)]
     names += [f"{kind}_{name}" for name, _ in ERRORS for kind in ("true", "measured")]
     survey = ALTITUDE in run
     if survey:
@@ -113,8 +113,8 @@ def store_page(run: GeneratedStore) -> Figure:
         names += [name for name in Dvl.reads if name.startswith("true_")]
     data = sample_store(run, sorted(set(names)))
     with style.styled():
-        panels = [("targets", *entry) for entry in TARGETS]
-        panels += [("inputs", *entry) for entry in inputs]
+        panels = [("velocities", *entry) for entry in VELOCITIES]
+        panels += [("measured", *entry) for entry in inputs]
         panels += [("", "", "")] * (-len(panels) % COLUMNS)
         panels += [("sensor errors", *entry) for entry in ERRORS] if noisy else []
         if survey:

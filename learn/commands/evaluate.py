@@ -98,7 +98,7 @@ class Evaluate(JsonOption):
         console.table(
             summary_rows(figures),
             title=f"{run.folder} on {figures['missions']} missions ({self.split}) of {self.store}: "
-            "MSE in (m/s)^2, dead reckoning in % of the distance through the water",
+            "MSE in (m/s)², dead reckoning in % of the distance through the water",
             digits=3,
         )
         if dives := dive_rows(figures):

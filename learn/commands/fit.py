@@ -223,12 +223,12 @@ class Fit(JsonOption):
         from learn.studies.ablation import ablate, masked
 
         jobs = len(masked(config)) * len(config.jobs())
-        with console.progress(total=100.0 * jobs, label="ablation", unit="%") as progress:
+        with console.progress(total=jobs, label="ablation", unit="networks") as progress:
             shares: dict[tuple[str, ...], float] = {}
 
             def see(job: Job, report: Report) -> None:
                 key = (*job.config.features, job.name)
-                progress.update(100.0 * (report.share - shares.get(key, 0.0)))
+                progress.update(report.share - shares.get(key, 0.0))
                 shares[key] = report.share
 
             ablate(run, config, resources, watch=see, say=progress.note)
@@ -237,12 +237,12 @@ class Fit(JsonOption):
         from learn.studies.seeds import other_seeds, train_seeds
 
         jobs = len(other_seeds(config, self.seeds)) * len(config.jobs())
-        with console.progress(total=100.0 * jobs, label="seeds", unit="%") as progress:
+        with console.progress(total=jobs, label="seeds", unit="networks") as progress:
             shares: dict[tuple[int, str], float] = {}
 
             def see(job: Job, report: Report) -> None:
                 key = (job.config.training.seed, job.name)
-                progress.update(100.0 * (report.share - shares.get(key, 0.0)))
+                progress.update(report.share - shares.get(key, 0.0))
                 shares[key] = report.share
 
             found = train_seeds(run, config, self.seeds, resources, watch=see)
@@ -257,12 +257,12 @@ class Fit(JsonOption):
 
         folds = folds_with_labels(config, unit)
         jobs = len(folds) * len(config.jobs())
-        with console.progress(total=100.0 * jobs, label="leave one out", unit="%") as progress:
+        with console.progress(total=jobs, label="leave one out", unit="networks") as progress:
             shares: dict[tuple[tuple[int, ...], str], float] = {}
 
             def see(job: Job, report: Report) -> None:
                 key = (job.config.held_out, job.name)
-                progress.update(100.0 * (report.share - shares.get(key, 0.0)))
+                progress.update(report.share - shares.get(key, 0.0))
                 shares[key] = report.share
 
             found = leave_out_each(run, config, folds, resources, unit=unit, watch=see)
@@ -290,7 +290,7 @@ class Fit(JsonOption):
         console.table(
             summary_rows(figures),
             title=f"{figures['missions']} {figures['split']} missions of {figures['store']}: "
-            "MSE in (m/s)^2, dead reckoning in % of the distance through the water",
+            "MSE in (m/s)², dead reckoning in % of the distance through the water",
             digits=3,
         )
         console.say()
@@ -327,7 +327,7 @@ class _Watcher:
 
     def __init__(self, console: Console, config: FitConfig, folder: Path, *, events: bool) -> None:
         self._progress: Progress = console.progress(
-            total=100.0 * len(config.jobs()), label="fit", unit="%"
+            total=len(config.jobs()), label="fit", unit="networks"
         )
         self._shares: dict[str, float] = {}
         self._folder, self._events, self._prog = folder, events, console.prog
@@ -363,11 +363,13 @@ class _Watcher:
 
     def see(self, job: Job, report: Report) -> None:
         """Show one validation."""
-        done = 100.0 * (report.share - self._shares.get(job.name, 0.0))
+        done = report.share - self._shares.get(job.name, 0.0)
         self._shares[job.name] = report.share
         known = report.validation_mse == report.validation_mse  # not NaN
         error = report.validation_mse if known else report.train_mse
-        self._progress.update(done, **{f"{job.name} MSE": error, "rate": report.rate})
+        self._progress.update(
+            done, **{f"{job.name} MSE [(m/s)²]": error, "learning rate": report.rate}
+        )
         if self._events:
             # made late: a folder that is in the way of the run must not come from here
             self._writer = self._writer or _event_writer_type()(str(self._folder / "events"))

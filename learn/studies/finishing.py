@@ -25,7 +25,8 @@ from learn.studies.folds import Folds, read_folds
 from learn.studies.run_evaluation import evaluate_run, evaluation_split, is_log_store
 from learn.studies.seeds import read_seeds
 from twin.navigation.baselines.base import Estimate
-from twin.navigation.features import GLIDER_PARTS
+from twin.navigation.estimated_channels import ESTIMATED
+from twin.navigation.features import GLIDER_PARTS, channels_of
 from twin.records.checksums import LIST, write_checksums
 from twin.records.disk import sweep, sync_tree
 from twin.records.reader import MissionStore
@@ -160,8 +161,9 @@ def _error_model(run: Run, split: str) -> ErrorModel:
 def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
     """The run on the paper's three missions, flown with the sensors of its store.
 
-    None for a store that the factory did not make, whose sensors are not known, and for one of a
-    vehicle with other parts than the Sea-Wing, which flies the test.
+    None for a store that the factory did not make, whose sensors are not known, for one of a
+    vehicle with other parts than the Sea-Wing, which flies the test, and for networks that read a
+    CTD: its water has one density.
     """
     sensors = run.description["store"].get("sensors")
     if sensors is None:
@@ -171,6 +173,12 @@ def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
         say(
             "leaving out the paper's test: the Sea-Wing flies it, whose parts are "
             f"{', '.join(GLIDER_PARTS)} and not {', '.join(parts)}"
+        )
+        return None
+    if set(channels_of(run.features)) & set(ESTIMATED):
+        say(
+            "leaving out the paper's test: its water has one density and no CTD, which these "
+            "networks read (group flight)"
         )
         return None
     say("flying the paper's test in three currents")

@@ -12,11 +12,11 @@ import numpy as np
 
 from learn.data.dataset import AT_A_TIME
 from learn.data.preparation import sample_bytes, training_lengths
-from learn.data.windows import buffers
 from learn.networks.predictor import groups_by_length
 from learn.training.feed import recalled_columns
 from learn.training.settings import FitConfig
 from twin.errors import InputError
+from twin.records.buffers import buffers
 
 GB = 1e9
 SHARE = 0.5

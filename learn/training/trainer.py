@@ -20,7 +20,6 @@ import torch
 from torch import Tensor
 
 from learn.data.sequences import SequenceSource, ahead
-from learn.data.windows import Places, buffers
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.predictor import free_run, groups_by_length
@@ -32,6 +31,7 @@ from twin.bounded import check_archive
 from twin.cli.console import one_line
 from twin.errors import InputError, StoreError
 from twin.preload import preload_triton
+from twin.records.buffers import Places, buffers
 from twin.records.whole import whole_file
 
 TRAINING_PER_VALIDATION = 4.0

@@ -20,7 +20,7 @@ def write_synthetic_store(path: Path, lengths, splits=None, drop=(), edit=None):
     longest = max(lengths, default=0)
     arrays = {}
     for name in missions[0] if missions else VARIABLES:
-        if name in drop:
+        if name in drop or name.startswith("estimated_"):  # no store holds these
             continue
         values = np.full((len(missions), longest), np.nan, np.float32)
         for row, signals in zip(values, missions, strict=True):

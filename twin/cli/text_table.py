@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 WIDEST = 100
 """Columns of a terminal that tables and paragraphs keep to."""
 
-NARROWEST_TEXT = 16
+NARROWEST_TEXT = 10
 """Columns that a column of text keeps when a wide table is folded."""
 
 GAP = "  "

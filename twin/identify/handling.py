@@ -92,6 +92,7 @@ def handle(logs: Sequence[Log], found: Identification, *, proof: bool = True) ->
     phases = phases_of(logs, calibration)
     lacking: tuple[str, ...] = ()
     if len(phases) == 2:
+        calibration = with_usual_glide(calibration, phases)
         try:
             calibration = with_gains(calibration, phases)
         except (MissionError, NoSteadyState, InputError) as error:
@@ -129,6 +130,18 @@ def phases_of(logs: Sequence[Log], calibration: Calibration) -> tuple[Phase, ...
                 )
             )
     return tuple(found)
+
+
+def with_usual_glide(calibration: Calibration, phases: Sequence[Phase]) -> Calibration:
+    """Missions that say no pitch or pump fly as the log did: at the flatter of its two pitches,
+    which both phases reach, and with half of the net mass between them."""
+    dive, climb = phases
+    pitch = min(abs(dive.pitch), abs(climb.pitch))
+    net_mass = 0.5 * (dive.net_mass - climb.net_mass)
+    if pitch == 0.0 or net_mass <= 0.0:
+        return calibration
+    vehicle = calibration.vehicle
+    return calibration.replace(vehicle=vehicle.replace(usual_glide=(pitch, net_mass)))
 
 
 def with_travel(logs: Sequence[Log], calibration: Calibration) -> Calibration:

@@ -39,12 +39,13 @@ COEFFICIENTS = (
 """Of the hull law, each a `<numeric>` of its name."""
 LOOPS = ("pitch_pid", "heading_pid")
 SWELLING = ("hull_thermal_expansion", "hull_thermal_lag", "hull_reference_temperature")
+GUIDANCE = (*LOOPS, "usual_glide")
 WRITTEN: dict[str, Callable[[Vehicle], Any]] = {
     "reference_density": lambda v: v.reference_density,
     "hull_compressibility": lambda v: v.hull_compressibility,
     "mass": lambda v: v.mass,
     **{name: attrgetter(f"law.{name}") for name in COEFFICIENTS},
-    **{name: attrgetter(name) for name in (*LOOPS, *SWELLING)},
+    **{name: attrgetter(name) for name in (*GUIDANCE, *SWELLING)},
     "neutral_x of the battery": lambda v: v.battery.neutral_x,
     "eccentricity of the battery": lambda v: v.battery.eccentricity,
     "static_cg": lambda v: v.static_cg,
@@ -84,7 +85,7 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
         mine = getattr(vehicle.flow_frame, name)
         if mine != getattr(original.flow_frame, name):
             xml = _numeric(xml, name, mine, vehicle)
-    for name in LOOPS:
+    for name in GUIDANCE:
         if getattr(vehicle, name) != getattr(original, name):
             xml = _numeric(xml, name, getattr(vehicle, name), vehicle)
     if vehicle.mass != original.mass:

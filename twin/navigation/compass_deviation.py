@@ -49,11 +49,11 @@ ANGLE_WALK = 0.01 * DEG
 """[rad/sqrt(s)] twice that of their data sheets, for what sampled rates miss"""
 SCALE_ERROR = 2e-3
 """[1] of a gyro, and of its axis that is not the vehicle's"""
-NOISE = 0.5 * DEG
-"""[rad] of the compass' heading, mean over `STEP_S`: its own noise, which lasts longer than that,
-and what dives and climbs make of soft iron and battery"""
-PITCH_NOISE = 0.15 * DEG
-"""[rad] of the change of the measured pitch in that time"""
+NOISE = 1.0 * DEG
+"""[rad] of the compass' heading, mean over `STEP_S`: 0.3 degree, by what dives and climbs make of
+soft iron, battery and tilt, that last for two minutes, as if each mean had an error of its own"""
+PITCH_NOISE = 0.4 * DEG
+"""[rad] of the change of the measured pitch in that time, with what a gyro off its axis sees"""
 STEP_S = 20.0
 """[s] between updates"""
 

@@ -17,6 +17,9 @@ from twin.vehicle.vehicle import Vehicle
 ESTIMATED = tuple(f"estimated_{name}" for name in OUTPUTS)
 """Of `twin.navigation.flight_filter`, in the order of its outputs."""
 
+CTD = "measured_density"
+"""What a vehicle without a CTD lacks of the channels behind them."""
+
 
 def sources(channels: Iterable[str]) -> tuple[str, ...]:
     """What must be measured for these channels, each once."""

@@ -38,7 +38,7 @@ TRUE_LINE: dict[str, Any] = {"color": style.TRUTH, "lw": 3.0, "alpha": 0.35}
 class TrainingData(ReportFigure):
     """See the module."""
 
-    summary = "targets and inputs of a training mission"
+    summary = "surge, sway and measured signals of a training mission"
     section = "training"
 
     def draw(self, contents: Contents) -> Figure | None:
@@ -48,14 +48,16 @@ class TrainingData(ReportFigure):
     def caption(self, contents: Contents) -> str:
         """See `ReportFigure`."""
         assert contents.training is not None
-        targets = "the targets in blue"
+        learned = "the velocities to learn in blue"
         if set(LABELS.values()) & set(contents.training.signals):
-            targets = "the targets from the Doppler log in orange, the truth in pale blue"
-        return f"A training mission ({contents.training.index}): {targets}, and inputs."
+            learned = (
+                "the velocities to learn, from the Doppler log, in orange, the truth in pale blue"
+            )
+        return f"A training mission ({contents.training.index}): {learned}, and what was measured."
 
 
 def training_figure(mission: Mission) -> Figure:
-    """A training mission: the targets and the main inputs."""
+    """A training mission: the velocities to learn and the main measured signals."""
     panels = [(name, label) for name, label in TRAINING_PANELS if name in mission.signals]
     with style.styled():
         figure = style.new_figure(style.PAGE_WIDTH, 0.95 * -(-len(panels) // 2) + 0.4)

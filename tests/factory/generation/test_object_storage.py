@@ -27,6 +27,7 @@ from twin.records.object_files import ObjectFiles, files_at
 from twin.records.store import open_store
 from twin.records.store_path import Url, store_path
 from twin.records.whole import check_folder_target
+from twin.records.windows import Windows
 
 Recipes = Callable[..., Recipe]
 
@@ -55,6 +56,16 @@ def test_every_object_is_the_file_of_a_folder(stored: str, paper_store: Path) ->
     assert not contents(stored + ".generating")
     (line,) = contents(stored + ".log").values()
     assert b'"recipe"' in line
+
+
+def test_windows_are_read_from_there(stored: str, paper_store: Path) -> None:
+    there, here = (
+        Windows(place, ["measured_pitch", "true_surge"], length=20, memory=6e3)
+        for place in (stored, paper_store)
+    )
+    assert not there.fits
+    for a, b in zip(there.batches(64, seed=1), here.batches(64, seed=1), strict=True):
+        np.testing.assert_array_equal(a, b)
 
 
 def test_parts_and_finish_make_the_same_objects(

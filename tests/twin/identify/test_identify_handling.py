@@ -3,6 +3,7 @@
 import dataclasses
 import importlib.util
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -135,6 +136,16 @@ def test_what_comes_out_flies_and_its_loops_settle(handling):
     correlation = handling.identification.correlation
     assert correlation.shape == (len(handling.identification.determined),) * 2
     np.testing.assert_allclose(np.diag(correlation), 1.0)
+
+
+def test_missions_that_say_no_pitch_glide_as_the_log(handling):
+    calibration = handling.identification.calibration
+    pitch, net_mass = calibration.vehicle.usual_glide
+    assert pitch == min(abs(phase.pitch) for phase in handling.phases)
+    assert math.radians(22.0) < pitch < math.radians(26.0)
+    assert net_mass == pytest.approx(NET_MASS, rel=0.1)
+    again = parse_vehicle(vehicle_xml(calibration, {}), Path("mine.xml"))
+    assert again.usual_glide == pytest.approx((pitch, net_mass))
 
 
 def test_command_prints_correlations_and_refuses_a_vehicle_that_does_not_fly(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
-from twin.navigation.estimated_channels import sources
+from twin.navigation.estimated_channels import CTD, sources
 from twin.navigation.features.base import Feature
 from twin.navigation.features.inertial import FORCES
 from twin.navigation.features.registry import (
@@ -154,7 +154,7 @@ def leave_out(channels: Iterable[str]) -> str:
     """What to type so that networks read none of these channels; empty where none does."""
     lost = set(channels)
     readers = [f.name for f in FEATURES.values() if lost & set(sources(f.channels))]
-    readers += sorted(filter(is_part_channel, lost))
+    readers += sorted(filter(is_part_channel, lost - {CTD}))
     if not readers:
         return ""
     return f", or train without what reads it: `learn fit --without {' '.join(readers)}`"

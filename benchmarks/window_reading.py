@@ -1,0 +1,112 @@
+"""Windows read for training: by `factory.Windows`, against slices of the store and a bare copy.
+
+    python -m benchmarks.window_reading [HOURS] [MEMORY_MB]
+
+It makes a field store of so many hours (default 20) and reads windows of 256 samples of ten
+signals at random. The ways take turns. `streamed` has memory for a part of the store only (default
+4 MB), so that every mission is decoded again in every epoch; its yardstick is decoding alone. The
+yardstick of `in memory` is a copy of as many bytes.
+"""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import factory
+from twin.cli.text_table import format_table
+
+CHANNELS = (
+    "measured_roll", "measured_pitch", "measured_heading", "measured_depth", "measured_roll_rate",
+    "measured_pitch_rate", "measured_yaw_rate", "measured_pump", "true_surge", "true_sway",
+)  # fmt: skip
+DEFAULTS = (20.0, 4.0)
+LENGTH, STRIDE, BATCH, ROUNDS, SLICES = 256, 64, 256, 3, 10
+
+
+def rate(work: Callable[[], int]) -> float:
+    """Windows a second."""
+    begun = time.perf_counter()
+    count = work()
+    return count / (time.perf_counter() - begun)
+
+
+def main(hours: float, memory_mb: float) -> int:
+    """Print the table; 1 when reading from memory is less than 100 times as fast as slices."""
+    with tempfile.TemporaryDirectory() as folder:
+        store = Path(folder) / "missions.zarr"
+        factory.generate(store, preset="field", hours=hours, seed=1)
+        reader = factory.open(store)
+        windows = factory.Windows(store, CHANNELS, length=LENGTH, stride=STRIDE).load()
+        small = factory.Windows(
+            store, CHANNELS, length=LENGTH, stride=STRIDE, memory=memory_mb * 1e6
+        )
+        numbers = windows.order(seed=0)
+        flat = np.zeros((BATCH, LENGTH, len(CHANNELS)), np.float32)
+
+        def slices() -> int:
+            for k in numbers[:SLICES]:
+                row, start = int(windows.missions[k]), int(windows.starts[k])
+                np.stack([reader.dataset[name][row, start : start + LENGTH].values
+                          for name in CHANNELS], axis=1)  # fmt: skip
+            return SLICES
+
+        def in_memory() -> int:
+            return sum(len(batch) for batch in windows.batches(BATCH, seed=0))
+
+        def one_by_one() -> int:
+            for k in numbers[:BATCH]:
+                windows[k]
+            return BATCH
+
+        def streamed() -> int:
+            return sum(len(batch) for batch in small.batches(BATCH, seed=0))
+
+        def decoding() -> int:
+            rows = range(len(reader))
+            for name in CHANNELS:
+                reader.rows(name, rows)
+            return len(windows)
+
+        def copying() -> int:
+            for _ in range(len(windows) // BATCH):
+                flat.copy()
+            return len(windows) // BATCH * BATCH
+
+        ways = {
+            "slices of the store": slices,
+            "in memory, batches": in_memory,
+            "in memory, one by one": one_by_one,
+            "limit: a copy": copying,
+            "streamed": streamed,
+            "limit: decoding": decoding,
+        }
+        found: dict[str, list[float]] = {name: [] for name in ways}
+        for _ in range(ROUNDS):
+            for name, work in ways.items():
+                found[name].append(rate(work))
+        medians = {name: statistics.median(rates) for name, rates in found.items()}
+        slow = medians["slices of the store"]
+        megabytes = LENGTH * len(CHANNELS) * 4 / 1e6
+        rows = [
+            {
+                "way": name,
+                "windows/s": round(value),
+                "MB/s": round(value * megabytes),
+                "times slices": round(value / slow),
+            }
+            for name, value in medians.items()
+        ]
+        print(format_table(rows, digits=7))
+        return int(medians["in memory, batches"] < 100.0 * slow)
+
+
+if __name__ == "__main__":
+    given = [float(text) for text in sys.argv[1:]]
+    sys.exit(main(*given, *DEFAULTS[len(given) :]))

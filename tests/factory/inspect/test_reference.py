@@ -1,0 +1,71 @@
+"""The reference set: what everybody's copy is compared with."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from pathlib import Path
+
+import pytest
+import zarr
+
+from factory.__main__ import PROGRAM
+from factory.commands import reference
+from factory.recipe import reference_set as sets
+from twin.errors import InputError
+from twin.version import PHYSICS_VERSION
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("reference") / "reference.zarr"
+    assert PROGRAM.main(["reference", "--name", "field-2h", "--out", str(out)]) == 0
+    return out
+
+
+def test_the_small_set_is_made_as_listed(store: Path, capsys) -> None:
+    again = ["reference", "--name", "field-2h", "--out", str(store), "--compare"]
+    assert PROGRAM.main(again) == 0
+    assert "arrays, all as listed" in capsys.readouterr().out
+
+
+def test_a_changed_array_is_named(store: Path, tmp_path: Path, capsys) -> None:
+    copy = tmp_path / "changed.zarr"
+    shutil.copytree(store, copy)
+    array = zarr.open_group(copy)["true_surge"]
+    array[0, 100] = array[0, 100] + 1e-6
+    command = ["reference", "--name", "field-2h", "--out", str(copy), "--compare"]
+    assert PROGRAM.main(command) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "is NOT field-2h, 1 of" in said
+    assert "true_surge has other values" in said
+
+
+@pytest.mark.parametrize("name", sets.reference_names())
+def test_the_lists_are_of_this_physics_and_whole(name: str, store: Path) -> None:
+    listed = sets.reference_set(name)
+    assert (listed.preset, listed.physics) == ("field", PHYSICS_VERSION)
+    assert listed.hours == float(name.removeprefix("field-").removesuffix("h"))
+    assert set(listed.arrays) == set(sets.array_checksums(store))
+    assert all(len(value) == 64 for value in listed.arrays.values())
+
+
+def test_missing_and_unlisted_arrays_differ() -> None:
+    listed = sets.reference_set("field-2h")
+    found = {**listed.arrays, "new": "0"}
+    del found["true_sway"]
+    assert listed.differences(found) == {"new": "is not listed", "true_sway": "is missing"}
+
+
+def test_unusable_requests_say_what_to_do(tmp_path: Path, monkeypatch) -> None:
+    with pytest.raises(InputError, match="did you mean 'field-2h'"):
+        sets.reference_set("field-2")
+    console = reference.Console("factory")
+    there = reference.Reference(name="field-2h", out=tmp_path / "none.zarr", compare=True)
+    with pytest.raises(InputError, match=r"is not there: leave --compare out"):
+        there.run(console)
+    with pytest.raises(InputError, match=r"leave out --workers, --resume and --overwrite"):
+        dataclasses.replace(there, overwrite=True).run(console)
+    monkeypatch.setattr("twin.version.PHYSICS_VERSION", PHYSICS_VERSION + 1)
+    with pytest.raises(InputError, match=r"install the version of glider-twin that has them"):
+        there.run(console)

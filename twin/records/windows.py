@@ -1,0 +1,305 @@
+"""Windows: pieces of missions of equal length, read fast enough to train on.
+
+A store keeps a mission of a signal as one compressed chunk, so that a slice of a few samples costs
+as much as the whole mission, for every signal. Here a mission is decoded once, all signals side by
+side, and windows are copies out of memory. What does not fit into memory is read again, buffer by
+buffer, in an order that mixes the store and in which each mission is read once an epoch.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, StoreError, unknown_name
+from twin.records.attributes import SPLITS
+from twin.records.buffers import Places, buffers
+from twin.records.reader import MissionStore
+from twin.records.sharded import fast_reading
+from twin.records.store_path import StorePath, store_path
+
+Floats = NDArray[np.float32]
+Missions = dict[int, Floats]
+"""Signals of missions, (samples, channels) each"""
+
+MEMORY = 2.0**31
+"""[bytes] that decoded missions may take"""
+AT_A_TIME = 2**20
+"""Samples whose signals are decoded in one go, one signal after the other"""
+
+
+class Windows:
+    """Windows of a store by number: a sequence, and a data set for torch's `DataLoader`.
+
+    `windows[k]` is (length, channels), `windows.read([3, 1])` (2, length, channels), float32 in the
+    units of the store; NaN where a signal has gaps. A mission gives as many whole windows as fit.
+    Each process that reads one opens the store for itself.
+    """
+
+    _open: tuple[int, MissionStore] | None
+    _kept: OrderedDict[int, Floats]
+    _bytes: int
+
+    def __init__(
+        self,
+        store: str | StorePath,
+        channels: Sequence[str],
+        *,
+        length: int,
+        stride: int | None = None,
+        split: str = "all",
+        memory: float = MEMORY,
+    ) -> None:
+        """Find the windows; signals are read when they are asked for.
+
+        Args:
+          store: path or address of a store of missions, simulated or logged.
+          channels: signals, in the order of the last axis.
+          length: samples of a window.
+          stride: samples from the start of one to that of the next; None: length.
+          split: train, validation, test or all.
+          memory: [bytes] for decoded missions; one mission may take more.
+
+        Raises:
+          InputError: a length, stride or memory that is no positive number, or no channels.
+          StoreError: no store, an unknown split or channel, or no mission as long as a window.
+        """
+        stride = length if stride is None else stride
+        for name, value in (("length", length), ("stride", stride), ("memory", memory)):
+            if not value > 0:
+                raise InputError(f"windows: {name} is {value:g}, it must be above zero")
+        if split not in (*SPLITS, "all"):
+            raise StoreError(unknown_name("split", split, [*SPLITS, "all"]))
+        if isinstance(channels, str) or not channels:
+            raise InputError("windows: give channels as a list, such as ['measured_pitch']")
+        self.path = store_path(store)
+        self.channels, self.length, self.stride = tuple(channels), length, stride
+        self._memory = memory
+        self._pid: int | None = os.getpid()
+        self._forget()
+        reader = self._reader()
+        known = reader.signals()
+        for name in self.channels:
+            if name not in known:
+                raise StoreError(f"store {self.path}: {unknown_name('channel', name, known)}")
+        rows = np.arange(len(reader))
+        if split != "all":
+            rows = rows[np.array(reader.splits) == split]
+        reader.check_samples(rows)
+        samples = reader.samples[rows]
+        counts = np.maximum((samples - length) // stride + 1, 0)
+        self.period = reader.period
+        """[s] between samples"""
+        self._samples = dict(zip(rows.tolist(), samples.tolist(), strict=True))
+        self.missions: NDArray[np.int64] = np.repeat(rows, counts)
+        """Row in the store of each window."""
+        firsts = np.arange(len(self.missions)) - np.repeat(np.cumsum(counts) - counts, counts)
+        self.starts: NDArray[np.int64] = firsts * stride
+        """First sample of each window in its mission."""
+        if not len(self.missions):
+            longest = int(samples.max(initial=0))
+            raise StoreError(
+                f"store {self.path} has no mission of {length} samples in split {split!r}: the "
+                f"longest has {longest}; take shorter windows"
+            )
+
+    def __len__(self) -> int:
+        return len(self.missions)
+
+    def __getitem__(self, number: int) -> Floats:
+        """One window, (length, channels)."""
+        if not -len(self) <= number < len(self):
+            raise IndexError(f"there are {len(self)} windows, not {number}")
+        window: Floats = self.read([number])[0]
+        return window
+
+    def __getitems__(self, numbers: Sequence[int]) -> Floats:
+        """A batch, as torch's `DataLoader` asks for it."""
+        return self.read(numbers)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what is open or decoded: another process reads for itself."""
+        return self.__dict__ | {"_open": None, "_kept": OrderedDict(), "_bytes": 0, "_pid": None}
+
+    def close(self) -> None:
+        """Let go of the store's files and of what is decoded."""
+        if self._open is not None:
+            self._open[1].close()
+        self._forget()
+
+    @property
+    def fits(self) -> bool:
+        """Whether all missions together fit into the memory."""
+        return self._size(self._samples) <= self._memory
+
+    def load(self) -> Self:
+        """Decode all missions now, where they fit; worker processes forked later share them.
+
+        Raises:
+          StoreError: a file is damaged.
+        """
+        if self.fits:
+            self._keep(list(self._samples))
+        return self
+
+    def read(self, numbers: Sequence[int] | NDArray[np.integer[Any]]) -> Floats:
+        """Windows by number, (numbers, length, channels).
+
+        Raises:
+          IndexError: there is no such window.
+          StoreError: a file is damaged.
+        """
+        wanted = np.asarray(numbers, np.int64)
+        found = np.empty((len(wanted), self.length, len(self.channels)), np.float32)
+        missions = self.missions[wanted]
+        order: Sequence[NDArray[np.int64]] = [np.arange(len(wanted))]
+        if not self.fits:  # missions one after the other, so that none is decoded twice
+            sorted_places = np.argsort(missions, kind="stable")
+            edges = np.flatnonzero(np.diff(missions[sorted_places])) + 1
+            order = np.split(sorted_places, edges)
+        for places in order:
+            some = self._keep(np.unique(missions[places]).tolist())
+            _copy(some, missions[places], self.starts[wanted[places]], places, found)
+        return found
+
+    def order(self, seed: int | None = None, epoch: int = 0) -> NDArray[np.int64]:
+        """Every window once, by number, in the order in which reading is fast.
+
+        The order follows from seed and epoch alone, but for the memory: what does not fit is
+        shuffled within buffers of missions that are drawn at random. None keeps the store's order.
+        """
+        return np.concatenate(self._order(seed, epoch))
+
+    def batches(self, size: int, *, seed: int | None = None, epoch: int = 0) -> Iterator[Floats]:
+        """Every window once, in batches of at most so many, (size, length, channels).
+
+        They come in the order of `order`. While one buffer is in use, the next one is read.
+
+        Raises:
+          InputError: a size below one.
+          StoreError: a file is damaged.
+        """
+        if size < 1:
+            raise InputError(f"windows: a batch of {size} is none; give 1 or more")
+        parts = self._order(seed, epoch)
+        if self.fits:
+            self.load()
+        with ThreadPoolExecutor(1, "windows") as reader:
+            coming = reader.submit(self._ready, parts[0])
+            for number, part in enumerate(parts):
+                some = coming.result()
+                if number + 1 < len(parts):
+                    coming = reader.submit(self._ready, parts[number + 1])
+                for first in range(0, len(part), size):
+                    chosen = part[first : first + size]
+                    shape = (len(chosen), self.length, len(self.channels))
+                    batch = np.empty(shape, np.float32)
+                    places = np.arange(len(chosen))
+                    _copy(some, self.missions[chosen], self.starts[chosen], places, batch)
+                    yield batch
+                del some  # before the part after the next one begins to fill the memory
+
+    def _order(self, seed: int | None, epoch: int) -> list[NDArray[np.int64]]:
+        """Numbers of windows, buffer by buffer."""
+        rng = None if seed is None else np.random.default_rng([seed, epoch])
+        rows, counts = np.unique(self.missions, return_counts=True)
+        first = np.cumsum(counts) - counts
+        lengths = np.array([self._samples[row] for row in rows.tolist()])
+        size = int(lengths.sum())
+        if not self.fits:  # one buffer is read while another one is in use
+            size = max(int(self._memory / 2.0 / self._sample_bytes), 1)
+        parts: list[Places] = buffers(lengths, size, rng)
+        numbers = [
+            np.concatenate([np.arange(first[k], first[k] + counts[k]) for k in part])
+            for part in parts
+        ]
+        return numbers if rng is None else [rng.permutation(part) for part in numbers]
+
+    def _ready(self, numbers: NDArray[np.int64]) -> Missions:
+        """The missions of some windows, decoded."""
+        missions = np.unique(self.missions[numbers]).tolist()
+        return self._keep(missions) if self.fits else self._decoded(missions)
+
+    @property
+    def _sample_bytes(self) -> int:
+        return 4 * len(self.channels)
+
+    def _size(self, missions: Sequence[int] | dict[int, int]) -> int:
+        return self._sample_bytes * sum(self._samples[mission] for mission in missions)
+
+    def _keep(self, missions: Sequence[int]) -> Missions:
+        """Missions decoded, of which as many stay as fit; those used last stay.
+
+        Args:
+          missions: in rising order; a single one where not all fit.
+        """
+        kept = self._kept
+        missing = [mission for mission in missions if mission not in kept]
+        if missing:
+            self._bytes += self._size(missing)
+            while kept and self._bytes > self._memory:
+                gone, _ = kept.popitem(last=False)
+                self._bytes -= self._size([gone])
+            kept.update(self._decoded(missing))
+        elif not self.fits:
+            for mission in missions:
+                kept.move_to_end(mission)
+        return kept
+
+    def _decoded(self, missions: Sequence[int]) -> Missions:
+        """Missions from the store."""
+        reader = self._reader()
+        found = {
+            mission: np.empty((self._samples[mission], len(self.channels)), np.float32)
+            for mission in missions
+        }
+        longest = max((self._samples[mission] for mission in missions), default=1)
+        step = max(AT_A_TIME // longest, 1)
+        for first in range(0, len(missions), step):
+            some = missions[first : first + step]
+            for column, name in enumerate(self.channels):
+                for mission, values in zip(some, reader.rows(name, some), strict=True):
+                    found[mission][:, column] = values[: self._samples[mission]]
+        return found
+
+    def _reader(self) -> MissionStore:
+        """The store, opened by this process: a fork has none of the threads that read it."""
+        here = os.getpid()
+        if self._pid is None:
+            self._pid = here
+        if self._open is None or self._open[0] != here:
+            fast = fast_reading(self.path) if here == self._pid else contextlib.nullcontext()
+            with fast:
+                self._open = (here, MissionStore(self.path))
+        return self._open[1]
+
+    def _forget(self) -> None:
+        self._open, self._kept, self._bytes = None, OrderedDict(), 0
+
+
+def _copy(
+    some: Missions,
+    missions: NDArray[np.int64],
+    starts: NDArray[np.int64],
+    places: NDArray[np.int64],
+    found: Floats,
+) -> None:
+    """Windows out of decoded missions to their places in a batch."""
+    length = found.shape[1]
+    for place, mission, start in zip(
+        places.tolist(), missions.tolist(), starts.tolist(), strict=True
+    ):
+        found[place] = some[mission][start : start + length]
