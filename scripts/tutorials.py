@@ -89,7 +89,11 @@ class Lesson:
     def command(self, program: str, *words: str) -> str:
         """One of our commands; what it printed."""
         said = io.StringIO()
-        with contextlib.chdir(self.folder), contextlib.redirect_stdout(said):
+        with (
+            contextlib.chdir(self.folder),
+            contextlib.redirect_stdout(said),
+            contextlib.redirect_stderr(said),
+        ):
             code = importlib.import_module(f"{program}.__main__").PROGRAM.main(words)
         if code:
             raise RuntimeError(
