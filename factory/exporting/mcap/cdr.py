@@ -8,6 +8,7 @@ mission is a table of bytes, which numpy fills a hundred times faster than messa
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -88,8 +89,10 @@ class _Columns:
 
     def _numbers(self, kind: np.dtype[Any], value: Any) -> None:
         """Numbers at the next multiple of their size."""
-        rows = self._count if isinstance(value, np.ndarray) else 1
-        part = np.ascontiguousarray(np.asarray(value).astype(kind).reshape(rows, -1))
+        numbers = np.asarray(value).astype(kind)
+        varies = isinstance(value, np.ndarray)
+        shape = (len(numbers), math.prod(numbers.shape[1:])) if varies else (1, numbers.size)
+        part = np.ascontiguousarray(numbers.reshape(shape))
         start = -(-self._end // kind.itemsize) * kind.itemsize
         self._parts.append((start, part.view(np.uint8)))
         self._end = start + part.shape[1] * kind.itemsize

@@ -236,6 +236,24 @@ def test_lerobot_files_are_those_of_the_format(
     assert set(stats) == set(info["features"])
 
 
+def test_large_data_sets_go_on_in_further_files(
+    run: GeneratedStore, folders: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("factory.exporting.lerobot.episodes.FILE_MB", 0)
+    monkeypatch.setattr("factory.exporting.lerobot.episodes.AT_A_TIME", 2)
+    EXPORTERS["lerobot"].export(run, range(len(run)), tmp_path / "many")
+    files = sorted((tmp_path / "many/data").glob("*/*.parquet"))
+    whole = pq.read_table(folders["lerobot"] / "data/chunk-000/file-000.parquet")
+    gaps = ["other"]  # NaN equals nothing
+    assert pq.read_table(files).drop_columns(gaps).equals(whole.drop_columns(gaps))
+    meta = pq.read_table(tmp_path / "many/meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    assert (
+        [one["data/file_index"] for one in meta]
+        == list(range(len(run)))
+        == [int(path.stem.removeprefix("file-")) for path in files]
+    )
+
+
 def test_statistics_of_all_are_those_of_the_samples_together() -> None:
     rng = np.random.default_rng(2)
     parts = [rng.normal(k, 1 + k, (n, 2)) for k, n in enumerate((50, 70, 400))]

@@ -165,6 +165,27 @@ def test_frames_are_a_tree_and_the_file_says_what_it_is(recording: Path, message
     assert min(moments) > 1e18
 
 
+def test_long_missions_are_written_piece_by_piece(
+    recording: Path, field_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from mcap.reader import make_reader
+
+    monkeypatch.setattr("factory.exporting.mcap.files.AT_A_TIME", 100)
+    run = GeneratedStore(field_store)
+    (pieces,) = EXPORTERS["mcap"].export(run, [MISSION], tmp_path / "bags")
+    found = []
+    for path in (recording, pieces):
+        with path.open("rb") as stream:
+            found.append(
+                [
+                    (channel.topic, message.log_time, message.sequence, message.data)
+                    for _, channel, message in make_reader(stream).iter_messages()
+                ]
+            )
+    assert found[0] == found[1]
+    assert len(found[0]) > 1000
+
+
 def test_dives_of_a_deployment_are_one_recording(tmp_path: Path) -> None:
     dataset, _ = import_logs("slocum", write_slocum(tmp_path, Flight()))
     run = LogStore(write_store(dataset, tmp_path / "real.zarr"))
