@@ -7,7 +7,7 @@
 A tutorial runs block by block in one empty folder, as a reader would: `sh` in a shell, `python` in
 one session, and a block with `file=NAME` is written there. A block of `text` shows lines of what
 the block before it printed; numbers may differ. `sh gl` needs OpenGL and `sh cc` a C compiler;
-what is marked `elsewhere` is for another machine and not run. Examples run in a folder of their own each.
+what is marked `elsewhere` is for another machine and not run. Each example has a folder of its own.
 """
 
 from __future__ import annotations
