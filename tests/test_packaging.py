@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import doctest
 import importlib
+import json
 import os
 import re
 import subprocess
 import sys
 import sysconfig
 import tomllib
+import zipfile
 from importlib import metadata
 from pathlib import Path
 
 import pytest
+import yaml
 
 from factory.__main__ import PROGRAM as FACTORY
 from learn.__main__ import PROGRAM as LEARN
@@ -25,6 +28,7 @@ from twin.version import __version__
 ROOT = Path(__file__).resolve().parent.parent
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 PACKAGES = ("twin", "factory", "learn")
+PIP = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
 
 
 def _run(command: list[str | Path], cwd: Path) -> str:
@@ -34,13 +38,30 @@ def _run(command: list[str | Path], cwd: Path) -> str:
     return done.stdout
 
 
-def test_wheel_works_outside_the_checkout(tmp_path: Path) -> None:
-    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
-    _run(
-        [*pip, "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", tmp_path, ROOT],
-        cwd=tmp_path,
-    )
-    (wheel,) = tmp_path.glob("*.whl")
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel, made from the source distribution as an installer without wheels would."""
+    folder = tmp_path_factory.mktemp("dist")
+    _run([sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", folder], cwd=ROOT)
+    (source,) = folder.glob("*.tar.gz")
+    build = [*PIP, "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", folder, source]
+    _run(build, cwd=folder)
+    (made,) = folder.glob("*.whl")
+    return made
+
+
+def test_wheel_holds_every_file_of_the_packages_and_nothing_else(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        shipped = {name for name in archive.namelist() if ".dist-info/" not in name}
+    tracked = _run(["git", "ls-files", *PACKAGES, "assets"], cwd=ROOT).splitlines()
+    present = {name for name in tracked if (ROOT / name).exists()}
+    assert shipped == {f"twin/{n}" if n.startswith("assets/") else n for n in present}
+    # what is read from beside the code, by kind
+    for name in ("twin/plot/coast.npz", "twin/assets/glider.xml", "twin/replay/page.html"):
+        assert name in shipped
+
+
+def test_wheel_works_outside_the_checkout(wheel: Path, tmp_path: Path) -> None:
     environment = tmp_path / "environment"
     _run([sys.executable, "-m", "venv", "--without-pip", environment], cwd=tmp_path)
     python = environment / "bin" / "python"
@@ -49,7 +70,7 @@ def test_wheel_works_outside_the_checkout(tmp_path: Path) -> None:
     (packages,) = environment.glob("lib/python*/site-packages")
     (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
     _run(
-        [*pip, "--python", python, "install", "--quiet", "--no-deps", "--no-index", wheel],
+        [*PIP, "--python", python, "install", "--quiet", "--no-deps", "--no-index", wheel],
         cwd=tmp_path,
     )
 
@@ -61,8 +82,10 @@ def test_wheel_works_outside_the_checkout(tmp_path: Path) -> None:
     shipped = Path(_run([python, "-c", code], tmp_path).strip())
     assert shipped.is_relative_to(environment)
     assert _files(shipped.parent) == _files(ROOT / "assets")
-    code = "from twin.replay.page import assemble; print(assemble({'title': 'a page'}))"
-    assert "class Renderer" in _run([python, "-c", code], tmp_path)
+    fly = [environment / "bin" / "twin", "simulate", "--duration", "600", "--out", "run.zarr"]
+    said = json.loads(_run([*fly, "--plot", "run.png", "--json"], tmp_path))
+    assert said["duration_s"] == 600.0
+    assert (tmp_path / "run.png").stat().st_size > 10_000
 
 
 def _files(folder: Path) -> set[str]:
@@ -119,6 +142,55 @@ def test_every_dependency_is_pinned_within_its_range() -> None:
         requirement = Requirement(text)
         if _name(requirement.name) != "glider-twin":
             assert requirement.specifier.contains(pins[_name(requirement.name)]), text
+
+
+CONDA_NAMES = {
+    "torch": "pytorch",
+    "mujoco": "mujoco-python",
+    "glfw": "pyglfw",
+    "matplotlib": "matplotlib-base",
+    "dm-control": "dm_control",
+}
+"""What conda-forge calls packages differently."""
+
+
+def test_the_conda_recipe_asks_for_what_the_wheel_asks_for() -> None:
+    from packaging.requirements import Requirement
+
+    recipe = yaml.safe_load((ROOT / "packaging" / "conda" / "recipe.yaml").read_text())
+    assert recipe["context"]["version"] == __version__
+    python, *run = recipe["requirements"]["run"]
+    assert python == "python >=3.11,<3.13"
+    wanted = {}
+    for text in PYPROJECT["project"]["dependencies"]:
+        requirement = Requirement(text)
+        marker = requirement.marker
+        if marker is None or marker.evaluate({"python_version": "3.12", "extra": ""}):
+            name = _name(requirement.name)
+            wanted[CONDA_NAMES.get(name, name)] = set(str(requirement.specifier).split(","))
+    assert {name: set(spec.split(",")) for name, spec in map(str.split, run)} == wanted
+    entries = recipe["build"]["python"]["entry_points"]
+    scripts = PYPROJECT["project"]["scripts"]
+    assert entries == [f"{name} = {target}" for name, target in scripts.items()]
+    assert recipe["requirements"]["host"][-1].split()[0] == "hatchling"
+
+
+def test_every_way_to_check_runs_the_same_commands() -> None:
+    script = (ROOT / ".ci" / "run").read_text()
+    wanted = re.findall(r"^make \w+$", script, re.MULTILINE)
+    assert wanted == ["make lint", "make test"]
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())
+    jobs = workflow["jobs"].values()
+    assert [step["run"] for job in jobs for step in job["steps"] if "run" in step] == wanted
+    versions = workflow["jobs"]["test"]["strategy"]["matrix"]["python"]
+    classified = [
+        line.rpartition(" ")[2]
+        for line in PYPROJECT["project"]["classifiers"]
+        if re.search(r"Python :: 3\.\d", line)
+    ]
+    assert versions == classified
+    hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"][0]["hooks"]
+    assert [hook["entry"] for hook in hooks] == ["make lint"]
 
 
 def test_console_scripts_are_the_three_programs() -> None:
