@@ -6,8 +6,8 @@
 
 A tutorial runs block by block in one empty folder, as a reader would: `sh` in a shell, `python` in
 one session, and a block with `file=NAME` is written there. A block of `text` shows lines of what
-the block before it printed; numbers may differ. `sh gl` needs OpenGL, and what is marked
-`elsewhere` is for another machine and not run. Examples run in a folder of their own each.
+the block before it printed; numbers may differ. `sh gl` needs OpenGL and `sh cc` a C compiler;
+what is marked `elsewhere` is for another machine and not run. Each example has a folder of its own.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import os
 import re
 import runpy
 import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -56,13 +57,13 @@ class Lesson:
         """
         for language, mark, text in BLOCK.findall(page):
             mark = mark.strip()
-            if mark == "elsewhere" or (mark == "gl" and not has_opengl()):
+            if mark == "elsewhere" or (mark in NEEDS and not NEEDS[mark]()):
                 continue
             if mark.startswith("file="):
                 (self.folder / mark.removeprefix("file=")).write_text(text)
             elif language == "text":
                 self.compare(text)
-            elif language in ("python", "sh") and mark in ("", "gl"):
+            elif language in ("python", "sh") and mark in ("", *NEEDS):
                 self.said = self.python(text) if language == "python" else self.shell(text)
                 print(self.said, end="", flush=True)
             else:
@@ -89,7 +90,11 @@ class Lesson:
     def command(self, program: str, *words: str) -> str:
         """One of our commands; what it printed."""
         said = io.StringIO()
-        with contextlib.chdir(self.folder), contextlib.redirect_stdout(said):
+        with (
+            contextlib.chdir(self.folder),
+            contextlib.redirect_stdout(said),
+            contextlib.redirect_stderr(said),
+        ):
             code = importlib.import_module(f"{program}.__main__").PROGRAM.main(words)
         if code:
             raise RuntimeError(
@@ -131,6 +136,15 @@ def has_opengl() -> bool:
     from twin.render.context import available_backend
 
     return available_backend() is not None
+
+
+def has_compiler() -> bool:
+    """Whether `learn export --to c` finds a C compiler."""
+    return shutil.which(os.environ.get("CC", "cc")) is not None
+
+
+NEEDS = {"gl": has_opengl, "cc": has_compiler}
+"""What the machine must have for blocks of that mark; else they are left out."""
 
 
 def names() -> dict[str, Path]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime
 import textwrap
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -99,19 +98,26 @@ def add_caption(figure: Figure, text: str) -> None:
     lines = textwrap.wrap(text, max(20, int(width * LETTERS_PER_INCH)))
     room = LINE_HEIGHT * len(lines) + 0.08
     figure.set_size_inches(width, height + room)
-    style: dict[str, Any] = {"fontsize": FONT_SIZE, "ha": "left", "color": "#444444"}
-    if not isinstance(
-        figure.get_layout_engine(), ConstrainedLayoutEngine
-    ):  # axes placed by hand: keep them where they were
-        kept = height / (height + room)
+    kept = height / (height + room)
+    engine = figure.get_layout_engine()
+    if isinstance(engine, ConstrainedLayoutEngine):
+        rows = 0.0  # of legends, which the layout forgets as soon as they are moved
+        for legend in figure.legends:
+            legend.set_bbox_to_anchor((0.0, 0.0, 1.0, kept), transform=figure.transFigure)
+            rows = max(rows, legend.get_window_extent().height / figure.bbox.height)
+        engine.set(rect=(0.0, 0.0, 1.0, kept - rows))
+    else:  # axes placed by hand: keep them where they were
         for axes in figure.axes:
             box = axes.get_position()
             axes.set_position((box.x0, box.y0 * kept, box.width, box.height * kept))
         for legend in figure.legends:
             legend.set_bbox_to_anchor((0.02, 0.99 * kept), transform=figure.transFigure)
-        figure.text(0.02, 1.0 - 0.04 / (height + room), "\n".join(lines), va="top", **style)
-        return
-    below = (0.0, 0.0, 1.0, height / (height + room))  # the layout leaves room for both, one on one
-    for legend in figure.legends:
-        legend.set_bbox_to_anchor(below, transform=figure.transFigure)
-    figure.suptitle("\n".join(lines), x=0.01, **style)
+    figure.text(
+        0.02,
+        1.0 - 0.04 / (height + room),
+        "\n".join(lines),
+        va="top",
+        ha="left",
+        fontsize=FONT_SIZE,
+        color="#444444",
+    )
