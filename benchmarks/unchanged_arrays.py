@@ -19,7 +19,7 @@ from unchanged import KEPT, PRESETS, SEED, differences, expected_hashes
 
 from factory.generation.generate import generate
 from factory.recipe.recipe import make_recipe
-from factory.recipe.reference_set import array_checksums
+from twin.records.checksums import array_checksums
 
 HOURS = (1, 10)
 

@@ -39,7 +39,8 @@ class Reference(JsonOption):
     def run(self, console: Console) -> int:
         """Generate, compare, and say what differs."""
         import_numpy_with_one_thread()
-        from factory.recipe.reference_set import array_checksums, reference_set
+        from factory.recipe.reference_set import reference_set
+        from twin.records.checksums import array_checksums
         from twin.version import PHYSICS_VERSION
 
         wanted = reference_set(self.name)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 from twin.errors import InputError, unknown_name
 from twin.vehicle.assets import asset_path, assets_folder
@@ -29,7 +28,7 @@ class ReferenceSet:
     physics: int
     """version of the physics that the checksums belong to"""
     arrays: Mapping[str, str]
-    """SHA-256 of each array's type, shape and values, by name: see `array_checksums`"""
+    """SHA-256 of each array's type, shape and values, by name, as `array_checksums` gives it"""
 
     def differences(self, found: Mapping[str, str]) -> dict[str, str]:
         """What is wrong with each array that is not as listed, by name; empty when all are."""
@@ -59,23 +58,3 @@ def reference_set(name: str) -> ReferenceSet:
     if name not in names:
         raise InputError(unknown_name("reference set", name, names))
     return ReferenceSet(name=name, **json.loads(asset_path(f"{FOLDER}/{name}.json").read_text()))
-
-
-def array_checksums(store: Path) -> dict[str, str]:
-    """SHA-256 over type, shape and values of each array of a zarr store, by name.
-
-    Values count, not files: another version of the compression leaves the checksums as they are.
-    """
-    import hashlib
-
-    import numpy as np
-    import xarray as xr
-
-    with xr.open_zarr(store, decode_times=False) as data:
-        return {
-            str(name): hashlib.sha256(
-                f"{array.dtype.str}{array.shape}".encode()
-                + np.ascontiguousarray(array.values).tobytes()
-            ).hexdigest()
-            for name, array in sorted(data.variables.items(), key=lambda item: str(item[0]))
-        }

@@ -15,7 +15,7 @@ from factory.exporting.base import Advance, no_progress
 from factory.exporting.mcap.cdr import encode
 from factory.exporting.mcap.samples import Samples
 from factory.exporting.mcap.topics import Topic, topics
-from twin.records.attributes import COMMENT, HISTORY, PLATFORM, SOURCE, TITLE
+from twin.records.attributes import COMMENT, HISTORY, PLATFORM, SAMPLE_PERIOD, SOURCE, TITLE
 from twin.records.logs import LogStore
 from twin.records.place import NOMINAL
 from twin.records.reader import MissionStore
@@ -108,7 +108,7 @@ def about(run: MissionStore, missions: Sequence[int], first: Samples) -> dict[st
         **said,
         "missions": " ".join(map(str, missions)),
         "vehicle": run.vehicle.name,
-        "sample_period_s": f"{run.period:g}",
+        SAMPLE_PERIOD: f"{run.period:g}",
         "frames": FRAMES,
         "map_latitude": f"{first.origin[0]:.9f}",
         "map_longitude": f"{first.origin[1]:.9f}",

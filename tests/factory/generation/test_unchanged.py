@@ -15,7 +15,7 @@ from unchanged import PRESETS, SEED, differences, expected_hashes
 
 from factory.generation.generate import generate
 from factory.recipe.recipe import make_recipe
-from factory.recipe.reference_set import array_checksums
+from twin.records.checksums import array_checksums
 
 
 @pytest.mark.parametrize("preset", PRESETS)

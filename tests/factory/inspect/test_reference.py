@@ -13,6 +13,7 @@ from factory.__main__ import PROGRAM
 from factory.commands import reference
 from factory.recipe import reference_set as sets
 from twin.errors import InputError
+from twin.records.checksums import array_checksums
 from twin.version import PHYSICS_VERSION
 
 
@@ -46,7 +47,7 @@ def test_the_lists_are_of_this_physics_and_whole(name: str, store: Path) -> None
     listed = sets.reference_set(name)
     assert (listed.preset, listed.physics) == ("field", PHYSICS_VERSION)
     assert listed.hours == float(name.removeprefix("field-").removesuffix("h"))
-    assert set(listed.arrays) == set(sets.array_checksums(store))
+    assert set(listed.arrays) == set(array_checksums(store))
     assert all(len(value) == 64 for value in listed.arrays.values())
 
 
