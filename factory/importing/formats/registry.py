@@ -36,7 +36,7 @@ def likely_kind(names: Iterable[str]) -> str | None:
     return best if scores[best] else None
 
 
-def sniff(path: Path) -> str | None:
+def sniff(path: str | Path) -> str | None:
     """The kind of log that a file looks like by what is in it; None when it looks like none.
 
     Raises:
@@ -45,6 +45,7 @@ def sniff(path: Path) -> str | None:
     from factory.importing.reading.columns import column_names
     from factory.importing.reading.netcdf import holds_arrays, variable_names
 
+    path = Path(path)
     with path.open("rb") as file:
         start = file.read(64)
     for importer in IMPORTERS.values():

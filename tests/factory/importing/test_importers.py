@@ -151,7 +151,7 @@ def test_logs_are_told_from_those_of_every_other_kind(
 ) -> None:
     paths = [p for p in write(kind, layout, tmp_path / "logs") if p.suffix != ".cac"]
     for path in paths:
-        assert sniff(path) == kind, path.name
+        assert sniff(path) == sniff(str(path)) == kind, path.name
         for other in IMPORTERS.names():
             if other == kind:
                 continue
