@@ -253,7 +253,8 @@ def open_missions(path: str | StorePath) -> GeneratedStore | LogStore:
     """The store as what it is: flown by the factory, or logged at sea.
 
     Raises:
-      StoreError: it cannot be read, or is neither.
+      StoreError: it cannot be read, is neither, or holds no missions.
     """
     with MissionStore(path) as store:
+        store.check_filled()
         return LogStore(path) if store.logged else GeneratedStore(path)

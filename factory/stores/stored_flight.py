@@ -60,8 +60,10 @@ def open_exportable(path: str | StorePath) -> GeneratedStore | LogStore | Stored
     """As `open_missions`, and also a single flight of `twin simulate` with sensors.
 
     Raises:
-      StoreError: it cannot be read, is none of these, or was flown without sensors.
+      StoreError: it cannot be read, is none of these, holds no missions, or was flown without
+        sensors.
     """
     with MissionStore(path) as reader:
+        reader.check_filled()
         flight = is_flight(reader.attributes)
     return StoredFlight(path) if flight else open_missions(path)

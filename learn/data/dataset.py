@@ -19,6 +19,7 @@ from twin.records.logs import LogRow, LogStore
 from twin.records.reader import LEAST_SAMPLES, MissionStore
 from twin.records.schema import TIME
 from twin.records.sharded import fast_reading
+from twin.records.store import check_filled
 from twin.records.store_path import StorePath, store_path
 
 Floats = NDArray[np.float32]
@@ -135,8 +136,7 @@ class Selection:
         self, names: tuple[str, ...], split: str, limit: int | None, period: float | None
     ) -> None:
         reader, store, count = self._reader, self._reader.path, len(self._reader)
-        if count == 0 or reader.dataset.sizes.get(TIME, 0) == 0:
-            raise StoreError(f"store {store} holds no missions; make some with `factory generate`")
+        check_filled(min(count, reader.dataset.sizes.get(TIME, 0)), f"store {store}")
         self.vehicle = reader.vehicle if set(names) & set(ESTIMATED) else None
         """As its file says, where estimated channels are worked out for it."""
         names = sources(names)

@@ -166,6 +166,7 @@ class Plot:
         from twin.records.store import read_trajectory
 
         with MissionStore(self.store) as store:
+            store.check_filled()
             if not store.logged:
                 for option in ("missions", "vehicle"):
                     if getattr(self, option) is not None:

@@ -35,7 +35,14 @@ from twin.records.attributes import (
 )
 from twin.records.limits import recorded_limits
 from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.store import check_arrays, gone_arrays, open_store, read_array
+from twin.records.store import (
+    check_arrays,
+    check_filled,
+    check_mission,
+    gone_arrays,
+    open_store,
+    read_array,
+)
 from twin.records.store_path import StorePath, store_path
 from twin.records.trajectory import sample_times
 from twin.vehicle.consumption import Consumption
@@ -360,5 +367,8 @@ class MissionStore:
 
     def check_mission(self, mission: int) -> None:
         """Raise StoreError when there is no such mission."""
-        if not 0 <= mission < len(self):
-            raise StoreError(f"store {self.path} has missions 0 to {len(self) - 1}, not {mission}")
+        check_mission(mission, len(self), f"store {self.path}")
+
+    def check_filled(self) -> None:
+        """Raise StoreError when there are no missions at all."""
+        check_filled(len(self), f"store {self.path}")

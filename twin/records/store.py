@@ -396,9 +396,7 @@ def read_trajectory(path: str | StorePath, mission: int = 0) -> Trajectory:
         damaged: an array is gone, cannot be decoded or has gaps where samples must be.
     """
     dataset = open_store(path, dask=False)
-    count = dataset.sizes.get(MISSION, 0)
-    if not 0 <= mission < count:
-        raise StoreError(f"store {path} has missions 0 to {count - 1}, not {mission}")
+    check_mission(mission, dataset.sizes.get(MISSION, 0), f"store {path}")
     check_arrays(dataset, path)
     one = dataset.isel({MISSION: mission})
     samples = _samples(one, path, mission)
@@ -414,6 +412,23 @@ def read_trajectory(path: str | StorePath, mission: int = 0) -> Trajectory:
         state_columns=stored_columns(one),
         provenance={**dataset.attrs, **read_place(one)},
     )
+
+
+def check_mission(mission: int, count: int, what: str) -> None:
+    """Raise StoreError when there is no such mission among `count`, or none at all.
+
+    Args:
+      what: the store or file, for the error.
+    """
+    check_filled(count, what)
+    if not 0 <= mission < count:
+        raise StoreError(f"{what} has missions 0 to {count - 1}, not {mission}")
+
+
+def check_filled(count: int, what: str) -> None:
+    """Raise StoreError when `count`, the missions of a store or file, is zero."""
+    if count == 0:
+        raise StoreError(f"{what} holds no missions; make some with `factory generate`")
 
 
 def gone_arrays(dataset: xr.Dataset, path: str | StorePath) -> list[str]:

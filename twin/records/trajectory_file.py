@@ -24,6 +24,7 @@ from twin.records.place import (
 )
 from twin.records.schema import MISSION, TIME, variable
 from twin.records.store import (
+    check_mission,
     STATES,
     declare_signals,
     mission_dataset,
@@ -111,8 +112,7 @@ def open_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
 def _read(dataset: xr.Dataset, path: Path, mission: int) -> Trajectory:
     if dataset.attrs.get(SCHEMA) != SIMULATED_ATTRIBUTES[SCHEMA] or N_SAMPLES not in dataset:
         raise StoreError(f"{path} holds no mission: `Trajectory.save` writes such files")
-    if not 0 <= mission < dataset.sizes[MISSION]:
-        raise StoreError(f"{path} has missions 0 to {dataset.sizes[MISSION] - 1}, not {mission}")
+    check_mission(mission, dataset.sizes[MISSION], str(path))
     declare_signals(dataset)
     one = dataset.isel({MISSION: mission})
     one = one.isel({TIME: slice(0, int(one[N_SAMPLES]))})

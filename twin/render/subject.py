@@ -52,6 +52,7 @@ def read_subject(
       StoreError, VehicleError, InputError: something cannot be read, or a log has no track.
     """
     found = MissionStore(store)
+    found.check_filled()
     drawn = None if vehicle is None else load_vehicle(vehicle)
     trajectory: Trajectory
     if found.logged:

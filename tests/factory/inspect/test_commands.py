@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import xarray as xr
 
 import factory
 from factory.__main__ import PROGRAM
@@ -20,9 +21,12 @@ from factory.recipe.overrides import read_changes
 from factory.recipe.plan import check_room
 from factory.recipe.recipe import make_recipe
 from factory.stores.generated import GeneratedStore
+from twin.__main__ import PROGRAM as TWIN
+from twin.cli.program import Program
 from twin.cli.text_table import WIDEST
 from twin.errors import InputError
 from twin.records.schema import SIMULATED
+from twin.records.store import write_zarr
 
 QUICK = ["--hours", "0.1", "--workers", "1"]
 
@@ -66,6 +70,46 @@ def test_generate_info_verify_replay_plot_export_in_a_row(
     code, _, err = run(capsys, "generate", *QUICK, "--out", store, "--seed", 4, "--resume")
     assert code == 0
     assert "already complete" in err
+
+
+@pytest.fixture(scope="module")
+def no_missions(paper_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store whose missions were all taken out."""
+    path = tmp_path_factory.mktemp("none") / "none.zarr"
+    with xr.open_zarr(paper_store, chunks=None) as whole:
+        none = whole.isel(mission=slice(0, 0)).load().drop_encoding()
+    write_zarr(none, path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("program", "command"),
+    [
+        (PROGRAM, "info"),
+        (PROGRAM, "verify"),
+        (PROGRAM, "plot"),
+        (PROGRAM, "replay"),
+        (PROGRAM, "export --to parquet"),
+        (TWIN, "plot"),
+        (TWIN, "render --html none.html"),
+        (TWIN, "view --web"),
+    ],
+)
+def test_a_store_without_missions_is_told(
+    program: Program,
+    command: str,
+    no_missions: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    name, *options = command.split()
+    code = program.main([name, str(no_missions), *options])
+    said = capsys.readouterr()
+    assert code == 2
+    assert f"{no_missions} holds no missions; make some with `factory generate`" in said.err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_overrides_come_from_a_file_and_from_words_which_win(
