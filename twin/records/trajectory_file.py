@@ -24,8 +24,8 @@ from twin.records.place import (
 )
 from twin.records.schema import MISSION, TIME, variable
 from twin.records.store import (
-    check_mission,
     STATES,
+    check_mission,
     declare_signals,
     mission_dataset,
     read_trajectory,
