@@ -131,12 +131,16 @@ def few_labels(store: str | StorePath, labels: LabelConfig, counts: LabelCounts)
 def few_missions(store: str | StorePath, division: Division = "missions") -> str | None:
     """A warning where all that is learned comes from a single mission, else None.
 
+    A store without a split has none for training, which is an error that reading it raises.
+
     Raises:
       StoreError: the store's split cannot be read.
     """
     with MissionStore(store) as reader:
         rows = list(range(len(reader)))
-        if division == "missions" and SPLIT in reader:
+        if division == "missions":
+            if SPLIT not in reader:
+                return None
             rows = [row for row in rows if reader.splits[row] == "train"]
         noun = "row" if reader.logged else "mission"
     if len(rows) != 1:

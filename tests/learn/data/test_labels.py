@@ -200,6 +200,12 @@ def test_a_single_training_mission_is_worth_a_warning(tmp_path):
     assert few_missions(write_store(tmp_path / "t.zarr", missions, [0, 1, 0])) is None
 
 
+def test_a_single_mission_without_a_split_is_not_for_training(tmp_path):
+    path = write_store(tmp_path / "s.zarr", [surveyed()], None)
+    assert few_missions(path) is None
+    assert "one mission for training" in str(few_missions(path, "samples"))
+
+
 def test_a_current_that_the_store_has_not_is_asked_for():
     signals = surveyed()
     del signals["true_current_east"]
