@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -464,7 +464,23 @@ def simulate_many(
     """Fly scenarios side by side on `threads` threads; results do not depend on their number.
 
     Each element is the trajectory, or the `SimulationUnstable` that ended it.
+
+    Raises:
+      InputError: no list of scenarios, or fewer threads than one.
     """
+    if isinstance(scenarios, Scenario):
+        raise InputError("simulate_many takes a list of scenarios; fly a single one with simulate")
+    if not isinstance(scenarios, Iterable):
+        raise InputError(f"simulate_many takes a list of scenarios, not {_kind(scenarios)}")
+    scenarios = list(scenarios)
+    for index, scenario in enumerate(scenarios):
+        if not isinstance(scenario, Scenario):
+            raise InputError(
+                f"simulate_many: element {index} is {_kind(scenario)}, not a Scenario; make one "
+                "with twin.Scenario(plan=twin.load_mission('default'))"
+            )
+    if threads < 1:
+        raise InputError(f"simulate_many: threads must be at least 1, not {threads}")
 
     def fly(item: tuple[int, Scenario]) -> Trajectory | SimulationUnstable:
         index, scenario = item
@@ -475,7 +491,11 @@ def simulate_many(
             return error
 
     with quiet_mujoco():
-        if threads <= 1:
+        if threads == 1:
             return [fly(item) for item in enumerate(scenarios)]
         with concurrent.futures.ThreadPoolExecutor(threads) as pool:
             return list(pool.map(fly, enumerate(scenarios)))
+
+
+def _kind(value: object) -> str:
+    return f"a value of type {type(value).__name__}"

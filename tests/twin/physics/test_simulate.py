@@ -184,6 +184,21 @@ def test_an_unstable_mission_is_called_by_its_name():
     assert str(results[1]).startswith("mission 1 ('default') went unstable")
 
 
+@pytest.mark.parametrize(
+    ("scenarios", "threads", "message"),
+    [
+        (lambda: dive(), 1, "takes a list of scenarios; fly a single one with simulate$"),
+        (lambda: 7, 1, "takes a list of scenarios, not a value of type int"),
+        (lambda: [dive(), "dive"], 1, "element 1 is a value of type str, not a Scenario; make one"),
+        (lambda: [dive()], 0, "threads must be at least 1, not 0"),
+        (lambda: [dive()], -1, "threads must be at least 1, not -1"),
+    ],
+)
+def test_what_simulate_many_refuses(scenarios, threads, message):
+    with pytest.raises(InputError, match=message):
+        simulate_many(scenarios(), threads=threads)
+
+
 def test_samples_are_at_exact_multiples_of_their_period(tmp_path):
     """MuJoCo's clock drifts by nanoseconds; `sel(time=...)` finds whole seconds all the same."""
     for period in (0.5, 0.1):
