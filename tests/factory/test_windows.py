@@ -53,6 +53,8 @@ def test_windows_are_pieces_of_the_missions(windows: Windows, field_store: Path)
         found = windows[number]
         assert found.dtype == np.float32
         np.testing.assert_array_equal(found, expected(field_store, windows, number))
+    np.testing.assert_array_equal(windows[1:6:2], windows.read([1, 3, 5]))
+    assert windows[-2:].shape == (2, LENGTH, len(CHANNELS))
     batch = windows.read([5, 2, 5])
     np.testing.assert_array_equal(batch, [windows[5], windows[2], windows[5]])
     assert np.isnan(windows.read(np.arange(len(windows)))[:, :, 2]).any()
@@ -135,6 +137,9 @@ def test_a_copy_for_another_process_is_small(windows: Windows) -> None:
     [
         ({"length": 0}, InputError, "length is 0, it must be above zero"),
         ({"stride": -1}, InputError, "stride is -1"),
+        ({"length": 10.5}, InputError, "length is 10.5, it must be a number of samples"),
+        ({"stride": 2.5}, InputError, "stride is 2.5, it must be a number of samples"),
+        ({"memory": 100}, InputError, r"memory is 100 bytes, the longest mission of .* takes \d+"),
         ({"channels": "measured_pitch"}, InputError, "give channels as a list"),
         ({"channels": ["measured_pich"]}, StoreError, "did you mean 'measured_pitch'"),
         ({"split": "trian"}, StoreError, "did you mean 'train'"),

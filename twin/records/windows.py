@@ -13,6 +13,7 @@ import os
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from numbers import Integral
 from typing import Any, Self
 
 import numpy as np
@@ -65,16 +66,19 @@ class Windows:
           length: samples of a window.
           stride: samples from the start of one to that of the next; None: length.
           split: train, validation, test or all.
-          memory: [bytes] for decoded missions; one mission may take more.
+          memory: [bytes] for decoded missions; the longest one must fit.
 
         Raises:
-          InputError: a length, stride or memory that is no positive number, or no channels.
+          InputError: a length or stride that is no positive whole number, memory too little for
+            one mission, or no channels.
           StoreError: no store, an unknown split or channel, or no mission as long as a window.
         """
         stride = length if stride is None else stride
         for name, value in (("length", length), ("stride", stride), ("memory", memory)):
             if not value > 0:
                 raise InputError(f"windows: {name} is {value:g}, it must be above zero")
+            if name != "memory" and not isinstance(value, Integral):
+                raise InputError(f"windows: {name} is {value:g}, it must be a number of samples")
         if split not in (*SPLITS, "all"):
             raise StoreError(unknown_name("split", split, [*SPLITS, "all"]))
         if isinstance(channels, str) or not channels:
@@ -94,6 +98,12 @@ class Windows:
             rows = rows[np.array(reader.splits) == split]
         reader.check_samples(rows)
         samples = reader.samples[rows]
+        longest = int(samples.max(initial=0))
+        if memory < self._sample_bytes * longest:
+            raise InputError(
+                f"windows: memory is {memory:g} bytes, the longest mission of {self.path} takes "
+                f"{self._sample_bytes * longest}; give memory for two, or fewer channels"
+            )
         counts = np.maximum((samples - length) // stride + 1, 0)
         self.period = reader.period
         """[s] between samples"""
@@ -104,7 +114,6 @@ class Windows:
         self.starts: NDArray[np.int64] = firsts * stride
         """First sample of each window in its mission."""
         if not len(self.missions):
-            longest = int(samples.max(initial=0))
             raise StoreError(
                 f"store {self.path} has no mission of {length} samples in split {split!r}: the "
                 f"longest has {longest}; take shorter windows"
@@ -113,8 +122,10 @@ class Windows:
     def __len__(self) -> int:
         return len(self.missions)
 
-    def __getitem__(self, number: int) -> Floats:
-        """One window, (length, channels)."""
+    def __getitem__(self, number: int | slice) -> Floats:
+        """One window, (length, channels), or those of a slice, (windows, length, channels)."""
+        if isinstance(number, slice):
+            return self.read(range(*number.indices(len(self))))
         if not -len(self) <= number < len(self):
             raise IndexError(f"there are {len(self)} windows, not {number}")
         window: Floats = self.read([number])[0]
