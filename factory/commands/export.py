@@ -14,6 +14,7 @@ from factory.exporting.base import ExportOptions
 from factory.exporting.registry import EXPORTERS
 from twin.cli.console import Console, JsonOption
 from twin.cli.store_argument import StoreArgument
+from twin.cli.text_table import counted
 from twin.errors import InputError
 
 CHOICES = "{" + ",".join(EXPORTERS.names()) + "}"
@@ -63,15 +64,15 @@ class Export(JsonOption):
 
         run = open_exportable(self.store)
         missions = list(range(len(run))) if self.mission is None else list(self.mission)
-        what = "dives" if isinstance(run, LogStore) else "missions"
+        what = "dive" if isinstance(run, LogStore) else "mission"
         out = self.out or exporter.default_path(self.store)
-        with console.progress(total=len(missions), label="export", unit=what) as progress:
+        with console.progress(total=len(missions), label="export", unit=what + "s") as progress:
             options = ExportOptions(vehicle=self.vehicle, metadata=self.metadata)
             written = exporter.export(
                 run, missions, out, progress.update, options, overwrite=self.overwrite
             )
         size = sum(path.stat().st_size for path in written)
-        console.say(f"wrote {len(missions)} {what} to {out} ({size / 1e6:.1f} MB)")
+        console.say(f"wrote {counted(len(missions), what)} to {out} ({size / 1e6:.1f} MB)")
         console.answer(store=self.store, to=self.to, out=out, missions=missions, bytes=size)
         return 0
 

@@ -10,6 +10,7 @@ import tyro
 
 from twin.cli.console import Console, JsonOption
 from twin.cli.store_argument import StoreArgument
+from twin.cli.text_table import counted
 
 if TYPE_CHECKING:
     from factory.inspect.verify import Report
@@ -37,12 +38,14 @@ class Verify(JsonOption):
 
         files = check_files(self.store)
         plain = files_at(self.store).exists(LIST)
+        ending = ""
         try:
-            what, report = ("missions", Report(0, 0, ())) if plain else self._read(console)
+            what, report = ("mission", Report(0, 0, ())) if plain else self._read(console)
         except Exception:  # whatever damaged files make readers raise: the files are named
             if not files.problems:
                 raise
-            what, report = "missions read", Report(0, 0, ())
+            what, report = "mission", Report(0, 0, ())
+            ending = " read"
         report = dataclasses.replace(report, checks=(files, *report.checks))
         console.table(
             [{"check": c.name, "done": c.done, "problems": len(c.problems)} for c in report.checks]
@@ -53,8 +56,8 @@ class Verify(JsonOption):
             if len(check.problems) > MAX_NAMED:
                 console.say(f"{check.name}: {len(check.problems) - MAX_NAMED} more")
         verdict = "sound" if report.ok else "NOT sound"
-        count = f"{files.done} files" if plain else f"{report.missions} {what}"
-        console.say(f"{self.store} is {verdict}: {count}")
+        count = counted(files.done, "file") if plain else counted(report.missions, what)
+        console.say(f"{self.store} is {verdict}: {count}{ending}")
         console.answer(
             store=self.store,
             ok=report.ok,
@@ -64,7 +67,7 @@ class Verify(JsonOption):
         return 0 if report.ok else 1
 
     def _read(self, console: Console) -> tuple[str, Report]:
-        """What the missions are called, and what reading them shows."""
+        """What a mission is called, and what reading them shows."""
         from factory.inspect.verify import Report, verify_store
         from factory.inspect.verify_logs import verify_logs
         from factory.stores.generated import open_missions
@@ -74,10 +77,10 @@ class Verify(JsonOption):
 
         with MissionStore(self.store) as reader:
             if is_flight(reader.attributes):
-                return "missions", Report(len(reader), 0, ())  # its files say all
+                return "mission", Report(len(reader), 0, ())  # its files say all
         run = open_missions(self.store)
-        what = "dives" if isinstance(run, LogStore) else "missions"
-        with console.progress(total=len(run), label="verify", unit=what) as progress:
+        what = "dive" if isinstance(run, LogStore) else "mission"
+        with console.progress(total=len(run), label="verify", unit=what + "s") as progress:
             if isinstance(run, LogStore):
                 return what, verify_logs(run, watch=progress.update)
             return what, verify_store(run, watch=progress.update)

@@ -9,6 +9,7 @@ from typing import Any
 from factory.exporting.licences import OTHER, UNKNOWN, licence_identifier
 from factory.exporting.metadata import Metadata
 from factory.stores.generated import GeneratedStore
+from twin.cli.text_table import counted
 from twin.records.attributes import COMMENT, HISTORY, PLATFORM, SPLITS, TITLE
 from twin.records.logs import LogStore
 from twin.records.place import NOMINAL, NOMINAL_WORDS
@@ -100,7 +101,7 @@ def _what(run: MissionStore, missions: Sequence[int], rows: int, metadata: Metad
         made = f"**Simulated**: no vehicle has measured this. Vehicle model: {run.vehicle.name}"
     lines = [
         said.get("summary", ""),
-        f"{made}. {len(missions)} {'dives' if run.logged else 'missions'}, {hours:.4g} h, "
+        f"{made}. {counted(len(missions), 'dive' if run.logged else 'mission')}, {hours:.4g} h, "
         f"{rows} samples, one every {run.period:g} s.",
         str(run.attributes.get(COMMENT, "")),
     ]

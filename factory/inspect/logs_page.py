@@ -11,6 +11,7 @@ from matplotlib.dates import date2num
 from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
+from twin.cli.text_table import counted
 from twin.plot import style
 from twin.plot.dates import DAY, LABEL, draw_dates
 from twin.plot.graticule import box_around
@@ -70,7 +71,8 @@ def _headline(logs: LogStore, deployment: str, missions: list[int]) -> str:
     hours = sum(float(logs.samples[k]) for k in missions) * logs.period / 3600.0
     simulated = " (simulated)" if logs.simulated else ""
     return (
-        f"{deployment}{simulated}, {logs.platform}\n{len(missions)} dives, {hours:.4g} h logged, "
+        f"{deployment}{simulated}, {logs.platform}\n"
+        f"{counted(len(missions), 'dive')}, {hours:.4g} h logged, "
         f"{begin:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M} UTC"
     )
 

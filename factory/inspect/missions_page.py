@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from factory.stores.generated import GeneratedStore
+from twin.cli.text_table import counted
 from twin.plot import style
 from twin.records.attributes import SPLITS
 from twin.records.schema import VARIABLES
@@ -153,8 +154,8 @@ def part_inputs(run: GeneratedStore) -> list[tuple[str, str]]:
 
 def _headline(run: GeneratedStore) -> str:
     return (
-        f"{run.path.name}: preset {run.settings['preset']}, seed {run.seed}, {len(run)} missions, "
-        f"{run.hours:.4g} h"
+        f"{run.path.name}: preset {run.settings['preset']}, seed {run.seed}, "
+        f"{counted(len(run), 'mission')}, {run.hours:.4g} h"
     )
 
 
@@ -215,7 +216,7 @@ def _draw_depths(axes: Axes, data: Sampled) -> None:
     style.label_time(axes, unit)
     axes.margins(x=0.01)
     below = ", grey: the sea floor under each" if ALTITUDE in data.signals else ""
-    axes.set_title(f"depth of {len(shown)} missions{below}")
+    axes.set_title(f"depth of {counted(len(shown), 'mission')}{below}")
 
 
 def _draw_histogram(axes: Axes, data: Sampled, name: str, label: str) -> None:

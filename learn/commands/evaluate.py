@@ -16,6 +16,7 @@ from learn.runs.run import DEFAULT_STORE, newest_run, open_run
 from twin.cli.console import Console, JsonOption
 from twin.cli.program import EXIT_OK
 from twin.cli.store_argument import StoreArgument
+from twin.cli.text_table import counted
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -97,7 +98,8 @@ class Evaluate(JsonOption):
         console.answer(**figures, tracks=self.tracks, report=page)
         console.table(
             summary_rows(figures),
-            title=f"{run.folder} on {figures['missions']} missions ({self.split}) of {self.store}: "
+            title=f"{run.folder} on {counted(figures['missions'], 'mission')} "
+            f"({self.split}) of {self.store}: "
             "MSE in (m/s)², dead reckoning in % of the distance through the water",
             digits=3,
         )
@@ -130,7 +132,8 @@ class Evaluate(JsonOption):
             self.out,
             Contents(
                 title=f"{run.name} on {self.store.name}",
-                lead=f"{found.figures['missions']} missions ({self.split}) of {self.store}",
+                lead=f"{counted(found.figures['missions'], 'mission')} ({self.split}) of "
+                f"{self.store}",
                 test=found,
                 labels=run.label_sentences(),
                 error_model=run.error_model(),

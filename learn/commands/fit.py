@@ -18,6 +18,7 @@ from learn.training.optimisers.registry import OPTIMISERS
 from twin.cli.console import Console, JsonOption
 from twin.cli.program import EXIT_OK
 from twin.cli.store_argument import StoreArgument
+from twin.cli.text_table import counted
 from twin.errors import InputError, unknown_name
 from twin.registry import Registry
 
@@ -289,7 +290,8 @@ class Fit(JsonOption):
         )
         console.table(
             summary_rows(figures),
-            title=f"{figures['missions']} {figures['split']} missions of {figures['store']}: "
+            title=f"{counted(figures['missions'], figures['split'] + ' mission')} of "
+            f"{figures['store']}: "
             "MSE in (m/s)², dead reckoning in % of the distance through the water",
             digits=3,
         )

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from learn.report.names import KNOWLEDGE_TITLES, title_of
+from twin.cli.text_table import counted
 from twin.navigation.baselines.registry import BASELINES
 
 Figures = Mapping[str, Any]
@@ -194,7 +195,9 @@ def verdicts(evaluation: Figures) -> list[str]:
         beaten = [title_of(name) for name in theirs if name not in lost]
         text = f"Dead reckoning {words}: the networks have {mine:.3g} % of the distance"
         if evaluation["missions"] < LEAST_COMPARED:
-            sentences.append(f"{text} over {evaluation['missions']} missions, too few to compare.")
+            sentences.append(
+                f"{text} over {counted(evaluation['missions'], 'mission')}, too few to compare."
+            )
             continue
         if beaten:
             text += f", better than {_list(beaten)}"

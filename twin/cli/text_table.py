@@ -27,6 +27,11 @@ SMALLEST_PLAIN = 1e-4
 """Magnitude below which a number is written with an exponent."""
 
 
+def counted(count: int, noun: str) -> str:
+    """A number of things whose plural ends in s, such as 1 mission and 2 missions."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def format_number(value: object, digits: int = 4) -> str:
     """A cell's text: numbers with `digits` significant digits, whole numbers in full.
 

@@ -57,7 +57,7 @@ class Flight(JsonOption):
         rows = parse_rows(self.missions)
         with MissionStore(self.store) as store:
             total = len(store) if rows is None else len(rows)
-        with console.progress(total=total, label="flight", unit="mission") as progress:
+        with console.progress(total=total, label="flight", unit="missions") as progress:
             found = estimate_flight(
                 self.store,
                 self.vehicle,

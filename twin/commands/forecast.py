@@ -138,7 +138,7 @@ class Forecast(JsonOption):
 
         request, known = self._request(console, logs)
         command_shows = _Shows(self, console, request)
-        with console.progress(total=request.members, label="forecast", unit="member") as progress:
+        with console.progress(total=request.members, label="forecast", unit="members") as progress:
 
             def refined(found: Found) -> None:
                 command_shows.first(found)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from twin.cli.console import Console, JsonOption
+from twin.cli.text_table import counted
 
 if TYPE_CHECKING:
     from twin.hindcast import DeploymentHindcast
@@ -131,7 +132,7 @@ class Hindcast(JsonOption):
 
 def _told(one: DeploymentHindcast) -> str:
     """What its forecasts rest on, or why there are none."""
-    dives = f"{len(one.legs)} dive{'' if len(one.legs) == 1 else 's'}"
+    dives = counted(len(one.legs), "dive")
     if not one.scores.segments:
         return (
             f"{dives} between fixes: too few to score: a dive is scored beside the current of "

@@ -67,6 +67,8 @@ def test_generate_info_verify_replay_plot_export_in_a_row(
     assert answer(capsys, "plot", store)["out"] == str(store.with_suffix(".png"))
     exported = answer(capsys, "export", store, "--to", "og1", "--mission", 1)
     assert len(list(Path(exported["out"]).glob("*.nc"))) == 1
+    again = ("export", store, "--to", "parquet", "--mission", 1, "--out", tmp_path / "one.parquet")
+    assert "wrote 1 mission to " in run(capsys, *again)[1]
     code, _, err = run(capsys, "generate", *QUICK, "--out", store, "--seed", 4, "--resume")
     assert code == 0
     assert "already complete" in err

@@ -24,7 +24,7 @@ from twin.cli.console import Console, JsonOption, to_json
 from twin.cli.options import option_names, parse_options
 from twin.cli.program import Command, Program
 from twin.cli.progress import Progress, format_duration
-from twin.cli.text_table import WIDEST, format_number, format_pairs, format_table
+from twin.cli.text_table import WIDEST, counted, format_number, format_pairs, format_table
 from twin.errors import InputError, NoSteadyState
 
 HEAVY = ("numpy", "scipy", "mujoco", "torch", "matplotlib", "xarray", "zarr", "numba", "dm_control")
@@ -511,3 +511,11 @@ def test_durations() -> None:
 def test_the_name_of_a_value_that_has_none_is_no_option(capsys: pytest.CaptureFixture[str]) -> None:
     assert TWIN.main(["simulate", "--mission", "mine.toml"]) == 2
     assert "--mission is no option: give its value alone" in capsys.readouterr().err
+
+
+def test_a_single_thing_has_no_plural():
+    assert [counted(count, "mission") for count in (0, 1, 2)] == [
+        "0 missions",
+        "1 mission",
+        "2 missions",
+    ]
