@@ -76,8 +76,8 @@ class Render(JsonOption):
     title: str | None = None
     """first line of the picture; default: from the store"""
     vehicle: str | None = None
-    """vehicle to draw, by name or MJCF file (:PRESET behind it); default: the store's own. Its
-    flight model tells the velocities of a log"""
+    """of a log: vehicle to draw, by name or MJCF file (:PRESET behind it), whose flight model tells
+    the velocities; default: the shipped one of the log's kind"""
     workers: int | None = None
     """processes that draw a video; default: one per core"""
 

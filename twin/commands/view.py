@@ -41,8 +41,8 @@ class View:
     floor: str | None = None
     """live: sea floor of a depth, as in `twin simulate`; default: none"""
     vehicle: str | None = None
-    """vehicle by name or MJCF file (:PRESET behind it); default: the store's own, live the
-    shipped glider"""
+    """live or of a log: vehicle by name or MJCF file (:PRESET behind it); default: live the shipped
+    glider, of a log the shipped one of its kind"""
     camera: Literal["orbit", "side", "map", "chase"] = "orbit"
     """first view of the whole track; chase shows the glider in open water at true scale"""
     speed_up: float | None = None
