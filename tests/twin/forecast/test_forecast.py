@@ -22,6 +22,7 @@ from twin.forecast.page import page, write_forecast
 from twin.forecast.surfacing import HALF, NINETY, left_out, prediction_quantile, surfacings_of
 from twin.forecast.watch import arrivals
 from twin.forecast.water_draws import draw_deviation, draw_water
+from twin.identify.start import other_kind
 from twin.navigation.current import CurrentFilter, CurrentParameters
 from twin.physics.scenario import Scenario
 from twin.records.store import write_store
@@ -279,6 +280,18 @@ def test_persistence_of_the_current_does_not_say_that_speed_and_compass_are_exac
     assert offsets[0] == 0.0
     assert np.std(offsets) == pytest.approx(np.radians(4.2), rel=0.4)
     assert members.scenarios[1].vehicle.law != members.scenarios[2].vehicle.law
+
+
+def test_a_vehicle_of_another_kind_than_the_log_s_is_named(store, tmp_path) -> None:
+    warning = other_kind(store, load_vehicle("glider"))
+    assert warning.startswith("vehicle glider (glider) is of another kind than that of the log")
+    assert f"{store} (slocum)" in warning
+    assert other_kind(store, load_vehicle("slocum-1000")) == ""
+    mine = tmp_path / "mine.xml"
+    mine.write_text(load_vehicle("seaglider").xml)
+    assert "vehicle mine (seaglider) is of another" in other_kind(store, load_vehicle(str(mine)))
+    mine.write_text(load_vehicle("slocum-200").xml)
+    assert other_kind(store, load_vehicle(str(mine))) == ""
 
 
 def test_logs_of_another_time_or_place_are_not_taken(store) -> None:
