@@ -39,9 +39,10 @@ class Render(JsonOption):
     missions: str | None = None
     """several dives of a log in one picture, such as 0-11,14, or all; in place of --mission"""
     out: Path = OUT
-    """file to write: .png, .mp4, .gif or .html"""
+    """file to write: .png, .mp4, .gif or .html; an older one is replaced without asking"""
     html: Path | None = None
-    """page to write, in place of --out: one .html file that replays the mission offline"""
+    """page to write, in place of --out: one .html file that replays the mission offline; an older
+    one is replaced without asking"""
     camera: Literal["orbit", "side", "map", "chase"] = "orbit"
     """orbit circles the track, side and map show it whole, chase follows the glider"""
     size: str | None = None
