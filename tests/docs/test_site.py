@@ -56,6 +56,18 @@ def test_every_page_is_built(site: Path, reference: ModuleType) -> None:
     assert not missing
 
 
+@pytest.mark.parametrize("section", ["tutorials", "howto", "reference"])
+def test_a_reader_of_a_checkout_learns_where_made_pages_are(
+    reference: ModuleType, section: str
+) -> None:
+    index = ROOT / "docs" / section / "index.md"
+    text = index.read_text(encoding="utf-8")
+    assert "`make docs` makes them" in text
+    linked = {(index.parent / name).resolve() for name in re.findall(r"\]\(([\w./]+\.md)", text)}
+    made = {(ROOT / "docs" / place).resolve() for place in reference.generated_pages()}
+    assert {page for page in linked if not page.exists()} <= made
+
+
 def test_nothing_is_asked_of_another_host(site: Path) -> None:
     asking = [page.name for page in site.rglob("*.html") if OTHER_HOSTS.search(page.read_text())]
     assert not asking

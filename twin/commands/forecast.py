@@ -164,7 +164,10 @@ class Forecast(JsonOption):
         if logs is not None:
             console.note(f"reading {logs}")
             from twin.forecast.vehicle_draws import identified
+            from twin.identify.start import other_kind
 
+            if warning := other_kind(logs, vehicle):
+                console.warn(warning)
             model = self.way == "model" or (self.way == "usual" and bool(identified(vehicle)))
             known = known_from_logs(logs, self.vehicle if model else None)
         if self.from_ is not None:

@@ -59,7 +59,7 @@ class Plot:
 
     out: Path | None = None
     """file (.png, .pdf or .svg) [default: FIGURE.png]; with --figure all a folder, made if need
-    be [default: plots]"""
+    be [default: plots]; older figures are replaced without asking"""
 
     vehicle: str | None = None
     """of a log: the vehicle whose flight model tells its velocities: what `twin identify` wrote, or

@@ -39,9 +39,10 @@ class Render(JsonOption):
     missions: str | None = None
     """several dives of a log in one picture, such as 0-11,14, or all; in place of --mission"""
     out: Path = OUT
-    """file to write: .png, .mp4, .gif or .html"""
+    """file to write: .png, .mp4, .gif or .html; an older one is replaced without asking"""
     html: Path | None = None
-    """page to write, in place of --out: one .html file that replays the mission offline"""
+    """page to write, in place of --out: one .html file that replays the mission offline; an older
+    one is replaced without asking"""
     camera: Literal["orbit", "side", "map", "chase"] = "orbit"
     """orbit circles the track, side and map show it whole, chase follows the glider"""
     size: str | None = None
@@ -76,8 +77,8 @@ class Render(JsonOption):
     title: str | None = None
     """first line of the picture; default: from the store"""
     vehicle: str | None = None
-    """vehicle to draw, by name or MJCF file (:PRESET behind it); default: the store's own. Its
-    flight model tells the velocities of a log"""
+    """of a log: vehicle to draw, by name or MJCF file (:PRESET behind it), whose flight model tells
+    the velocities; default: the shipped one of the log's kind"""
     workers: int | None = None
     """processes that draw a video; default: one per core"""
 

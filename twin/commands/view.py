@@ -36,13 +36,13 @@ class View:
     plan: str | None = None
     """live: shipped mission name, or the path of a mission TOML file; default: the shipped one that
     suits the vehicle"""
-    current: str = "none"
-    """live: current, as in `twin simulate`"""
-    floor: str = "none"
-    """live: sea floor of a depth, as in `twin simulate`"""
+    current: str | None = None
+    """live: current, as in `twin simulate`; default: none"""
+    floor: str | None = None
+    """live: sea floor of a depth, as in `twin simulate`; default: none"""
     vehicle: str | None = None
-    """vehicle by name or MJCF file (:PRESET behind it); default: the store's own, live the
-    shipped glider"""
+    """live or of a log: vehicle by name or MJCF file (:PRESET behind it); default: live the shipped
+    glider, of a log the shipped one of its kind"""
     camera: Literal["orbit", "side", "map", "chase"] = "orbit"
     """first view of the whole track; chase shows the glider in open water at true scale"""
     speed_up: float | None = None
@@ -70,7 +70,18 @@ class View:
             raise InputError(f"--seconds {self.seconds:g} must be positive")
         if self.port is not None and not self.web:
             raise InputError("--port is of --web, which serves a page in place of the window")
+        if self.store is not None:
+            self._check_stored(self.store)
         return self._serve(console) if self.web else self._open(console)
+
+    def _check_stored(self, store: Path) -> None:
+        """Refuse what belongs to a mission that is flown now."""
+        live = {"--plan": self.plan, "--current": self.current, "--floor": self.floor}
+        if given := [name for name, value in live.items() if value is not None]:
+            raise InputError(
+                f"{', '.join(given)}: for a mission that is flown live; {store} holds missions as "
+                "they were flown: leave it out, or leave out the store"
+            )
 
     def _open(self, console: Console) -> int:
         """The window."""
@@ -164,8 +175,8 @@ class View:
         scenario = Scenario(
             vehicle=vehicle,
             plan=plan,
-            current=parse_current(self.current),
-            floor=parse_floor(self.floor),
+            current=parse_current(self.current or "none"),
+            floor=parse_floor(self.floor or "none"),
         )
         title = f"Mission {plan.name}, live"
         floor = floor_table(scenario, scenario.run_time())

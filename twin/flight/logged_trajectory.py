@@ -49,6 +49,8 @@ SIMULATED, LOGGED = "simulated truth", "reference of the log"
 LAG_CORRECTED = f"{MEASURED}, thermal lag corrected"
 SAME = 2e-3
 """[1], [kg/m3] that salinity and density may differ by from the stored ones, by rounding"""
+MOST_LISTED = 6
+"""Deployments that a message names"""
 BREAK = 1.5
 """Periods between two missions from which lines break"""
 
@@ -87,11 +89,15 @@ def logged_trajectory(
         raise InputError("name at least one mission")
     for mission in missions:
         logs.check_mission(mission)
-    names = sorted({logs.deployments[mission] for mission in missions})
-    if len(names) > 1:
+    rows: dict[str, list[int]] = {}
+    for mission in sorted(set(missions)):
+        rows.setdefault(logs.deployments[mission], []).append(mission)
+    if len(rows) > 1:
+        listed = [f"{name}: --missions {_ranges(those)}" for name, those in rows.items()]
+        more = f"; and {len(rows) - MOST_LISTED} more" if len(rows) > MOST_LISTED else ""
         raise InputError(
-            f"missions of {len(names)} deployments ({', '.join(names[:3])} ...) are not one track; "
-            "choose those of one"
+            f"missions of {len(rows)} deployments are not one track; choose those of one: "
+            f"{'; '.join(listed[:MOST_LISTED])}{more}"
         )
     ordered = sorted(dict.fromkeys(missions), key=lambda k: (logs.starts[k], k))
     flown, currents, flier, reason = _fly(store, ordered, vehicle)
@@ -101,6 +107,17 @@ def logged_trajectory(
     ]
     joined = _join(parts, logs.period, dict(read_trajectory(store, ordered[0]).provenance))
     return dataclasses.replace(joined, vehicle=flier, unflown=reason)
+
+
+def _ranges(rows: Sequence[int]) -> str:
+    """Rising mission numbers as --missions takes them, such as 0-9,11."""
+    runs: list[list[int]] = []
+    for row in rows:
+        if runs and row == runs[-1][-1] + 1:
+            runs[-1].append(row)
+        else:
+            runs.append([row])
+    return ",".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
 
 
 def _fly(

@@ -47,6 +47,15 @@ class Known:
     """Whether the way through the water was the vehicle's flight model's: the filter's errors of
     speed and compass are then the model's."""
 
+    @property
+    def tells_calibration(self) -> bool:
+        """Whether the fixes tell the errors of speed and compass.
+
+        Not where the last dive's current alone foretells the next one best (persistence): that
+        filter has neither error, which does not mean that there is none.
+        """
+        return self.legs > 0 and not self.filter_.parameters.persists
+
     def at(self, time: float) -> Known:
         """The same later, at a unix time [s]: what was known of the current has aged.
 

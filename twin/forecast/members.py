@@ -21,6 +21,7 @@ from twin.forecast.water_draws import (
     draw_water,
 )
 from twin.mission import Mission
+from twin.navigation.current import CurrentFilter, CurrentParameters
 from twin.physics.scenario import Scenario
 from twin.water.current import Series
 from twin.water.current.base import Current
@@ -32,6 +33,7 @@ SAMPLE_PERIOD = 10.0
 """[s] between two samples of a member: a surfacing is known to 3 m at 0.3 m/s"""
 STEPS = 2.0
 """Times the vehicle file's physics step: in six hours the end moves by less than 5 m"""
+UNTOLD = "the fixes of these logs do not tell it"
 FASTEST = 3.0
 """[m/s] at which a drawn current is cut off: faster ones are no draws of a sea's current"""
 
@@ -59,18 +61,22 @@ def members_of(request: Request, known: Known) -> Members:
     }
     if request.field is not None:
         water, spread["current"] = _with_field(request, known, water, rng)
-    vehicles, drawn = draw_vehicles(request.vehicle, count, rng, speed=not known.by_model)
+    told = known.by_model and known.tells_calibration
+    vehicles, drawn = draw_vehicles(request.vehicle, count, rng, speed=not told)
     spread["vehicle"] = f"identified: {', '.join(drawn)}" if drawn else "not identified"
     scale, source = water.speed_scale, "by the fixes"
     deviation, _ = calibration_deviation(known.filter_)
-    if not known.by_model:
-        deviation = known.filter_.parameters.speed_scale
-        scale, source = _normal(rng, count, deviation), "assumed"
-    if known.by_model or not set(drawn) & set(SPEED):
+    untold = f": {UNTOLD}" if known.by_model else ""
+    if not told:
+        deviation = CurrentParameters.speed_scale
+        scale, source = _normal(rng, count, deviation), f"assumed{untold}"
+    if told or not set(drawn) & set(SPEED):
         vehicles = [
             scaled_speed(one, float(part)) for one, part in zip(vehicles, scale, strict=True)
         ]
         spread["speed"] = f"{100.0 * scale[0]:+.1f} %, +-{100.0 * deviation:.1f} %, {source}"
+    elif untold:
+        spread["speed"] = f"as identified{untold}"
     compass, deviation, source = _compass(request, known, water, rng)
     spread["compass"] = (
         f"{math.degrees(compass[0]):+.1f} degree, +-{math.degrees(deviation):.1f} degree, {source}"
@@ -103,13 +109,17 @@ def _compass(
     """True heading less the compass's [rad], (member,), its deviation, and who says so."""
     identified, deviation = known_compass(request.vehicle)
     _, filtered = calibration_deviation(known.filter_)
-    if known.by_model:  # of what the model leaves of it
-        return identified + water.compass, filtered, "by the fixes"
-    if known.legs:
-        return water.compass, filtered, "by the fixes"
+    if known.tells_calibration:
+        # of a model's way: of what the model leaves of it
+        return (identified if known.by_model else 0.0) + water.compass, filtered, "by the fixes"
+    untold = f": {UNTOLD}" if known.legs else ""
     if deviation is not None:
         drawn = _normal(rng, request.members, deviation)
-        return identified + drawn, deviation, "identified"
+        return identified + drawn, deviation, f"identified{untold}"
+    if untold:
+        prior = CurrentFilter(latitude=request.place.latitude_deg, time=known.filter_.time)
+        _, deviation = calibration_deviation(prior)
+        return _normal(rng, request.members, deviation), deviation, f"assumed{untold}"
     return water.compass, filtered, "assumed"
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from xml.etree import ElementTree
+
 import numpy as np
 
 from twin.errors import InputError
 from twin.records.attributes import PLATFORM, SOURCE_FORMAT
 from twin.records.reader import MissionStore
 from twin.records.store_path import StorePath
-from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle, vehicle_names
 
 SHALLOW_SLOCUM = {"measured_depth": 230.0, "measured_pump": 245.0}
 """[m], [cm3] beyond which a 200 m Slocum with its ballast pump does not go; deep ones have an oil
@@ -28,15 +30,40 @@ def start_vehicle(store: str | StorePath) -> Vehicle:
         if not found.logged:
             flown = found.vehicle
             return parse_vehicle(flown.xml, flown.path)
-        said = [str(found.attributes.get(name, "")) for name in (SOURCE_FORMAT, PLATFORM)]
-        kind = next((k for text in said for k in KINDS if k in text.lower()), None)
+        kind = _kind(found)
         if kind is None:
+            said = [str(found.attributes.get(name, "")) for name in (SOURCE_FORMAT, PLATFORM)]
             raise InputError(
                 f"store {store} does not say which glider it is of "
                 f"(source_format {said[0]!r}, platform {said[1]!r}); give --vehicle, such as "
                 f"{', '.join(KINDS[:2])} or slocum-200"
             )
         return load_vehicle(_slocum(found) if kind == "slocum" else kind)
+
+
+def other_kind(store: str | StorePath, vehicle: Vehicle) -> str:
+    """A warning if a vehicle is of another kind than the log, both as they say; empty if not.
+
+    A vehicle made from a shipped file still has its model's name; of other names nothing is known.
+
+    Raises:
+      StoreError: no such store.
+    """
+    with MissionStore(store) as found:
+        kind = _kind(found) if found.logged else None
+    model = ElementTree.fromstring(vehicle.xml).get("model", "")
+    if kind is None or model not in vehicle_names() or kind in model:
+        return ""
+    return (
+        f"vehicle {vehicle.name} ({model}) is of another kind than that of the log {store} "
+        f"({kind}): it did not fly these dives; give --vehicle of the log's kind"
+    )
+
+
+def _kind(store: MissionStore) -> str | None:
+    """Of the glider, as a log says; None where it does not."""
+    said = [str(store.attributes.get(name, "")) for name in (SOURCE_FORMAT, PLATFORM)]
+    return next((k for text in said for k in KINDS if k in text.lower()), None)
 
 
 def _slocum(store: MissionStore) -> str:

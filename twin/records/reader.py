@@ -130,6 +130,11 @@ class MissionStore:
         """When and how the store was made; empty where it does not say."""
         return str(self.attributes.get(HISTORY, ""))
 
+    @property
+    def says_vehicle(self) -> bool:
+        """Whether the store holds the description of the vehicle that flew the missions."""
+        return SCENARIO in self.attributes or VEHICLE_MJCF in self.attributes
+
     @functools.cached_property
     def vehicle(self) -> Vehicle:
         """The vehicle that flew the missions.

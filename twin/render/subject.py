@@ -41,15 +41,17 @@ def read_subject(
 
     Args:
       missions: dives of a log that are shown as one; None shows `mission` alone.
-      vehicle: name or file; None takes the store's, see `MissionStore.vehicle`. Its flight model,
-        if it has one, tells the velocities of a log.
+      vehicle: of a log, or of a store that does not say its vehicle: name or file; None takes the
+        store's, see `MissionStore.vehicle`. Its flight model, if it has one, tells the velocities
+        of a log.
       tracks: file as in `twin.records.tracks`.
       names: of those tracks, separated by commas; None takes all.
       title: first line of the picture; None is made from the store.
       floor: draw the sea floor of the mission where it has one.
 
     Raises:
-      StoreError, VehicleError, InputError: something cannot be read, or a log has no track.
+      StoreError, VehicleError, InputError: something cannot be read, or a log has no track; a
+        vehicle is given for a simulated mission whose store says its own.
     """
     found = MissionStore(store)
     found.check_filled()
@@ -65,6 +67,11 @@ def read_subject(
             "own"
         )
     else:
+        if drawn is not None and found.says_vehicle:
+            raise InputError(
+                f"--vehicle is for logs: store {store} says its vehicle: {found.vehicle.name}; "
+                "leave --vehicle out"
+            )
         trajectory, caption = read_trajectory(store, mission), _title(found, mission)
     return Subject(
         trajectory=trajectory,

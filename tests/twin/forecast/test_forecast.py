@@ -16,11 +16,14 @@ from twin.__main__ import PROGRAM
 from twin.errors import CurrentError, InputError, MissionError, StoreError, WriteError
 from twin.forecast import Request, forecast, known_from_logs, known_without_logs, mission_to
 from twin.forecast.flights import surfacings
+from twin.forecast.known import Known
 from twin.forecast.members import members_of
 from twin.forecast.page import page, write_forecast
 from twin.forecast.surfacing import HALF, NINETY, left_out, prediction_quantile, surfacings_of
 from twin.forecast.watch import arrivals
 from twin.forecast.water_draws import draw_deviation, draw_water
+from twin.identify.start import other_kind
+from twin.navigation.current import CurrentFilter, CurrentParameters
 from twin.physics.scenario import Scenario
 from twin.records.store import write_store
 from twin.vehicle.vehicle import load_vehicle
@@ -263,6 +266,32 @@ def test_logs_tell_the_place_the_time_and_the_current(store) -> None:
     assert known.at(known.time + 86400.0).filter_.current[1][0, 0] > before
     with pytest.raises(InputError, match="before the last fix"):
         known.at(end - 3600.0)
+
+
+@pytest.mark.parametrize("by_model", [True, False])
+def test_persistence_of_the_current_does_not_say_that_speed_and_compass_are_exact(by_model) -> None:
+    filter_ = CurrentFilter(CurrentParameters.persistence(0.1), latitude=36.8, time=UNIX)
+    known = Known(filter_=filter_, legs=8, by_model=by_model, source="8 dives")
+    members = members_of(asked(), known)
+    assert members.spread["speed"].startswith("+0.0 %, +-6.0 %, assumed")
+    assert members.spread["compass"].startswith("+0.0 degree, +-4.2 degree, assumed: the fixes of")
+    assert ("the fixes of these logs do not tell it" in members.spread["speed"]) == by_model
+    offsets = np.array([one.compass_offset for one in members.scenarios])
+    assert offsets[0] == 0.0
+    assert np.std(offsets) == pytest.approx(np.radians(4.2), rel=0.4)
+    assert members.scenarios[1].vehicle.law != members.scenarios[2].vehicle.law
+
+
+def test_a_vehicle_of_another_kind_than_the_log_s_is_named(store, tmp_path) -> None:
+    warning = other_kind(store, load_vehicle("glider"))
+    assert warning.startswith("vehicle glider (glider) is of another kind than that of the log")
+    assert f"{store} (slocum)" in warning
+    assert other_kind(store, load_vehicle("slocum-1000")) == ""
+    mine = tmp_path / "mine.xml"
+    mine.write_text(load_vehicle("seaglider").xml)
+    assert "vehicle mine (seaglider) is of another" in other_kind(store, load_vehicle(str(mine)))
+    mine.write_text(load_vehicle("slocum-200").xml)
+    assert other_kind(store, load_vehicle(str(mine))) == ""
 
 
 def test_logs_of_another_time_or_place_are_not_taken(store) -> None:

@@ -247,6 +247,14 @@ def test_tracks_for_a_figure_without_them_are_refused(capsys, store, tmp_path, m
     assert "the section figure draws no tracks; these do: overview, track, track_3d" in err
 
 
+@pytest.mark.parametrize("command", ["plot", "render"])
+def test_the_help_says_that_pictures_are_replaced(capsys, command):
+    _, out, _ = call(capsys, command, "--help")
+    assert "replaced without asking" in " ".join(
+        out.replace("\N{BOX DRAWINGS LIGHT VERTICAL}", "").split()
+    )
+
+
 def test_the_help_names_every_figure(capsys):
     code, out, _ = call(capsys, "plot", "--help")
     assert code == 0

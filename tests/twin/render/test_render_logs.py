@@ -146,6 +146,18 @@ def test_the_subject_of_a_log_says_which_dive_it_is(dives: Path) -> None:
     assert drawn.vehicle.name == "tethys"
 
 
+def test_dives_of_several_deployments_are_named_with_what_to_type(tmp_path: Path) -> None:
+    files = []
+    for name in ("SG171", "SG265"):
+        (tmp_path / name).mkdir()
+        files += write_seaglider(tmp_path / name, FLIGHT, name)
+    data, _ = import_logs("seaglider", files)
+    store = write_store(data, tmp_path / "both.zarr")
+    with pytest.raises(InputError, match="of 2 deployments") as raised:
+        read_subject(store, missions=[0, 1, 2, 3])
+    assert str(raised.value).endswith(": SG171: --missions 0-1; SG265: --missions 2-3")
+
+
 def test_a_log_without_any_track_says_why(dives: Path, tmp_path: Path) -> None:
     data = MissionStore(dives).dataset.load().drop_vars(["measured_pump", "position_method"])
     for name in ("displacement_north", "displacement_east"):

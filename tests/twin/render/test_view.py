@@ -69,6 +69,21 @@ def test_refusals(capsys, words, message):
     assert len(err.strip().splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (("--current", "uniform:0.1,0"), "--current"),
+        (("--floor", "flat:40", "--web"), "--floor"),
+        (("--plan", "default", "--web"), "--plan"),
+    ],
+)
+def test_what_belongs_to_a_live_mission_is_refused_beside_a_store(capsys, store, words, option):
+    assert PROGRAM.main(["view", str(store), *words]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert f"{option}: for a mission that is flown live" in line
+    assert store.name in line
+
+
 def assert_same(row, expected, tolerance):
     for name in ("position", "quaternion", "parts", "pitch", "heading", "speed", "net_mass"):
         np.testing.assert_allclose(
