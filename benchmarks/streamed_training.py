@@ -1,7 +1,7 @@
 """Training from memory and training streamed from the store: throughput, peak memory, weights.
 
-    factory generate --hours 60 --out /tmp/hours.zarr
-    python -m benchmarks.streamed_training /tmp/hours.zarr --epochs 3 --buffer 65536
+    factory generate --hours 60 --out hours.zarr
+    python -m benchmarks.streamed_training hours.zarr --epochs 3 --buffer 65536
 
 Trains the same network both ways, each in a process of its own and the two of a pair side by side
 in time, and prints for each pair how many samples a second were trained on, the ratio, and the peak

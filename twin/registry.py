@@ -123,7 +123,7 @@ class Registry(Mapping[str, Kind]):
     def check(self, name: str, kind: Any) -> Kind:
         """The kind when it is complete; raises InputError that says what it lacks otherwise."""
         if isinstance(self._check, str):
-            self._check = _imported(self._check)
+            self._check = imported(self._check)
         check: Any = self._check
         return check(name, kind)
 
@@ -194,7 +194,7 @@ class Registry(Mapping[str, Kind]):
             return self._registered[name]
         if name not in self._loaded:
             if name in self._places:
-                kind = _imported(self._places[name])
+                kind = imported(self._places[name])
             elif name in self._offered:
                 kind = self._from_entry_point(self._offered[name])
                 if name in self._registered:  # its module has registered it
@@ -250,7 +250,8 @@ def _origin(point: importlib.metadata.EntryPoint) -> str:
     return f"distribution {point.dist.name!r}" if point.dist else "an entry point"
 
 
-def _imported(place: str) -> Any:
+def imported(place: str) -> Any:
+    """What stands at `module:attribute`."""
     module, _, attribute = place.partition(":")
     return getattr(importlib.import_module(module), attribute)
 

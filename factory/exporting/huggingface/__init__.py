@@ -2,35 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
-
-from factory.exporting.base import Advance, Exporter, ExportOptions
-
-if TYPE_CHECKING:
-    from twin.records.reader import MissionStore
-
-
-def _write(
-    run: MissionStore,
-    missions: Sequence[int],
-    folder: Path,
-    advance: Advance,
-    options: ExportOptions,
-) -> list[Path]:
-    from factory.exporting.huggingface.dataset_folder import export_huggingface
-    from factory.exporting.metadata import metadata_for
-
-    metadata = metadata_for(run, options.metadata)
-    return export_huggingface(run, missions, folder, advance, metadata=metadata)
-
+from factory.exporting.base import Exporter
+from factory.exporting.described import described
 
 HUGGINGFACE = Exporter(
     name="huggingface",
     title="Hugging Face data set: Parquet files of each split and a data card",
     ending="-huggingface",
-    write=_write,
+    write=described("factory.exporting.huggingface.dataset_folder:export_huggingface"),
     takes=("metadata",),
     extra="parquet",
 )

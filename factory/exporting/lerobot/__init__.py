@@ -2,35 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
-
-from factory.exporting.base import Advance, Exporter, ExportOptions
-
-if TYPE_CHECKING:
-    from twin.records.reader import MissionStore
-
-
-def _write(
-    run: MissionStore,
-    missions: Sequence[int],
-    folder: Path,
-    advance: Advance,
-    options: ExportOptions,
-) -> list[Path]:
-    from factory.exporting.lerobot.episodes import export_lerobot
-    from factory.exporting.metadata import metadata_for
-
-    metadata = metadata_for(run, options.metadata)
-    return export_lerobot(run, missions, folder, advance, metadata=metadata)
-
+from factory.exporting.base import Exporter
+from factory.exporting.described import described
 
 LEROBOT = Exporter(
     name="lerobot",
     title="LeRobot data set v3.0: an episode for every mission, states, actions, statistics",
     ending="-lerobot",
-    write=_write,
+    write=described("factory.exporting.lerobot.episodes:export_lerobot"),
     takes=("metadata",),
     extra="parquet",
 )
