@@ -29,9 +29,7 @@ COMMAND = re.compile(
 )
 PYTHON = re.compile(r"^ {4}(import |from |# \w+\.py$|\w+ = )")
 TOML = re.compile(r"^ {4}(# \w+\.toml$|\[)")
-FORMULA = re.compile(
-    r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', flags=re.DOTALL
-)
+FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', flags=re.DOTALL)
 """What pymdownx.arithmatex makes of `$...$` and `$$...$$`"""
 
 
