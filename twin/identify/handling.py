@@ -26,7 +26,9 @@ from twin.identify.gains import Phase, with_gains
 from twin.identify.logged import Log
 from twin.identify.pitch import PITCHING, Balance, balanced, pump_of
 from twin.identify.proof import failures
-from twin.identify.turning import Turns, channel_of, turned, windows_of
+from twin.identify.turning.fit import Turns, turned
+from twin.identify.turning.unknowns import channel_of
+from twin.identify.turning.windows import windows_of
 from twin.identify.unknowns import Parameter
 
 Array = NDArray[np.float64]
