@@ -30,7 +30,8 @@ from twin.navigation.flight_filter import (
     FlightSpread,
 )
 from twin.records.reader import MissionStore
-from twin.vehicle.vehicle import CUBIC_CM, Vehicle
+from twin.vehicle.parts.pump import CUBIC_CM
+from twin.vehicle.vehicle import Vehicle
 
 COEFFICIENT = 0.1
 """Half of the width of the uniform distribution of each factor."""

@@ -21,7 +21,7 @@ from twin.identify.logged import Log
 from twin.identify.problem import LEAST_PAIRS, Problem
 from twin.identify.speed import FlightModel
 from twin.identify.unknowns import PARAMETERS, Parameter, choose
-from twin.vehicle.vehicle import CUBIC_CM
+from twin.vehicle.parts.pump import CUBIC_CM
 
 Array = NDArray[np.float64]
 

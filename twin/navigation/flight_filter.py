@@ -34,7 +34,8 @@ from twin.navigation.baselines.base import (
     SURFACE_DEPTH,
     no_glider,
 )
-from twin.vehicle.vehicle import CUBIC_CM, Vehicle
+from twin.vehicle.parts.pump import CUBIC_CM
+from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 

@@ -39,7 +39,7 @@ from twin.navigation.flight_filter import (
     WIDEST,
     FlightFilter,
 )
-from twin.vehicle.vehicle import CUBIC_CM
+from twin.vehicle.parts.pump import CUBIC_CM
 
 NUMBERS = CARRIED
 """Doubles of the filter's state, zero before the first sample."""

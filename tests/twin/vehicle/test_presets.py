@@ -12,7 +12,8 @@ from twin.records.reader import MissionStore
 from twin.records.store import mission_dataset, write_store
 from twin.vehicle.assets import asset_path
 from twin.vehicle.presets import apply_preset, preset_names, split_preset
-from twin.vehicle.vehicle import load_vehicle, parse_vehicle, vehicle_names
+from twin.vehicle.shipped import vehicle_names
+from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
 TEXT = asset_path("tethys.xml").read_text(encoding="utf-8")
 
