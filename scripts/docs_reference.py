@@ -276,7 +276,7 @@ def signal_page() -> str:
 
 def shipped_signals() -> frozenset[str]:
     """Names of the schema's own table, without what kinds of somebody's own have declared."""
-    return frozenset(entry.name for entry in schema._TABLE)
+    return frozenset(entry.name for entry in schema.SIGNALS)
 
 
 def signal_row(entry: schema.Variable) -> str:
