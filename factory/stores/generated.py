@@ -38,7 +38,7 @@ from twin.records.attributes import (
 from twin.records.logs import LogStore
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION
-from twin.records.store import read_array
+from twin.records.store_arrays import read_array
 from twin.records.store_path import StorePath
 from twin.sensors import SensorSuite
 

@@ -248,7 +248,8 @@ class Simulate(JsonOption):
 
     def _write(self, scenario: Scenario, trajectory: Trajectory) -> None:
         from twin.facade import provenance_of
-        from twin.records.store import mission_dataset, write_store
+        from twin.records.mission_dataset import mission_dataset
+        from twin.records.store import write_store
 
         assert self.out is not None
         attributes = {**trajectory.provenance, **provenance_of(scenario)}
