@@ -50,6 +50,7 @@ AREAS = {
     "factory": "Data factory",
     "learn.api": "Train and judge",
     "learn.runs": "Train and judge",
+    "learn.training.given_settings": "Train and judge",
     "learn": "Kinds of your own",
 }
 """Heading of a name by where it is defined: the first place that fits"""

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from learn.training.trainer import Report
     from twin.cli.progress import Progress
 
-
 CHOICES = {
     "network": NETWORKS,
     "inputs": ("full", "glider"),
@@ -149,8 +148,9 @@ class Fit(JsonOption):
         """Train, judge, report."""
         # must be said before numpy is imported: each network trains in one thread
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-        from learn.api import fit_settings, train_and_finish
+        from learn.api import train_and_finish
         from learn.runs.place import training_folder
+        from learn.training.given_settings import fit_settings
 
         if self.resume and self.name is None:
             raise InputError("--resume needs the --name of the run to continue")
