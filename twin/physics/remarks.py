@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from twin.mission import Mission, Waypoint
 from twin.physics.simulation import Simulation
@@ -10,6 +14,9 @@ from twin.records.summary import summarise
 from twin.records.trajectory import Trajectory
 from twin.water.current.grid import beyond_grid
 from twin.water.floor.lookup import beyond_floor
+
+Array = NDArray[np.float64]
+Beyond = Callable[[Array, Array, Array], NDArray[np.bool_]]
 
 
 def remarks(simulation: Simulation, run: Trajectory) -> list[str]:
@@ -19,14 +26,14 @@ def remarks(simulation: Simulation, run: Trajectory) -> list[str]:
       simulation: that flew.
       run: what it flew.
     """
-    stronger = _stronger_current(simulation, run)
+    stronger, tables = _stronger_current(simulation, run), simulation.tables
     found = [
         _unfinished(run, stronger),
         stronger if run.provenance.get("ended") != "time limit" else "",
         _short_of_target(simulation, run),
         _touched(run),
-        _beyond_floor(simulation, run),
-        _beyond_grid(simulation, run),
+        _left_file(run, tables.floor, beyond_floor, "bathymetry", "depth"),
+        _left_file(run, tables.current, beyond_grid, "current file", "velocity"),
     ]
     return [text for text in found if text]
 
@@ -97,29 +104,20 @@ def _touched(run: Trajectory) -> str:
     )
 
 
-def _beyond_floor(simulation: Simulation, run: Trajectory) -> str:
-    """When the vehicle left the bathymetry; empty where it did not."""
-    table = simulation.tables.floor
+def _left_file(run: Trajectory, table: Array, beyond: Beyond, file: str, held: str) -> str:
+    """When the vehicle left the area of a file of the water; empty where it did not.
+
+    Args:
+      table: compiled from the file, empty without one.
+      beyond: which samples of a track are outside of it.
+      held: what the water keeps of the file's edge there.
+    """
     if not table.size:
         return ""
-    outside = beyond_floor(table, run["true_north"], run["true_east"])
+    outside = beyond(table, run["true_north"], run["true_east"])
     if not outside.any():
         return ""
     return (
-        f"the vehicle left the bathymetry's area at {run.time[outside][0]:.0f} s; "
-        "from there on the depth at its edge was used"
-    )
-
-
-def _beyond_grid(simulation: Simulation, run: Trajectory) -> str:
-    """When the vehicle left the file of a gridded current; empty where it did not."""
-    program = simulation.tables.current
-    if not program.size:
-        return ""
-    outside = beyond_grid(program, run["true_north"], run["true_east"])
-    if not outside.any():
-        return ""
-    return (
-        f"the vehicle left the current file's area at {run.time[outside][0]:.0f} s; "
-        "from there on the velocity at its edge was used"
+        f"the vehicle left the {file}'s area at {run.time[outside][0]:.0f} s; "
+        f"from there on the {held} at its edge was used"
     )
