@@ -14,7 +14,6 @@ from factory.generation.completion import (
     FAILED_MISSION,
     FAILED_REASON,
     FAILED_TIME,
-    FAILURE,
 )
 from factory.generation.flown_mission import FailedAttempt
 from factory.recipe.distribution import Distribution, Fixed, Value, parse_distribution
@@ -217,11 +216,6 @@ class GeneratedStore(MissionStore):
             else 0.0
             for name in self.suite.drawn_units()
         }
-
-    @property
-    def failure_count(self) -> int:
-        """Attempts that failed and were replaced."""
-        return int(self.dataset.sizes.get(FAILURE, len(self._failed)))
 
     def failures(self) -> list[tuple[int, FailedAttempt]]:
         """The attempts that failed and were replaced, with their missions."""

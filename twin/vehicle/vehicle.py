@@ -33,9 +33,6 @@ from twin.vehicle.shipped import shipped_files, unknown_vehicle, vehicle_text
 
 Array = NDArray[np.float64]
 
-CONTROLS = ("pitch", "heading", "buoyancy", "speed", "trim")
-"""What guidance steers, each with one part of the vehicle that can."""
-
 USUAL_GLIDE = (math.radians(30.0), 0.3)
 """[rad], [kg] of vehicles whose files do not say: the Sea-Wing's"""
 
@@ -110,7 +107,8 @@ class Vehicle:
     cruise_speed: float = 0.0
     """[m/s] through the water that a propeller drives it at when a mission does not say"""
     steering: Mapping[str, str]
-    """Name of the part that guidance uses for each of CONTROLS that the vehicle has."""
+    """Name of the part that guidance uses for what it steers: the words of
+    `twin.vehicle.assembly.STEERING` that the vehicle has a part for."""
     usual_glide: tuple[float, float] = USUAL_GLIDE
     """Pitch [rad] and net mass [kg] of a usual dive, magnitudes; the net mass is that of missions
     that do not say theirs."""
