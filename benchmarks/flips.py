@@ -21,7 +21,7 @@ from shutil import copytree
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from factory.inspect.verify import check_files
+from factory.inspect.checks import check_files
 from learn.runs.run import DESCRIPTION, open_run
 from twin.cli.text_table import format_table
 from twin.errors import InputError

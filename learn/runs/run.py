@@ -258,7 +258,7 @@ def read_description(folder: Path) -> dict[str, Any]:
     """`run.json` of a folder, finished or not; errors as `open_run`."""
     path = folder / DESCRIPTION
     if not path.is_file():
-        from twin.records.store import is_complete  # numpy, which help texts do without
+        from twin.records.presence import is_complete  # numpy, which help texts do without
 
         if is_complete(folder):
             raise InputError(

@@ -12,7 +12,7 @@ from types import ModuleType
 import pytest
 from examples import ROOT, needs_docs
 
-from twin.records.schema import _TABLE
+from twin.records.schema import SIGNALS
 
 pytestmark = needs_docs
 
@@ -132,7 +132,7 @@ def test_the_pages_of_commands_have_every_option(
 
 def test_the_data_dictionary_has_every_signal(reference: ModuleType) -> None:
     page = reference.signal_page()
-    for entry in _TABLE:
+    for entry in SIGNALS:
         (row,) = re.findall(rf"^\| `{entry.name}` \|.*$", page, re.MULTILINE)
         assert f"| {entry.units} |" in row
         assert f"| {reference.limits(entry.name)} |" in row
