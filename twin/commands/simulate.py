@@ -233,7 +233,7 @@ class Simulate(JsonOption):
         scenario = Scenario(
             vehicle=vehicle,
             ballast=ballast,
-            plan=mission,
+            mission=mission,
             navigate=self._navigation(suite),
             duration=self.duration,
             start=None if self.start is None else parse_place(self.start),
@@ -269,14 +269,14 @@ class Simulate(JsonOption):
 
         figures = summarise(trajectory)
         console.answer(
-            mission=getattr(scenario.plan, "name", None),
+            mission=getattr(scenario.mission, "name", None),
             vehicle=scenario.vehicle.name,
             out=self.out,
             plot=self.plot,
             start=_place(scenario),
             **figures,
         )
-        title = f"{scenario.vehicle.name} flew {getattr(scenario.plan, 'name', 'a schedule')!r}"
+        title = f"{scenario.vehicle.name} flew {getattr(scenario.mission, 'name', 'a schedule')!r}"
         console.pairs(
             {
                 **({"start": begun} if (begun := _place(scenario)) else {}),
@@ -318,7 +318,7 @@ def _stronger_current(simulation: Simulation, run: Trajectory) -> str:
     from twin.mission import Waypoint
     from twin.records.summary import summarise
 
-    plan = simulation.scenario.plan
+    plan = simulation.scenario.mission
     if not any(isinstance(one, Waypoint) for one in getattr(plan, "segments", ())):
         return ""
     figures = summarise(run)
@@ -337,7 +337,7 @@ def _short_of_target(simulation: Simulation, run: Trajectory) -> str:
     from twin.mission import Mission, Waypoint
 
     scenario = simulation.scenario
-    if not isinstance(scenario.plan, Mission):
+    if not isinstance(scenario.mission, Mission):
         return ""
     flown = [one for part in scenario.mission_in_metres().segments for one in part.flown_as()]
     at = int(run["commanded_segment"][-1])
