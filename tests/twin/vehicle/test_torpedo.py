@@ -192,7 +192,7 @@ def test_identification_says_what_it_needs(capsys, store):
     assert (code, out) == (2, "")
     assert "lacks the hull law 'flow-frame' and one moving battery and a pump" in err
     assert len(err.splitlines()) == 1
-    with pytest.raises(VehicleError, match="cannot be identified"):
+    with pytest.raises(VehicleError, match="has no flight model"):
         load_calibration(TORPEDO)
 
 
