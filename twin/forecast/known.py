@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from twin.cli.text_table import counted
 from twin.errors import InputError, StoreError
 from twin.geodesy import great_circle, position
-from twin.cli.text_table import counted
 from twin.hindcast.legs import MODEL, LoggedLeg, flown_velocities, legs_of, why_no_legs
 from twin.navigation.current import CurrentFilter, replay, tune
 from twin.records.logs import LogStore

@@ -108,8 +108,8 @@ def why_no_legs(logs: LogStore, deployment: str) -> str:
     moved = np.isfinite(logs.number("displacement_north")[rows])
     if moved.any():
         return (
-            f"deployment {deployment!r} has {counted(int(moved.sum()), 'dive')} from GPS fix to GPS "
-            "fix, but no way through the water (pitch and heading, a vehicle's own current, or "
+            f"deployment {deployment!r} has {counted(int(moved.sum()), 'dive')} from GPS fix to "
+            "GPS fix, but no way through the water (pitch and heading, a vehicle's own current, or "
             "--vehicle with a flight model)"
         )
     return (

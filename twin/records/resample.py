@@ -69,16 +69,14 @@ def _frequency(step: str) -> str:
     import pandas as pd
     from pandas.tseries.frequencies import to_offset
 
-    try:
-        return str(to_offset(step).freqstr)
-    except (ValueError, TypeError, AttributeError):
-        pass
-    try:
-        length = pd.Timedelta(step)
-        if length > pd.Timedelta(0):
-            return str(to_offset(length).freqstr)
-    except (ValueError, TypeError, AttributeError):
-        pass
+    for read in (to_offset, lambda text: to_offset(pd.Timedelta(text))):
+        try:
+            # a number alone would be nanoseconds
+            offset = read(step) if any(letter.isalpha() for letter in str(step)) else None
+        except (ValueError, TypeError, AttributeError):
+            continue
+        if offset is not None and offset.n > 0:
+            return str(offset.freqstr)
     raise InputError(
         f'resample: step {step!r} is not a length of time: give one such as "10min", "1h" or "1D"'
     )
