@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from learn.api import evaluate, export, fit, fit_settings
+    from learn.api import evaluate, export, fit
     from learn.networks.base import Network
     from learn.networks.config import NetworkConfig
     from learn.networks.prediction import Prediction
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from learn.report.figures.base import ReportFigure
     from learn.report.figures.registry import REPORT_FIGURES
     from learn.runs.run import Run, newest_run, open_run
+    from learn.training.given_settings import fit_settings
     from learn.training.optimisers.base import FullBatchOptimiser, MinibatchOptimiser
     from learn.training.optimisers.registry import OPTIMISERS
     from learn.training.schedule import TrainingConfig
@@ -51,7 +52,7 @@ _PLACES = {
     "evaluate": "learn.api",
     "export": "learn.api",
     "fit": "learn.api",
-    "fit_settings": "learn.api",
+    "fit_settings": "learn.training.given_settings",
     "newest_run": "learn.runs.run",
     "open_run": "learn.runs.run",
 }

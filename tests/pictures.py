@@ -11,7 +11,8 @@ import pytest
 from twin.mission import Mission, SawTooth
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
-from twin.records.store import mission_dataset, write_store
+from twin.records.mission_dataset import mission_dataset
+from twin.records.store import write_store
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
 from twin.render.context import available_backend

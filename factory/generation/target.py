@@ -15,17 +15,17 @@ from factory.recipe.recipe import Recipe, differences, read_recipe, recipe_docum
 from twin.errors import StoreError
 from twin.records.attributes import CHANGES, FAILED_MISSIONS, SETTINGS, VEHICLE_MJCF, is_logged
 from twin.records.object_files import files_at
-from twin.records.sharded import METADATA
-from twin.records.store import (
+from twin.records.presence import (
     RECIPE,
     begun,
     begun_within,
-    check_version,
     generating,
     is_complete,
     is_there,
     read_attributes,
 )
+from twin.records.sharded import METADATA
+from twin.records.store import check_version
 from twin.records.store_path import StorePath
 from twin.records.whole import take_place
 

@@ -19,7 +19,7 @@ from twin.records.logs import LogRow, LogStore
 from twin.records.reader import LEAST_SAMPLES, MissionStore
 from twin.records.schema import TIME
 from twin.records.sharded import fast_reading
-from twin.records.store import check_filled
+from twin.records.store_arrays import check_filled
 from twin.records.store_path import StorePath, store_path
 
 Floats = NDArray[np.float32]

@@ -70,27 +70,21 @@ class LogReference:
             if labels.source == "dvl"
             else signals.get("true_sway", np.full(mission.samples, np.nan)),
         }
-        if "measured_depth" not in signals:
-            return cls(
-                mission=mission,
-                row=mission.row,
-                truth=truth,
-                measured=measured,
-                depth_rate=None,
-                path=math.nan,
-            )
-        rate = depth_rate(finite_channel(signals, "measured_depth"), mission.period)
-        simple = PitchPlusAlpha(vehicle=vehicle).estimate(signals, mission.period)
-        assert simple.surge is not None
-        assert simple.sway is not None
-        velocity = horizontal_velocity(simple.surge, simple.sway, rate, measured)
+        rate, path = None, math.nan
+        if "measured_depth" in signals:
+            rate = depth_rate(finite_channel(signals, "measured_depth"), mission.period)
+            simple = PitchPlusAlpha(vehicle=vehicle).estimate(signals, mission.period)
+            assert simple.surge is not None
+            assert simple.sway is not None
+            velocity = horizontal_velocity(simple.surge, simple.sway, rate, measured)
+            path = float(integrate(np.hypot(*velocity.T), mission.period)[-1])
         return cls(
             mission=mission,
             row=mission.row,
             truth=truth,
             measured=measured,
             depth_rate=rate,
-            path=float(integrate(np.hypot(*velocity.T), mission.period)[-1]),
+            path=path,
         )
 
     def moved(self, estimate: Estimate) -> Array | None:

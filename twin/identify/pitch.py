@@ -29,7 +29,7 @@ from twin.identify.problem import OUTLIER, robust_scale
 from twin.identify.speed import motion_of, steady_parts
 from twin.identify.unknowns import Parameter
 from twin.vehicle.parts import Pump
-from twin.vehicle.vehicle import CUBIC_CM
+from twin.vehicle.parts.pump import CUBIC_CM
 
 Array = NDArray[np.float64]
 

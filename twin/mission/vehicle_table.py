@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 
 from twin.mission.glide import steady_glide
-from twin.vehicle.vehicle import Vehicle, load_vehicle, vehicle_names
+from twin.vehicle.shipped import vehicle_names
+from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 MISSING = "-"
 """In a cell without a value"""

@@ -6,8 +6,6 @@ copy of the parameter block. A step of a vehicle here is bit for bit a step of `
 
 from __future__ import annotations
 
-from typing import Any
-
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
@@ -195,7 +193,3 @@ class ManyPhysics:
     def actuators(self) -> Array:
         """Positions of the parts as fractions of their travel, -1 to 1, shape (count, parts)."""
         return 2.0 * (self._act - self._low) / self._span - 1.0
-
-    def data_of(self, index: int) -> tuple[Any, Any]:
-        """Copies of one vehicle's model and data, as MuJoCo has them."""
-        return self.batch.get_model(index), self.batch.get_data(index)

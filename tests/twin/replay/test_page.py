@@ -38,7 +38,8 @@ from twin.replay.packing import pack, unpack
 from twin.replay.page import LARGEST, ROWS, page
 from twin.replay.scene import describe
 from twin.replay.solid import read_solid, smooth_normals
-from twin.vehicle.vehicle import load_vehicle, vehicle_names
+from twin.vehicle.shipped import vehicle_names
+from twin.vehicle.vehicle import load_vehicle
 
 
 @pytest.fixture(scope="module")

@@ -51,29 +51,28 @@ def _mix(a, a_rate, b, b_rate, f, rate):  # type: ignore[no-untyped-def]
 
 
 @jit
+def _at_one_time(program, at, steps, fractions, rates):  # type: ignore[no-untyped-def]
+    """One velocity component from the 8 corners of a cell at one of the file's times."""
+    _, s_d, s_n, s_e = steps
+    _, f_d, f_n, f_e = fractions
+    _, r_d, r_n, r_e = rates
+    a, ar = _along_east(program, at, s_e, f_e, r_e)
+    b, br = _along_east(program, at + s_n, s_e, f_e, r_e)
+    c, cr = _mix(a, ar, b, br, f_n, r_n)
+    a, ar = _along_east(program, at + s_d, s_e, f_e, r_e)
+    b, br = _along_east(program, at + s_d + s_n, s_e, f_e, r_e)
+    a, ar = _mix(a, ar, b, br, f_n, r_n)
+    return _mix(c, cr, a, ar, f_d, r_d)
+
+
+@jit
 def _component(program, at, steps, fractions, rates):  # type: ignore[no-untyped-def]
     """One velocity component from the 16 corners of the cell whose first corner is `at`."""
-    s_t, s_d, s_n, s_e = steps
-    f_t, f_d, f_n, f_e = fractions
-    r_t, r_d, r_n, r_e = rates
-    a, ar = _along_east(program, at, s_e, f_e, r_e)
-    b, br = _along_east(program, at + s_n, s_e, f_e, r_e)
-    c, cr = _mix(a, ar, b, br, f_n, r_n)
-    a, ar = _along_east(program, at + s_d, s_e, f_e, r_e)
-    b, br = _along_east(program, at + s_d + s_n, s_e, f_e, r_e)
-    a, ar = _mix(a, ar, b, br, f_n, r_n)
-    now, now_rate = _mix(c, cr, a, ar, f_d, r_d)
-    if s_t == 0:
+    now, now_rate = _at_one_time(program, at, steps, fractions, rates)
+    if steps[0] == 0:
         return now, now_rate
-    at += s_t
-    a, ar = _along_east(program, at, s_e, f_e, r_e)
-    b, br = _along_east(program, at + s_n, s_e, f_e, r_e)
-    c, cr = _mix(a, ar, b, br, f_n, r_n)
-    a, ar = _along_east(program, at + s_d, s_e, f_e, r_e)
-    b, br = _along_east(program, at + s_d + s_n, s_e, f_e, r_e)
-    a, ar = _mix(a, ar, b, br, f_n, r_n)
-    later, later_rate = _mix(c, cr, a, ar, f_d, r_d)
-    return _mix(now, now_rate, later, later_rate, f_t, r_t)
+    later, later_rate = _at_one_time(program, at + steps[0], steps, fractions, rates)
+    return _mix(now, now_rate, later, later_rate, fractions[0], rates[0])
 
 
 @jit
