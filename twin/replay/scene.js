@@ -173,7 +173,9 @@ class Scene {
     const px = shown.ratio * clamp(shown.wide / 900, 0.6, 1);  // lines are thinner on a phone
     const here = this.vehiclePlace(state), eye = camera.eye(), { time } = state;
     renderer.begin(camera, this.stretch, open);
-    const look = (one, withFloor) => one.look(camera, this.stretch, this.canvas.height, { open, withFloor });
+    const lost = share < 1 ? 2 * LOST_PIXELS : LOST_PIXELS;
+    const look = (one, withFloor) => one.look(camera, this.stretch, this.canvas.height,
+      { open, withFloor, lost: withFloor ? 2 * lost : lost });
     if (open) water.drawOpenGround();
     else water.drawBehind(name, eye, this.stretch, px);
     if (!open && name !== "map") this.drawShadow(look, px);
