@@ -106,8 +106,8 @@ class Scene {
 
   // Shares of half the picture, for title, legend, labels and buttons.
   get margin() {
-    return this.shown.wide < 640 ? { left: 0.3, right: 0.1, top: 0.5, bottom: 0.36 }
-      : { left: 0.18, right: 0.14, top: 0.2, bottom: 0.26 };
+    const { wide, high } = this.shown, bottom = clamp(2 * (clearBottom() + 22) / high, 0.26, 0.8);
+    return wide < 640 ? { left: 0.3, right: 0.1, top: 0.5, bottom } : { left: 0.18, right: 0.14, top: 0.2, bottom };
   }
 
   placeAbove() {
