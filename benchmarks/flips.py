@@ -1,6 +1,6 @@
 """Flips: random bits of stores and runs changed one at a time; how many are found.
 
-    python benchmarks/flips.py STORE|RUN ... [--flips 200] [--seed 0]
+    python -m benchmarks.flips STORE|RUN ... [--flips 200] [--seed 0]
 
 Of a store `factory verify` must find each flip; of a run, loading its networks and figures
 (`learn evaluate` and `learn compare` do that first), and `factory verify` in every file where the

@@ -1,6 +1,6 @@
 """What surge error sensors leave to an estimator that knows their errors and those of its model.
 
-    python benchmarks/velocity_floor.py STORE [--seed 0] [--json]
+    python -m benchmarks.velocity_floor STORE [--seed 0] [--json]
 
 Flies the missions of a `field` store again by the flight model alone: at every steady sample the
 depth rate is that of a balance of forces with constants that are drawn for the mission, and the

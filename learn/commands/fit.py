@@ -271,9 +271,9 @@ class Fit(JsonOption):
         console.say()
 
     def _report(self, console: Console, run: Run) -> None:
-        from learn.report.tables import summary_rows, verdicts
+        from learn.report.tables import paper_sentence, summary_rows, verdicts
 
-        figures = run.figures
+        figures, paper = run.figures, run.paper_figures
         assert figures is not None
         console.answer(
             **figures,
@@ -290,6 +290,9 @@ class Fit(JsonOption):
             digits=3,
         )
         console.say()
+        if paper is not None:
+            console.answer(paper_test=paper)
+            console.item(paper_sentence(paper))
         for sentence in (*run.label_sentences(), *verdicts(figures)):
             console.item(sentence)
         console.say()

@@ -179,9 +179,21 @@ class Run:
         Raises:
           StoreError: it is damaged, or lacks a figure (named).
         """
+        return self._evaluated(EVALUATION)
+
+    @property
+    def paper_figures(self) -> dict[str, Any] | None:
+        """The same on the paper's test; None where it was not flown (`learn.studies.finishing`).
+
+        Raises:
+          StoreError: it is damaged, or lacks a figure (named).
+        """
+        return self._evaluated(PAPER_TEST)
+
+    def _evaluated(self, name: str) -> dict[str, Any] | None:
         from learn.evaluation.score import summarise_scores
 
-        path = self.folder / EVALUATION
+        path = self.folder / name
         if not path.is_file():
             return None
         remedy = f"`learn fit --name {self.name} --resume` writes it again"

@@ -34,6 +34,17 @@ def reference() -> ModuleType:
 
 
 @pytest.fixture(scope="module")
+def hooks() -> ModuleType:
+    """scripts/docs_hooks.py"""
+    sys.path.insert(0, str(ROOT / "scripts"))
+    try:
+        import docs_hooks
+    finally:
+        sys.path.remove(str(ROOT / "scripts"))
+    return docs_hooks
+
+
+@pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The built site; a warning ends the build."""
     folder = tmp_path_factory.mktemp("site")
@@ -80,6 +91,27 @@ def test_code_is_shown_as_code(site: Path) -> None:
     for page in site.rglob("*.html"):
         text = re.sub(r"<(pre|code)\b.*?</\1>", "", page.read_text(), flags=re.DOTALL)
         assert "```" not in text, page.name
+
+
+def test_formulas_are_set(site: Path) -> None:
+    """As MathML: no script, no dollar signs in the text."""
+    for page in ("physics/equations", "howto/flight", "reference/sensors", "reference/networks"):
+        assert "<math" in (site / f"{page}.html").read_text(), page
+    for page in site.rglob("*.html"):
+        text = re.sub(r"<(pre|code|script)\b.*?</\1>", "", page.read_text(), flags=re.DOTALL)
+        assert "arithmatex" not in text, page.name
+        assert not re.search(r"\$\$|\\[(\[]|\$[^$<\n]+\$", text), page.name
+
+
+@pytest.mark.parametrize("latex", [r"\fraction{1}{2}", r"\left( x", "x^"])
+def test_a_wrong_formula_ends_the_build(hooks: ModuleType, latex: str) -> None:
+    """With the formula named; a right one becomes MathML, of its own line or within a sentence."""
+    assert "<mfrac" in hooks.with_formulas(r'<div class="arithmatex">\[\frac{1}{2}\]</div>')
+    found = hooks.with_formulas(r'<span class="arithmatex">\(a &lt; b\)</span>')
+    assert found.startswith('<span class="formula"><math>')
+    assert "&lt;" in found
+    with pytest.raises(hooks.LatexError, match=re.escape(repr(latex))):
+        hooks.with_formulas(rf'<span class="arithmatex">\({latex}\)</span>')
 
 
 def test_the_pages_of_commands_have_every_option(

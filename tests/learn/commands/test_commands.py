@@ -450,6 +450,7 @@ def test_without_runs_the_newest_is_bad_input(tmp_path, monkeypatch):
 def test_a_factory_store_brings_the_papers_test(tmp_path, monkeypatch, capsys):
     from factory.generation.generate import generate
     from factory.recipe.recipe import make_recipe
+    from learn.report.tables import paper_sentence
 
     monkeypatch.chdir(tmp_path)
     generate(make_recipe(hours=2.5), DEFAULT_STORE, workers=1)
@@ -464,4 +465,9 @@ def test_a_factory_store_brings_the_papers_test(tmp_path, monkeypatch, capsys):
     page = (tmp_path / "runs" / "paper" / "report" / "index.html").read_text()
     assert "three currents" in page
     assert open_run(tmp_path / "runs" / "paper").error_model().heading_sd == 0.0
-    assert json.loads(out)["run"] == "runs/paper"
+    answer = json.loads(out)
+    assert answer["run"] == "runs/paper"
+    assert answer["paper_test"]["surge_mse"] == found["surge_mse"]
+    sentence = paper_sentence(found)
+    assert f"surge {found['surge_mse']:.1e}" in sentence
+    assert "prints surge 2.1e-04, sway 4.6e-06" in sentence
