@@ -11,7 +11,8 @@ from twin.mission.schedule import Schedule
 from twin.navigation.baselines import ekf
 from twin.navigation.baselines.base import bridge, hold, smooth
 from twin.navigation.baselines.dvl import spikes
-from twin.navigation.baselines.ekf import DEPTH, NET_ERROR, SURGE, SWAY, Ekf, EkfNoise
+from twin.navigation.baselines.ekf import Ekf, EkfNoise
+from twin.navigation.baselines.ekf_kernels import DEPTH, NET_ERROR, SURGE, SWAY
 from twin.navigation.baselines.pitch_plus_alpha import PitchPlusAlpha, steady_angle_of_attack
 from twin.navigation.baselines.registry import BASELINES
 from twin.navigation.baselines.steady_flight import SteadyFlight
