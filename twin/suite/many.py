@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
 from twin.frames import flip_vector
-from twin.physics.mujoco_model import header, part_table
+from twin.physics.model_block import header, part_table
 from twin.physics.native import block as b
 from twin.physics.quiet import quiet_mujoco
 from twin.physics.start import Start

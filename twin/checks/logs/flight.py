@@ -15,7 +15,7 @@ from twin.mission import Mission
 from twin.mission.glide import steady_glide
 from twin.mission.segments import SawTooth
 from twin.mission.table import DONE
-from twin.physics.mujoco_model import state
+from twin.physics.model_block import state
 from twin.physics.quiet import quiet_mujoco
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
