@@ -1,4 +1,4 @@
-"""Log score: networks and baselines on real logs, by the truth that a log has.
+"""Log score: networks and baselines on real logs, by whatever truth a log holds.
 
 Two things can be known of a real vehicle. Where a current profiler or a Doppler log was, its
 velocity through the water: samples without are left out and counted. Networks that learned from a

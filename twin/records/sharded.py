@@ -132,7 +132,7 @@ class ShardedStore:
     def write_rows(
         self, name: str, number: int, values: NDArray[Any], length: int, dimensions: Sequence[str]
     ) -> tuple[str, FileSum]:
-        """Write chunk `number` of an array that is no signal; its key and checksum.
+        """Write chunk `number` of an array other than the signals; returns its key and checksum.
 
         Args:
           values: of the chunk; its first axis may be shorter than the array's.

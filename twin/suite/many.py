@@ -29,7 +29,7 @@ _INTEGRATION = mujoco.mjtState.mjSTATE_INTEGRATION.value
 
 
 class ManyPhysics:
-    """So many vehicles of one model; measurements have the vehicle as their first axis."""
+    """`count` vehicles of one model; measurements have the vehicle as their first axis."""
 
     def __init__(
         self,
@@ -108,7 +108,7 @@ class ManyPhysics:
         self._ctrl[...] = commands
 
     def step(self, steps: int, which: NDArray[np.bool_]) -> None:
-        """Advance some vehicles by so many physics steps; `which` is (count,)."""
+        """Advance the vehicles of the mask `which`, (count,), by `steps` physics steps."""
         with quiet_mujoco():
             self.batch.step(which, nstep=steps, stage=_VELOCITY_STAGE)
 

@@ -41,7 +41,7 @@ BEYOND = 0.05
 
 
 def fly_dives(vehicle: Vehicle, dives: Sequence[Dive]) -> list[Trajectory | SimulationUnstable]:
-    """The twin on each dive's targets; what went unstable holds what it flew until then.
+    """The twin's flight on each dive's targets; of an unstable one the error with what it flew.
 
     Raises:
       InputError: the vehicle's pump cannot do what the log's did.
