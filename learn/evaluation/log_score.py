@@ -65,7 +65,7 @@ class LogReference:
         measured = Attitude.of(signals, "measured")
         truth = {
             "surge": np.asarray(labels.of(mission, "surge"), float),
-            # a log with a speed only is learned from with sway zero, but nothing is judged so
+            # sway is taken as zero to learn from a log with speed alone, but is not judged by that
             "sway": np.asarray(labels.of(mission, "sway"), float)
             if labels.source == "dvl"
             else signals.get("true_sway", np.full(mission.samples, np.nan)),

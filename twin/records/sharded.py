@@ -296,7 +296,7 @@ def fast_reading(store: StorePath) -> Iterator[None]:
 
     path = fast_pipeline() if isinstance(store, Path) else PYTHON_PIPELINE
     with zarr.config.set({"codec_pipeline.path": path}), warnings.catch_warnings():
-        # arrays of words that others made are left to the slow one, with warnings
+        # it warns of arrays of words in stores of others, which the slow pipeline then reads
         for text in ("Array is unsupported by Zarrs", ".*does not have a Zarr V3 specification"):
             warnings.filterwarnings("ignore", text)
         yield
