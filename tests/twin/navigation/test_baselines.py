@@ -8,7 +8,7 @@ from twin.errors import InputError, StoreError
 from twin.fossen import FossenModel, FossenState
 from twin.fossen.forces import parameters_of
 from twin.mission.schedule import Schedule
-from twin.navigation.baselines import ekf
+from twin.navigation.baselines import ekf, ekf_kernels
 from twin.navigation.baselines.base import bridge, hold, smooth
 from twin.navigation.baselines.dvl import spikes
 from twin.navigation.baselines.ekf import Ekf, EkfNoise
@@ -248,7 +248,7 @@ def _simulate_ekf_data(noise: EkfNoise, seed: int):
     truth[0, 4] = noise.initial_net_mass * rng.standard_normal()
     truth[0, 3] = 50.0
     for k in range(1, samples):
-        ahead = ekf._predict(
+        ahead = ekf_kernels._predict(
             parameters,
             np.linalg.inv(inertia),
             inertia,
