@@ -15,7 +15,7 @@ from twin.errors import InputError
 from twin.mission import Mission
 from twin.mission.controller import Controller
 from twin.mission.schedule import Schedule
-from twin.mission.shipped import load_mission_for, usual_mission
+from twin.mission.shipped import load_mission_for
 from twin.navigation.settings import Navigation
 from twin.physics.ballast import weighed
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
@@ -118,12 +118,11 @@ def simulate(
         if mission is not None and controller is not None:
             raise InputError("give a mission or a controller, not both: each gives the commands")
         flown = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(str(vehicle))
-        if mission is None and controller is None:
-            mission = usual_mission(flown)
         flown, ballast = weighed(
             flown, ballast_at=ballast_at, mass=mass, compressibility=compressibility
         )
-        if isinstance(mission, str | Path):
+        unsaid = mission is None and controller is None
+        if unsaid or isinstance(mission, str | Path):
             mission = load_mission_for(flown, mission, above_floor=floor is not None)
         scenario = Scenario(
             vehicle=flown,

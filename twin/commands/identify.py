@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 UNUSUAL = 2.0
 """Usual spreads away from nominal at which an estimate is remarked on."""
+CLOSE = 0.95
+"""Correlation, as printed, from which on two estimates are said not to be told apart."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,6 +146,8 @@ class Identify(JsonOption):
             found = handling.identification
         self._say(console, found, len(logs), refined)
         _remark(console, found)
+        for text in confused(found):
+            console.warn(text)
         if handling is not None:
             _say_handling(console, handling)
         if self.out is not None:
@@ -186,14 +190,14 @@ class Identify(JsonOption):
         rows = [
             {
                 "parameter": e.name,
-                "unit": e.unit,
+                "unit": "" if e.unit == "1" else e.unit,
                 "nominal": e.nominal,
                 "estimate": e.value,
                 "deviation": e.deviation,
                 "usual spread": e.spread,
                 "": e.note if e.determined else f"kept: {e.note}",
             }
-            for e in found.estimates
+            for e in sorted(found.estimates, key=lambda e: not e.determined)
         ]
         console.table(rows, title=f"{found.nominal.vehicle.name}: {missions} missions", digits=6)
         changes = {}
@@ -281,6 +285,8 @@ def _say_handling(console: Console, handling: Handling) -> None:
             f"turns as at {math.degrees(handling.yaw_bias):.1f} deg of sideslip, roll sensor "
             f"{math.degrees(handling.roll_offset):.1f} deg"
         )
+    pitch, net_mass = vehicle.usual_glide
+    rows["usual glide"] = f"{math.degrees(pitch):.1f} deg, net mass {net_mass:.2f} kg"
     for name in ("pitch_pid", "heading_pid"):
         rows[name] = " ".join(f"{gain:.4g}" for gain in getattr(vehicle, name))
     console.pairs(rows)
@@ -291,6 +297,8 @@ def _say_handling(console: Console, handling: Handling) -> None:
         turn_deviation_deg_s=_degrees(handling.turn_deviation),
         yaw_bias_deg=_degrees(handling.yaw_bias),
         roll_offset_deg=_degrees(handling.roll_offset),
+        usual_glide_pitch_deg=math.degrees(pitch),
+        usual_glide_net_mass_kg=net_mass,
         pitch_pid=list(vehicle.pitch_pid),
         heading_pid=list(vehicle.heading_pid),
         failures=list(handling.failures),
@@ -304,15 +312,56 @@ def _degrees(value: float | None) -> float | None:
 def _remark(console: Console, found: Identification) -> None:
     """Say which estimates are unlike the vehicle file's; trim and drag are every vehicle's own."""
     from twin.identify.fit import ALWAYS
+    from twin.identify.unknowns import NAMES
 
     for one in found.estimates:
         away = abs(one.value - one.nominal) / one.spread
         if one.determined and one.name not in ALWAYS and away > UNUSUAL:
+            unit = "" if one.unit == "1" else f" {one.unit}"
+            known = f"; if you know it, give --known {one.name}=VALUE" * (one.name in NAMES)
             console.warn(
-                f"{one.name} {one.value:.4g} {one.unit} is {away:.1f} usual spreads away from "
+                f"{one.name} {one.value:.4g}{unit} is {away:.1f} usual spreads away from "
                 f"{one.nominal:.4g}: the vehicle differs, or the model lacks something that this "
-                f"takes up; if you know it, give --known {one.name}=VALUE"
+                f"takes up{known}"
             )
+
+
+def confused(found: Identification) -> list[str]:
+    """One sentence for each group of estimates that the log does not tell apart, and what would."""
+    from twin.identify.pitch import PITCHING
+    from twin.identify.unknowns import NAMES
+
+    names, left = found.determined, set(range(len(found.determined)))
+    close = abs(found.correlation).round(2) >= CLOSE
+    texts = []
+    while left:
+        group: set[int] = set()
+        edge = {min(left)}
+        while edge:
+            group |= edge
+            edge = {j for i in edge for j in left if close[i, j]} - group
+        left -= group
+        if len(group) == 1:
+            continue
+        mine = [names[i] for i in sorted(group)]
+        most = max(abs(found.correlation[i, j]) for i in group for j in group if i != j)
+        knowable = [name for name in mine if name in NAMES]
+        if set(mine) & {p.name for p in PITCHING}:
+            advice = (
+                "dives at other pitches with the same pump, and at other pump volumes, would tell "
+                "them apart"
+            )
+        elif "thermal_expansion" in mine:
+            advice = "dives in water of other temperatures would tell them apart"
+        else:
+            advice = "dives at other pitches, pump volumes and depths would tell them apart"
+        if knowable:
+            advice += f"; or give one that you know, such as --known {knowable[0]}=VALUE"
+        texts.append(
+            f"{', '.join(mine[:-1])} and {mine[-1]} could not be told apart (correlation up to "
+            f"{most:.2f}): together they fit the log, each alone is less sure; {advice}"
+        )
+    return texts
 
 
 def parse_rows(text: str) -> list[int] | None:

@@ -94,6 +94,7 @@ class Simulate(JsonOption):
         """Simulate, store, draw, summarise."""
         from twin.errors import SimulationUnstable
         from twin.navigation.settings import Navigation
+        from twin.physics.ballast import beyond_pump
         from twin.physics.quiet import quiet_mujoco
         from twin.physics.remarks import remarks
         from twin.physics.simulation import Simulation
@@ -106,6 +107,8 @@ class Simulate(JsonOption):
         check_plot_path(self.plot)
         if self.out is not None:
             check_target(self.out, overwrite=self.overwrite)
+        if told := beyond_pump(scenario.vehicle, scenario.ballast, scenario.density):
+            console.warn(told)
         try:
             with quiet_mujoco():
                 simulation = Simulation(scenario)

@@ -30,6 +30,8 @@ from twin.identify.turning.fit import Turns, turned
 from twin.identify.turning.unknowns import channel_of
 from twin.identify.turning.windows import windows_of
 from twin.identify.unknowns import Parameter
+from twin.mission.glide import steady_glide
+from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -37,6 +39,10 @@ FAR = 3.0
 """Deviations from the vehicle file's beyond which a value is determined, however wide"""
 SLACK = 0.1
 """Of a part's travel that is left beyond the positions that the log shows"""
+ROOM = 0.03
+"""Of the battery's travel that guidance keeps beside the positions of the usual glide"""
+FLATTER = math.radians(0.5)
+"""[rad] by which the usual glide is made flatter until the battery holds it"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,7 +100,8 @@ def handle(logs: Sequence[Log], found: Identification, *, proof: bool = True) ->
     phases = phases_of(logs, calibration)
     lacking: tuple[str, ...] = ()
     if len(phases) == 2:
-        calibration = with_usual_glide(calibration, phases)
+        calibration, note = with_usual_glide(calibration, phases)
+        notes += [note] if note else []
         try:
             calibration = with_gains(calibration, phases)
         except (MissionError, NoSteadyState, InputError) as error:
@@ -134,16 +141,52 @@ def phases_of(logs: Sequence[Log], calibration: Calibration) -> tuple[Phase, ...
     return tuple(found)
 
 
-def with_usual_glide(calibration: Calibration, phases: Sequence[Phase]) -> Calibration:
-    """Missions that say no pitch or pump fly as the log did: at the flatter of its two pitches,
-    which both phases reach, and with half of the net mass between them."""
+def with_usual_glide(calibration: Calibration, phases: Sequence[Phase]) -> tuple[Calibration, str]:
+    """Missions that say no pitch or pump fly as the log did: with half of the net mass between its
+    two phases, and at the flatter of its two pitches, or the steepest below it that the battery
+    holds in dives and in climbs.
+
+    The phases had net masses of their own; at the same one both ways the battery may have to go
+    further, where the pump is far from the centre of buoyancy.
+
+    Returns:
+      the calibration, and what was changed and why; empty where the log's pitch is kept.
+    """
     dive, climb = phases
     pitch = min(abs(dive.pitch), abs(climb.pitch))
     net_mass = 0.5 * (dive.net_mass - climb.net_mass)
     if pitch == 0.0 or net_mass <= 0.0:
-        return calibration
+        return calibration, ""
     vehicle = calibration.vehicle
-    return calibration.replace(vehicle=vehicle.replace(usual_glide=(pitch, net_mass)))
+    held = pitch
+    while held > FLATTER and not _holds(vehicle, held, net_mass):
+        held -= FLATTER
+    if not _holds(vehicle, held, net_mass):
+        return calibration, (
+            f"usual glide: kept at the vehicle file's: the battery holds no pitch of dives and "
+            f"climbs with {net_mass:.2f} kg, the log's usual net mass"
+        )
+    note = ""
+    if held < pitch:
+        note = (
+            f"usual glide: {math.degrees(held):.1f} deg, where the log has "
+            f"{math.degrees(pitch):.1f}: more takes the battery beyond its travel with "
+            f"{net_mass:.2f} kg of net mass in dives and in climbs"
+        )
+    return calibration.replace(vehicle=vehicle.replace(usual_glide=(held, net_mass))), note
+
+
+def _holds(vehicle: Vehicle, pitch: float, net_mass: float) -> bool:
+    """Whether the battery holds this glide down and up, with room for guidance at its ends."""
+    slide = vehicle.steered("pitch")
+    assert slide is not None  # a calibration has one moving battery
+    room = ROOM * (slide.high - slide.low)
+    low, high = slide.low + room, slide.high - room
+    try:
+        shifts = [steady_glide(vehicle, -s * pitch, s * net_mass).shift for s in (1.0, -1.0)]
+    except MissionError:
+        return False  # too flat to glide at all
+    return all(low <= shift <= high for shift in shifts)
 
 
 def with_travel(logs: Sequence[Log], calibration: Calibration) -> Calibration:

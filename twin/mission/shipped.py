@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.errors import MissionError, unknown_name
 from twin.mission.plan import Mission
+from twin.mission.segments import SawTooth
 
 if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
@@ -66,18 +69,52 @@ def load_mission_for(
 ) -> Mission:
     """As `load_mission`, checked for a vehicle; None: the shipped one that suits it.
 
+    Where nobody asked for the mission and the vehicle cannot hold its pitch, it is flown at the
+    vehicle's own usual glide, and a warning says so.
+
     Raises:
       MissionError: as `load_mission`, or the vehicle cannot fly it; where the default mission is
         for another kind of vehicle, the message names the one that suits this one.
     """
     usual = usual_mission(vehicle)
+    asked = mission is not None
     mission = usual if mission is None else mission
     loaded = load_mission(mission, vehicle, above_floor=above_floor)
     try:
         loaded.check(vehicle)
     except MissionError as error:
+        if not asked and (own := _at_usual_glide(loaded, vehicle)) is not None:
+            pitch = math.degrees(vehicle.usual_glide[0])
+            warnings.warn(
+                f"mission {usual!r} is flown at the {pitch:.1f} deg of the vehicle's usual glide: "
+                f"{error}",
+                stacklevel=2,
+            )
+            return own
         if str(mission) not in mission_names() or str(mission) == usual:
             raise
         hint = f"the shipped mission for such a vehicle is {usual!r}"
         raise MissionError(f"{error}; {hint}") from None
     return loaded
+
+
+def _at_usual_glide(mission: Mission, vehicle: Vehicle) -> Mission | None:
+    """The mission with its saw-teeth at the vehicle's usual glide, and its ascent too where it
+    must be; None where that does not fly either."""
+    if vehicle.steered("speed") is not None:
+        return None
+    pitch = math.degrees(vehicle.usual_glide[0])
+    segments = tuple(
+        dataclasses.replace(one, pitch_deg=pitch, climb_pitch_deg=None)
+        if isinstance(one, SawTooth)
+        else one
+        for one in mission.segments
+    )
+    for ascent in (mission.ascent_pitch_deg, pitch):
+        own = dataclasses.replace(mission, segments=segments, ascent_pitch_deg=ascent)
+        try:
+            own.check(vehicle)
+        except MissionError:
+            continue
+        return own
+    return None

@@ -89,3 +89,21 @@ def weighed(
             raise InputError(f"ballast_at {ballast_at:g} m: a depth is from 0 to {DEEPEST_SEA:g} m")
         return vehicle, Ballast(depth=ballast_at)
     return vehicle, None if mass is None else Ballast(volume=volume)
+
+
+def beyond_pump(vehicle: Vehicle, ballast: Ballast | None, density: DensityProfile | None) -> str:
+    """That a vehicle is heavier or lighter at the surface than its pump can carry; else empty."""
+    pump = vehicle.steered("buoyancy")
+    if ballast is None or pump is None:
+        return ""
+    water = vehicle.reference_density if density is None else float(density.density(0.0))
+    net = vehicle.mass - water * ballast.neutral_volume(vehicle, density)
+    reach = abs(vehicle.net_mass_for_pump(float(pump.high if net > 0.0 else pump.low)))
+    if abs(net) <= reach:
+        return ""
+    word, fate = ("heavy", "climb") if net > 0.0 else ("light", "dive")
+    return (
+        f"vehicle {vehicle.name!r} is {abs(net):.2f} kg {word} at the surface of this water, and "
+        f"its pump carries {reach:.2f} kg: it will not {fate}; --ballast-at 0 makes it neutral "
+        "there, as does another --mass"
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -24,6 +25,9 @@ HYDROGRAPHY = ("true_temperature", "true_salinity")
 """Signals of missions in water whose temperature and salinity are known"""
 MAY_BE_NAN = ("pitch_setpoint", "heading_setpoint", "segment")
 """Fields of a log row that are NaN in a sound run, where a segment has no setpoint."""
+
+SMALLER = 5
+"""Times shorter is the step that an unstable run is advised to try"""
 
 
 def trajectory_of(
@@ -67,14 +71,23 @@ def trajectory_of(
     if failed:
         time = float(ours["fail_time"])
         raise SimulationUnstable(
-            f"{_label(scenario, mission)} went unstable at {time:.1f} s (vehicle "
+            f"{_label(scenario, mission)} went unstable at {time:.1f} s{_speed(trajectory)} (vehicle "
             f"{scenario.vehicle.name!r}, hydrodynamics {scenario.hydrodynamics}, timestep "
-            f"{timestep:g} s); try a smaller timestep or check the parameters",
+            f"{timestep:g} s); try a smaller timestep, such as {timestep / SMALLER:g}, or check the "
+            "parameters",
             mission=mission or 0,
             time_s=time,
             partial=trajectory,
         )
     return trajectory
+
+
+def _speed(trajectory: Trajectory) -> str:
+    """How fast it was at its last sound sample; empty without one."""
+    if not len(trajectory.time):
+        return ""
+    parts = [trajectory[f"true_{name}"][-1] for name in ("surge", "sway", "heave")]
+    return f", {math.hypot(*map(float, parts)):.2f} m/s through the water"
 
 
 def _hydrography(scenario: Scenario, trajectory: Trajectory) -> dict[str, NDArray[Any]]:

@@ -11,11 +11,12 @@ import pytest
 import xarray as xr
 
 from twin.__main__ import PROGRAM
-from twin.errors import InputError
+from twin.commands.identify import confused
+from twin.errors import InputError, MissionError
 from twin.identify import identify, load_calibration, load_logs
 from twin.identify.blocks import PRIOR, bootstrap, cut
 from twin.identify.gains import Phase, loop_modes, plane_of, trimmed, with_gains
-from twin.identify.handling import handle
+from twin.identify.handling import handle, with_usual_glide
 from twin.identify.lateral import Glide, exponential, linearised
 from twin.identify.pitch import PITCHING, righting_arm, with_righting_arm
 from twin.identify.proof import failures
@@ -24,7 +25,9 @@ from twin.identify.stiffness import file_step, largest_step
 from twin.identify.turning.unknowns import TURNING, munk_moment
 from twin.identify.vehicle_file import vehicle_xml
 from twin.mission import Mission
+from twin.mission.glide import steady_glide
 from twin.mission.segments import SawTooth
+from twin.mission.shipped import load_mission_for
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.records.store import write_store
@@ -149,6 +152,58 @@ def test_missions_that_say_no_pitch_glide_as_the_log(handling):
     assert net_mass == pytest.approx(NET_MASS, rel=0.1)
     again = parse_vehicle(vehicle_xml(calibration, {}), Path("mine.xml"))
     assert again.usual_glide == pytest.approx((pitch, net_mass))
+
+
+def test_a_usual_glide_that_the_battery_does_not_hold_is_made_flatter_and_said():
+    """A pump far from the centre: at one net mass both ways the climb takes the battery further."""
+    calibration = load_calibration("slocum-1000")
+    vehicle = calibration.vehicle.replace(pump={"position": (0.47, 0.0, 0.0)})
+    vehicle = vehicle.replace(shift={"low": -0.03, "high": 0.012})
+    phases = (Phase(pitch=-0.5, net_mass=0.17), Phase(pitch=0.49, net_mass=-0.22))
+    tight, note = with_usual_glide(calibration.replace(vehicle=vehicle), phases)
+    pitch, net_mass = tight.vehicle.usual_glide
+    assert net_mass == pytest.approx(0.195)
+    assert 0.2 < pitch < 0.48
+    assert f"{math.degrees(pitch):.1f} deg, where the log has 28.1" in note
+    slide = vehicle.steered("pitch")
+    for sense in (1.0, -1.0):
+        shift = steady_glide(vehicle, -sense * pitch, sense * net_mass).shift
+        assert slide.low + 0.001 < shift < slide.high - 0.001
+    roomy = vehicle.replace(shift={"low": -0.1, "high": 0.1})
+    kept, note = with_usual_glide(calibration.replace(vehicle=roomy), phases)
+    assert (kept.vehicle.usual_glide[0], note) == (0.49, "")
+
+
+def test_no_mission_given_is_flown_at_the_pitch_that_the_vehicle_holds():
+    """The shipped section asks for 26 degrees; this battery holds its usual 18 both ways only."""
+    vehicle = load_vehicle("slocum-200").replace(usual_glide=(math.radians(18.0), 0.2))
+    vehicle = vehicle.replace(shift={"low": -0.004, "high": 0.004})
+    with pytest.raises(MissionError, match="pitch_deg = 26"):
+        load_mission_for(vehicle, "section")
+    with pytest.warns(UserWarning, match=r"flown at the 18.0 deg of the vehicle's usual glide"):
+        plan = load_mission_for(vehicle)
+    assert [one.pitch_deg for one in plan.segments] == pytest.approx([18.0, 18.0])
+    assert plan.ascent_pitch_deg == pytest.approx(18.0)  # its own 35 is out of reach likewise
+    stuck = vehicle.replace(shift={"low": -1e-4, "high": 1e-4})
+    with pytest.raises(MissionError, match="pitch_deg = 26"):
+        load_mission_for(stuck)
+
+
+def test_estimates_that_are_not_told_apart_are_named_with_what_would(handling):
+    found = handling.identification
+    names = found.determined
+    correlation = np.eye(len(names))
+    pitching = [names.index(name) for name in ("shift_offset", "righting_arm", "pump_position")]
+    for a, b in zip(pitching, pitching[1:], strict=False):
+        correlation[a, b] = correlation[b, a] = -0.96
+    trim = [names.index(name) for name in ("neutral_density", "drag")]
+    correlation[trim[0], trim[1]] = correlation[trim[1], trim[0]] = 0.94
+    (text,) = confused(dataclasses.replace(found, correlation=correlation))
+    assert text.startswith("shift_offset, righting_arm and pump_position could not be told apart")
+    assert "0.96" in text and "pump volumes" in text and "--known" not in text
+    correlation[trim[0], trim[1]] = correlation[trim[1], trim[0]] = 0.97
+    first, _ = confused(dataclasses.replace(found, correlation=correlation))
+    assert first.startswith("neutral_density and drag") and "--known neutral_density=" in first
 
 
 def test_command_prints_correlations_and_refuses_a_vehicle_that_does_not_fly(
