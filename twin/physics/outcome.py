@@ -71,10 +71,10 @@ def trajectory_of(
     if failed:
         time = float(ours["fail_time"])
         raise SimulationUnstable(
-            f"{_label(scenario, mission)} went unstable at {time:.1f} s{_speed(trajectory)} (vehicle "
-            f"{scenario.vehicle.name!r}, hydrodynamics {scenario.hydrodynamics}, timestep "
-            f"{timestep:g} s); try a smaller timestep, such as {timestep / SMALLER:g}, or check the "
-            "parameters",
+            f"{_label(scenario, mission)} went unstable at {time:.1f} s{_speed(trajectory)} "
+            f"(vehicle {scenario.vehicle.name!r}, hydrodynamics {scenario.hydrodynamics}, timestep "
+            f"{timestep:g} s); try a smaller timestep, such as {timestep / SMALLER:g}, or check "
+            "the parameters",
             mission=mission or 0,
             time_s=time,
             partial=trajectory,

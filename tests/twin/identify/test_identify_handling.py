@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib.util
+import itertools
 import json
 import math
 from pathlib import Path
@@ -194,16 +195,19 @@ def test_estimates_that_are_not_told_apart_are_named_with_what_would(handling):
     names = found.determined
     correlation = np.eye(len(names))
     pitching = [names.index(name) for name in ("shift_offset", "righting_arm", "pump_position")]
-    for a, b in zip(pitching, pitching[1:], strict=False):
+    for a, b in itertools.pairwise(pitching):
         correlation[a, b] = correlation[b, a] = -0.96
     trim = [names.index(name) for name in ("neutral_density", "drag")]
     correlation[trim[0], trim[1]] = correlation[trim[1], trim[0]] = 0.94
     (text,) = confused(dataclasses.replace(found, correlation=correlation))
     assert text.startswith("shift_offset, righting_arm and pump_position could not be told apart")
-    assert "0.96" in text and "pump volumes" in text and "--known" not in text
+    assert "0.96" in text
+    assert "pump volumes" in text
+    assert "--known" not in text
     correlation[trim[0], trim[1]] = correlation[trim[1], trim[0]] = 0.97
     first, _ = confused(dataclasses.replace(found, correlation=correlation))
-    assert first.startswith("neutral_density and drag") and "--known neutral_density=" in first
+    assert first.startswith("neutral_density and drag")
+    assert "--known neutral_density=" in first
 
 
 def test_command_prints_correlations_and_refuses_a_vehicle_that_does_not_fly(
