@@ -80,7 +80,7 @@ def check_target(
                 files_at(other).remove_all()
         return False
     for other in others:
-        # without locks nobody knows whether a run that kept nothing yet is alive
+        # without locks it is unknown whether a run that has kept nothing yet is alive
         if local and not missions_kept(Site(store, other.name)):
             if alone:  # nothing is lost
                 files_at(other).remove_all()

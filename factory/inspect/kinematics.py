@@ -1,4 +1,4 @@
-"""Kinematics: whether position, velocity, attitude, rates and current of a mission fit together."""
+"""Kinematics: whether position, velocity, attitude, rates and current of a mission agree."""
 
 from __future__ import annotations
 

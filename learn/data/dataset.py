@@ -239,7 +239,7 @@ class Selection:
             yield from self.read(group)
 
     def groups(self, most: int) -> Iterator[list[Mission]]:
-        """All missions in groups of at most so many; only one group is in memory.
+        """All missions in groups of at most `most`; only one group is in memory.
 
         Raises:
           StoreError: see `read`.

@@ -1,4 +1,4 @@
-"""Log score: networks and baselines on real logs, by the truth that a log has.
+"""Log score: networks and baselines on real logs, by whatever truth a log holds.
 
 Two things can be known of a real vehicle. Where a current profiler or a Doppler log was, its
 velocity through the water: samples without are left out and counted. Networks that learned from a
@@ -65,7 +65,7 @@ class LogReference:
         measured = Attitude.of(signals, "measured")
         truth = {
             "surge": np.asarray(labels.of(mission, "surge"), float),
-            # a log with a speed only is learned from with sway zero, but nothing is judged so
+            # sway is taken as zero to learn from a log with speed alone, but is not judged by that
             "sway": np.asarray(labels.of(mission, "sway"), float)
             if labels.source == "dvl"
             else signals.get("true_sway", np.full(mission.samples, np.nan)),

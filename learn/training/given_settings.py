@@ -1,4 +1,4 @@
-"""Given settings: those that somebody gave, completed to all that a training has.
+"""Given settings: the settings that a user gave, completed to all that a training needs.
 
 What is not given is a resumed run's own, or the default.
 """

@@ -230,7 +230,7 @@ def balanced(logs: Sequence[Log], nominal: Calibration) -> Balance | None:
     seen = observations(logs, nominal)
     if seen is None:
         return None
-    # without a CTD nobody knows how the buoyancy changes with depth, which this would take up
+    # without a CTD the change of buoyancy with depth is unknown, and this would take it up
     blind = any(log.density is None for log in logs)
     parameters = tuple(p for p in PITCHING if not (blind and p.channel == "density"))
     centres = np.array([p.get(nominal) for p in parameters])

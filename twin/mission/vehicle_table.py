@@ -1,4 +1,4 @@
-"""The shipped vehicles, a line each: what they are, how fast they go, where it is from."""
+"""The shipped vehicles, a line each: what they are, their speed, where their numbers are from."""
 
 from __future__ import annotations
 

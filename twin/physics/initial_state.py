@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector, quaternion_to_matrix
-from twin.physics.mujoco_model import header, joint_places, part_names, part_table, state
+from twin.physics.model_block import header, joint_places, part_names, part_table, state
 from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle
 

@@ -12,7 +12,7 @@ from twin.mission import Mission, Waypoint
 from twin.physics.simulation import Simulation
 from twin.records.summary import summarise
 from twin.records.trajectory import Trajectory
-from twin.water.current.grid import beyond_grid
+from twin.water.current.grid_kernels import beyond_grid
 from twin.water.floor.lookup import beyond_floor
 
 Array = NDArray[np.float64]

@@ -17,7 +17,8 @@ from twin.mission.controller import Command, Controller, Observation
 from twin.mission.table import DONE
 from twin.physics.initial_state import apply_real_vehicle, set_start, stagger
 from twin.physics.integration import check_integration
-from twin.physics.mujoco_model import compile_model, header, state
+from twin.physics.model_block import header, state
+from twin.physics.mujoco_model import compile_model
 from twin.physics.native import block as b
 from twin.physics.outcome import trajectory_of
 from twin.physics.quiet import quiet_mujoco

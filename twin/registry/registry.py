@@ -64,10 +64,10 @@ class Registry(Mapping[str, Kind]):
         return kind
 
     def register(self, name: str, kind: Any = None) -> Any:
-        """Add a kind of one's own for this process; `@REGISTRY.register(name)` decorates it.
+        """Add a kind of your own for this process; `@REGISTRY.register(name)` decorates it.
 
         The same one may be registered again; a class or function that was defined again at the
-        same place, as when a notebook's cell is run twice, replaces the first. A kind of one's own
+        same place, as when a notebook's cell is run twice, replaces the first. A kind of your own
         comes before an installed distribution's of that name, which is usually the same one.
 
         Raises:

@@ -14,7 +14,7 @@ from twin.mission import Mission, SawTooth, load_mission
 from twin.mission.controller import Command, MissionController
 from twin.mission.schedule import Schedule
 from twin.physics.fleet import make_batch
-from twin.physics.mujoco_model import state
+from twin.physics.model_block import state
 from twin.physics.scenario import Scenario, Start, scenario_from_dict
 from twin.physics.simulation import Simulation, simulate, simulate_many
 from twin.records.mission_dataset import mission_dataset

@@ -74,7 +74,7 @@ class TurnProblem:
             roll = None
             if group.position is not None and self.channel == "rotation":
                 roll = averaged(rolls(group, lateral, position) - group.roll, group.count)
-                # where it rolls to with the battery at rest is no matter of dynamics
+                # its roll with the battery at rest is an offset of the trim, not dynamics
                 roll = roll - np.median(roll[group.used])
             out.append((rate, roll))
         return out

@@ -1,4 +1,4 @@
-"""Response: the yaw rate and the roll that the lateral motion gives to what a log did."""
+"""Response: the yaw rate and the roll of the lateral model under the inputs of a log."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def variables(*names: str) -> tuple[Variable, ...]:
 
 
 def declare(entry: Variable) -> None:
-    """Add a variable to `VARIABLES`, as the sensors and parts of one's own do.
+    """Add a variable to `VARIABLES`, as sensors and parts of your own do.
 
     Raises:
       InputError: the name has no group, or is declared with another meaning already.
