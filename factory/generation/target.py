@@ -20,6 +20,7 @@ from twin.records.store import (
     RECIPE,
     begun,
     begun_within,
+    check_ending,
     check_version,
     generating,
     is_complete,
@@ -45,6 +46,7 @@ def check_target(
     Raises:
       StoreError: something is in the way, or another recipe is to be resumed.
     """
+    check_ending(store)
     local = isinstance(store, Path)
     if isinstance(store, Path) and store.is_symlink() and not store.exists():
         raise StoreError(f"{store} is a link to nothing; choose another --out")

@@ -134,7 +134,7 @@ def _folded(text: str, width: int) -> list[str]:
             cut = word.rfind("_", 0, width) + 1
             cut = cut if cut > width // 3 else width
             pieces.append(word[:cut])
-            word = word[cut:]  # noqa: PLW2901 - what is left of it
+            word = word[cut:]
         pieces.append(word)
     return textwrap.wrap(" ".join(pieces), width, break_on_hyphens=False) or [""]
 
