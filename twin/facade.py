@@ -17,7 +17,6 @@ from twin.mission.controller import Controller
 from twin.mission.schedule import Schedule
 from twin.mission.shipped import load_mission_for, usual_mission
 from twin.navigation.settings import Navigation
-from twin.numbers import number
 from twin.physics.ballast import weighed
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
 from twin.physics.simulation import simulate as fly
@@ -107,7 +106,7 @@ def simulate(
     suite = _suite(sensors)
     if controller is not None and not callable(controller):
         raise InputError(f"controller is {controller!r}: give a function of an Observation")
-    if number(seed, "seed") < 0:
+    if isinstance(seed, int) and seed < 0:
         raise InputError(f"seed {seed} must be at least 0")
     navigation = None
     if scenario is None:
