@@ -1,6 +1,6 @@
 """What changes between two stores of one recipe, array by array, as a table in Markdown.
 
-    python benchmarks/changed_arrays.py OLD.zarr NEW.zarr
+    python -m benchmarks.changed_arrays OLD.zarr NEW.zarr
 
 For a new version of the physics: the old store is made by the program before it. Angles are
 compared the short way round.
@@ -17,7 +17,7 @@ import xarray as xr
 def main() -> int:
     """Print the table; 2 for other arguments."""
     if len(sys.argv) != 3:
-        print("usage: python benchmarks/changed_arrays.py OLD.zarr NEW.zarr", file=sys.stderr)
+        print("usage: python -m benchmarks.changed_arrays OLD.zarr NEW.zarr", file=sys.stderr)
         return 2
     old, new = (xr.open_zarr(path, decode_times=False) for path in sys.argv[1:])
     same, rows = [], []

@@ -1,6 +1,6 @@
 """Wall time of `--help`, interpreter start included, beside the interpreter alone.
 
-Usage: python benchmarks/cli_startup.py [RUNS]
+Usage: python -m benchmarks.cli_startup [RUNS]
 """
 
 from __future__ import annotations

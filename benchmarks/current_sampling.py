@@ -1,4 +1,4 @@
-"""Cost of one current sample in ns, per kind of current: python benchmarks/current_sampling.py
+"""Cost of one current sample in ns, per kind of current: python -m benchmarks.current_sampling
 
 The loop runs in compiled code over a saw-tooth glide with time advancing, as the physics callback
 does; positions change on every call. The best of several repeats is printed.

@@ -1,6 +1,6 @@
 """Flips: random bits of stores and runs changed one at a time; how many are found.
 
-    python benchmarks/flips.py STORE|RUN ... [--flips 200] [--seed 0]
+    python -m benchmarks.flips STORE|RUN ... [--flips 200] [--seed 0]
 
 Of a store `factory verify` must find each flip; of a run, loading its networks and figures
 (`learn evaluate` and `learn compare` do that first), and `factory verify` in every file where the
@@ -21,7 +21,7 @@ from shutil import copytree
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from factory.inspect.verify import check_files
+from factory.inspect.checks import check_files
 from learn.runs.run import DESCRIPTION, open_run
 from twin.cli.text_table import format_table
 from twin.errors import InputError

@@ -1,6 +1,6 @@
 """Seconds per full gradient of 80 000 samples, against what the machine's matrix products allow.
 
-    python benchmarks/layer_speed.py [--json] [--sequences 16] [--repeats 5] [--threads 1]
+    python -m benchmarks.layer_speed [--json] [--sequences 16] [--repeats 5] [--threads 1]
 
 Every contender has three hidden layers of 50 units and a linear output, reads 12 inputs and
 computes the mean squared error and its gradient over all samples, float32. The limit is the number

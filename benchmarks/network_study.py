@@ -1,6 +1,6 @@
 """Does memory help, and which optimiser? Networks of equal data and equal computing time.
 
-    python benchmarks/network_study.py TRAIN --test STORE [STORE ...] [--kinds mlp elman lstm]
+    python -m benchmarks.network_study TRAIN --test STORE [STORE ...] [--kinds mlp elman lstm]
         [--optimisers soap adam scg] [--inputs full glider] [--targets surge sway] [--seeds 3]
         [--memories 2,8,30 8] [--sizes 3x50 2x64] [--seconds 60] [--window 128] [--washin 48]
         [--without GROUP] [--json]

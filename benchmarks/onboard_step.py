@@ -1,6 +1,6 @@
 """What a step on board costs: the exported C code, with features, beside onnxruntime without.
 
-    python benchmarks/onboard_step.py STORE [--kinds ema elman] [--members 1]
+    python -m benchmarks.onboard_step STORE [--kinds ema elman] [--members 1]
 
 Networks of the default size with random weights, one surge and one sway for each member, over the
 longest mission of the store: C99 from sensor samples to both velocities, `cc -O3` for any

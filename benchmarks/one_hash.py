@@ -26,7 +26,7 @@ from factory.generation.generate import generate
 from factory.generation.parts import Part, finish, generate_part
 from factory.recipe.recipe import Recipe
 from twin.cli.text_table import format_table
-from twin.records.store import is_complete
+from twin.records.presence import is_complete
 
 PARTS = 8
 CLUSTER = 3

@@ -1,6 +1,6 @@
 """Cost of the physics: one step with and without our water, and missions in a batch.
 
-    python benchmarks/physics_step.py [--json]
+    python -m benchmarks.physics_step [--json]
 
 The limit is the bare MuJoCo step of the same model on the same threads in the same run. The
 project asks for a ratio of at most 1.25 and at least 30 000 times real time on 2 threads.

@@ -1,6 +1,6 @@
 """The paper's first study: networks that learn from a Doppler log, on missions they never saw.
 
-    python benchmarks/propelled_study.py TRAIN --test STORE [--seeds 5] [--seconds 120]
+    python -m benchmarks.propelled_study TRAIN --test STORE [--seeds 5] [--seconds 120]
         [--network elman] [--hidden 40] [--known-current 0,0] [--smoothing gaussian]
         [--window 128] [--washin 48] [--runs FOLDER] [--workers 2] [--json]
 

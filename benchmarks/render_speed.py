@@ -1,5 +1,7 @@
 """Frames per second of `twin render` against MuJoCo's own Renderer on the same scene.
 
+    python -m benchmarks.render_speed
+
 Both draw the same model from the same camera at the same size; ours adds the close-up, the labels
 and the strip of readouts. The two take turns frame by frame, so that a busy machine slows both.
 """

@@ -1,6 +1,6 @@
 """What the sensors cost: milliseconds per device and simulated hour at 2 Hz.
 
-    python benchmarks/sensor_cost.py
+    python -m benchmarks.sensor_cost
 
 Best of several runs after compilation; the truth is a synthetic saw-tooth of one hour.
 """
@@ -21,6 +21,8 @@ from twin.water.density import DensityProfile
 HOUR = 3600.0
 DT = 0.5
 REPEATS = 30
+BOTTOM_DEPTH = 200.0
+"""[m], level"""
 BUDGET_MS = 5.0
 """per mission-hour: 5 of the 144 s that 1000 h may take"""
 
@@ -43,6 +45,7 @@ def saw_tooth(duration: float = HOUR, dt: float = DT) -> dict[str, np.ndarray]:
         "true_velocity_down": np.where(phase < 1000.0, 0.15, -0.15),
         "true_specific_force_z": np.full_like(t, -9.81),
         "true_immersion": np.where(depth < 0.11, 0.99, 1.0),
+        "true_altitude": BOTTOM_DEPTH - depth,
     }
     truth["true_north"] = np.cumsum(truth["true_velocity_north"]) * dt
     truth["true_east"] = np.cumsum(truth["true_velocity_east"]) * dt
@@ -79,13 +82,13 @@ def main() -> None:
     setting: dict[str, Any] = {
         "dt": DT,
         "rng_seed": seed,
-        "bottom_depth": 200.0,
+        "bottom_depth": BOTTOM_DEPTH,
         "density": density,
     }
     field = SensorSuite.preset("field")
     measured = field.measure(truth, **setting)
     drawn = field.draw(seed)
-    surroundings = Surroundings(density=density, bottom_depth=200.0)
+    surroundings = Surroundings(density=density, bottom_depth=BOTTOM_DEPTH)
     signals = truth | measured
     print("device        ms per mission-hour (field)")
     for name, sensor in field.items():

@@ -1,6 +1,6 @@
 """Shards of a store through zarr: the codec pipeline `zarrs` against zarr-python's own.
 
-    python benchmarks/store_writing.py [MISSIONS] [REPEATS]
+    python -m benchmarks.store_writing [MISSIONS] [REPEATS]
 
 By default 64 missions (one shard) of every simulated signal, 2700 s each: 49 hours. The two take
 turns; the files must have the same bytes.
@@ -13,11 +13,13 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 
 from twin.cli.text_table import format_table
 from twin.records import sharded
+from twin.records.files import LocalFiles
 from twin.records.schema import SIMULATED, VARIABLES
 from twin.records.sharded import PYTHON_PIPELINE, RUST_PIPELINE, ShardedStore, stored_values
 
@@ -35,13 +37,21 @@ def made_signals(missions: int) -> dict[str, np.ndarray]:
 
 def write(folder: Path, signals: dict[str, np.ndarray], pipeline: str) -> tuple[float, list[bytes]]:
     """Seconds, and the files' bytes."""
-    sharded.fast_pipeline = lambda: pipeline
     missions = len(next(iter(signals.values())))
-    store = ShardedStore(folder, missions=missions, samples=SAMPLES, staging=folder / ".staging")
-    store.prepare()
-    begun = time.perf_counter()
-    store.write_shard(0, signals)
-    seconds = time.perf_counter() - begun
+    store = ShardedStore(
+        LocalFiles(folder),
+        missions=missions,
+        samples=SAMPLES,
+        shard_missions=missions,
+        row_missions=missions,
+        staging=folder / ".staging",
+    )
+    with mock.patch.object(sharded, "fast_pipeline", return_value=pipeline):
+        store.prepare()
+        begun = time.perf_counter()
+        for name, values in signals.items():
+            store.write_shard(0, name, values)
+        seconds = time.perf_counter() - begun
     files = sorted(path for path in folder.glob("*/c/0/0") if path.is_file())
     return seconds, [path.read_bytes() for path in files]
 

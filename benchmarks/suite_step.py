@@ -1,4 +1,4 @@
-"""Cost of an environment step in us, beside its bare physics: python benchmarks/suite_step.py
+"""Cost of an environment step in us, beside its bare physics: python -m benchmarks.suite_step
 
 With --rewards it prints the mean rewards of the suite's policies instead.
 """

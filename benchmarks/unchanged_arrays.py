@@ -1,7 +1,7 @@
 """Whether ten hours of both presets have the arrays that they had, bit for bit.
 
-    python benchmarks/unchanged_arrays.py
-    python benchmarks/unchanged_arrays.py --write    # after a change of the physics on purpose
+    python -m benchmarks.unchanged_arrays
+    python -m benchmarks.unchanged_arrays --write    # after a change of the physics on purpose
 
 The same for one hour is in the tests. Hashes: tests/data/arrays.json.
 """

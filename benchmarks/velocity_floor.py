@@ -1,6 +1,6 @@
 """What surge error sensors leave to an estimator that knows their errors and those of its model.
 
-    python benchmarks/velocity_floor.py STORE [--seed 0] [--json]
+    python -m benchmarks.velocity_floor STORE [--seed 0] [--json]
 
 Flies the missions of a `field` store again by the flight model alone: at every steady sample the
 depth rate is that of a balance of forces with constants that are drawn for the mission, and the
@@ -22,15 +22,11 @@ import numpy as np
 
 from learn.data.dataset import Mission, Selection
 from twin.identify.balance import balance
-from twin.navigation.flight_filter import (
-    CHANNELS,
-    STANDARD_OCEAN,
-    TYPICAL_COMPRESSIBILITY,
-    FlightFilter,
-    FlightSpread,
-)
+from twin.navigation.flight_filter import TYPICAL_COMPRESSIBILITY, FlightFilter, FlightSpread
+from twin.navigation.flight_filter_kernels import CHANNELS, STANDARD_OCEAN
 from twin.records.reader import MissionStore
-from twin.vehicle.vehicle import CUBIC_CM, Vehicle
+from twin.vehicle.parts.pump import CUBIC_CM
+from twin.vehicle.vehicle import Vehicle
 
 COEFFICIENT = 0.1
 """Half of the width of the uniform distribution of each factor."""

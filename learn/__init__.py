@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from learn.api import evaluate as evaluate
     from learn.api import export as export
     from learn.api import fit as fit
-    from learn.api import fit_settings as fit_settings
     from learn.networks.base import Network as Network
     from learn.networks.config import NetworkConfig as NetworkConfig
     from learn.networks.prediction import Prediction as Prediction
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from learn.runs.run import Run as Run
     from learn.runs.run import newest_run as newest_run
     from learn.runs.run import open_run as open_run
+    from learn.training.given_settings import fit_settings as fit_settings
     from learn.training.optimisers.base import FullBatchOptimiser as FullBatchOptimiser
     from learn.training.optimisers.base import MinibatchOptimiser as MinibatchOptimiser
     from learn.training.optimisers.registry import OPTIMISERS as OPTIMISERS
@@ -61,7 +61,7 @@ _PLACES = {
     "evaluate": "learn.api:evaluate",
     "export": "learn.api:export",
     "fit": "learn.api:fit",
-    "fit_settings": "learn.api:fit_settings",
+    "fit_settings": "learn.training.given_settings:fit_settings",
     "newest_run": "learn.runs.run:newest_run",
     "open_run": "learn.runs.run:open_run",
 }

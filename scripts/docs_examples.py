@@ -1,21 +1,46 @@
 """The examples for readers: the site's page with pictures and code, and examples/README.md.
 
 `python scripts/docs_examples.py --write` writes the README; without it the README is compared.
+`--time` runs every example twice and prints the processor time of the second run.
 """
 
 from __future__ import annotations
 
 import ast
+import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+
+SECONDS = {
+    "compare_vehicles": 1.3,
+    "current_from_a_log": 6.3,
+    "depth_policy": 8.5,
+    "energy_by_pitch": 7.3,
+    "fleet_with_spread": 2.9,
+    "forecast_of_surfacings": 6.4,
+    "glider_in_an_eddy": 6.2,
+    "mission_in_a_current": 3.2,
+    "own_current": 1.5,
+    "python_controller": 1.7,
+    "store_with_xarray": 4.2,
+    "thousand_in_a_batch": 6.7,
+    "train_and_dead_reckon": 19.1,
+    "virtual_mooring": 3.3,
+    "train_depth_policy": 145.0,
+}
+"""Processor time [s] of each example, the second run: `python scripts/docs_examples.py --time`"""
 
 INTRODUCTION = """\
 # Examples
 
 Short programs, each ending in a picture and a few printed lines. They stand in `examples/` of the
-checkout: `python examples/compare_vehicles.py`. What they write lies where they are run.
+checkout: `python examples/compare_vehicles.py`. They write into the folder where they are run.
+
+Times are those of a processor (two cores, no GPU). The first run of all takes about half a minute
+more: it compiles the physics.
 """
 
 README = """\
@@ -25,32 +50,49 @@ Short programs, each ending in a picture and a few printed lines:
 
     python examples/compare_vehicles.py
 
-They write into the folder where they are run. `make gallery` makes these pictures again; `make
-docs` shows the code beside them. Longer walks are the [tutorials](../docs/tutorials/index.md).
+They write into the folder where they are run. Times are those of a processor (two cores, no GPU);
+the first run of all compiles the physics, about half a minute more. `make gallery` makes these
+pictures again, but for the last, which trains for minutes; `make docs` shows the code beside them.
+Longer walks are the [tutorials](../docs/tutorials/index.md).
 
 | | | |
 |---|---|---|
 """
 
 
+def examples() -> list[Path]:
+    """The short ones by name, then those that take minutes."""
+    return [*sorted(EXAMPLES.glob("*.py")), *sorted((EXAMPLES / "training").glob("*.py"))]
+
+
+def duration(path: Path) -> str:
+    """Processor time in words."""
+    seconds = SECONDS[path.stem]
+    return f"{seconds:.0f} s" if seconds < 60.0 else f"{seconds / 60.0:.0f} min"
+
+
 def examples_page() -> str:
     """Markdown of the page."""
-    paths = sorted(EXAMPLES.glob("*.py"))
-    cards = "\n".join(_card(path) for path in paths)
+    cards = "\n".join(_card(path) for path in examples())
     grid = f'<div class="grid cards" markdown>\n\n{cards}\n</div>\n'
-    return "\n".join([INTRODUCTION, grid, *(_section(path) for path in paths)])
+    return "\n".join([INTRODUCTION, grid, *(_section(path) for path in examples())])
 
 
 def readme() -> str:
     """Markdown of examples/README.md: three pictures in a row."""
     cells = [
-        f"[![{title(path)}](../docs/gallery/examples/{path.stem}.png)]({path.name})"
-        f"<br>[{title(path)}]({path.name}): {parts(path)[0]}"
-        for path in sorted(EXAMPLES.glob("*.py"))
+        f"[![{title(path)}](../docs/gallery/examples/{path.stem}.png)]({place(path)})"
+        f"<br>[{title(path)}]({place(path)}), {duration(path)}: {parts(path)[0]}"
+        for path in examples()
     ]
     rows = [cells[k : k + 3] for k in range(0, len(cells), 3)]
     rows[-1] += [""] * (3 - len(rows[-1]))
     return README + "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+def place(path: Path) -> str:
+    """Of an example, from the folder of all."""
+    return path.relative_to(EXAMPLES).as_posix()
 
 
 def title(path: Path) -> str:
@@ -68,24 +110,41 @@ def parts(path: Path) -> tuple[str, str, str]:
 
 
 def _card(path: Path) -> str:
-    place = f"#{path.stem.replace('_', '-')}"
+    link = f"#{path.stem.replace('_', '-')}"
     return (
-        f"-   [![{title(path)}](gallery/examples/{path.stem}.png)]({place})\n\n"
-        f"    [{title(path)}]({place}): {parts(path)[0]}\n"
+        f"-   [![{title(path)}](gallery/examples/{path.stem}.png)]({link})\n\n"
+        f"    [{title(path)}]({link}), {duration(path)}: {parts(path)[0]}\n"
     )
 
 
 def _section(path: Path) -> str:
     first, rest, code = parts(path)
     return (
-        f"## {title(path)}\n\n{first}\n\n{rest}\n\n"
+        f"## {title(path)}\n\n{first} ({duration(path)})\n\n{rest}\n\n"
         f"![{title(path)}](gallery/examples/{path.stem}.png){{ width=560 }}\n\n"
-        f'```python title="examples/{path.name}"\n{code}\n```\n'
+        f'```python title="examples/{place(path)}"\n{code}\n```\n'
     )
 
 
+def measured(path: Path) -> float:
+    """Processor time [s] of a second run, of all its processes and threads."""
+    import resource  # POSIX
+
+    run = [sys.executable, str(path)]
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run(run, cwd=folder, check=True, capture_output=True)
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run(run, cwd=folder, check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
 if __name__ == "__main__":
-    place = EXAMPLES / "README.md"
+    page = EXAMPLES / "README.md"
+    if "--time" in sys.argv[1:]:
+        for example in examples():
+            print(f'    "{example.stem}": {measured(example):.1f},', flush=True)
+        sys.exit()
     if "--write" in sys.argv[1:]:
-        place.write_text(readme(), encoding="utf-8")
-    sys.exit(place.read_text(encoding="utf-8") != readme())
+        page.write_text(readme(), encoding="utf-8")
+    sys.exit(page.read_text(encoding="utf-8") != readme())

@@ -1,12 +1,15 @@
-"""MkDocs hooks of the documentation: generated pages, and code blocks as the site shows them."""
+"""MkDocs hooks of the documentation: generated pages, code blocks and formulas for the site."""
 
 from __future__ import annotations
 
+import html
 import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from math_core import LatexError, LatexToMathML
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -18,6 +21,7 @@ from docs_reference import generated_pages  # noqa: E402
 
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
+    from mkdocs.structure.pages import Page
 
 COMMAND = re.compile(
     r"^ {4}(#!|cat |cd |cmake|export |git |kubectl|make |mkdir |pip |python |sbatch |sudo |ssh "
@@ -25,6 +29,8 @@ COMMAND = re.compile(
 )
 PYTHON = re.compile(r"^ {4}(import |from |# \w+\.py$|\w+ = )")
 TOML = re.compile(r"^ {4}(# \w+\.toml$|\[)")
+FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', flags=re.DOTALL)
+"""What pymdownx.arithmatex makes of `$...$` and `$$...$$`"""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -37,6 +43,30 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """The page with a language on every code block, so that it is coloured."""
     return with_languages(with_titles(markdown))
+
+
+def on_page_content(content: str, page: Page, **_: Any) -> str:
+    """The page with its formulas as MathML, which browsers set without a script."""
+    try:
+        return with_formulas(content)
+    except LatexError as error:
+        raise PluginError(f"docs/{page.file.src_uri}: {error}") from None
+
+
+def with_formulas(content: str) -> str:
+    """LaTeX as MathML; a LaTeX command that the converter does not know raises LatexError."""
+    converter = LatexToMathML(fancy_error=False)
+
+    def formula(found: re.Match[str]) -> str:
+        tag, bracket, latex = found.groups()
+        latex = html.unescape(latex).strip()
+        try:
+            made = converter.convert_with_local_state(latex, displaystyle=bracket == "[")
+        except LatexError as error:
+            raise LatexError(f"formula {latex!r}: {error}") from None
+        return f'<{tag} class="formula">{made}</{tag}>'
+
+    return FORMULA.sub(formula, content)
 
 
 def with_titles(markdown: str) -> str:

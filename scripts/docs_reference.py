@@ -50,6 +50,7 @@ AREAS = {
     "factory": "Data factory",
     "learn.api": "Train and judge",
     "learn.runs": "Train and judge",
+    "learn.training.given_settings": "Train and judge",
     "learn": "Kinds of your own",
 }
 """Heading of a name by where it is defined: the first place that fits"""
@@ -276,7 +277,7 @@ def signal_page() -> str:
 
 def shipped_signals() -> frozenset[str]:
     """Names of the schema's own table, without what kinds of somebody's own have declared."""
-    return frozenset(entry.name for entry in schema._TABLE)
+    return frozenset(entry.name for entry in schema.SIGNALS)
 
 
 def signal_row(entry: schema.Variable) -> str:

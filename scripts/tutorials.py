@@ -8,6 +8,7 @@ A tutorial runs block by block in one empty folder, as a reader would: `sh` in a
 one session, and a block with `file=NAME` is written there. A block of `text` shows lines of what
 the block before it printed; numbers may differ. `sh gl` needs OpenGL and `sh cc` a C compiler;
 what is marked `elsewhere` is for another machine and not run. Each example has a folder of its own.
+Examples in examples/training take minutes and run only where they are named.
 """
 
 from __future__ import annotations
@@ -150,7 +151,8 @@ NEEDS = {"gl": has_opengl, "cc": has_compiler}
 def names() -> dict[str, Path]:
     """Every tutorial and example by its name, in the order of their files."""
     pages = [page for page in sorted(TUTORIALS.glob("*.md")) if page.stem != "index"]
-    return {path.stem: path for path in (*pages, *sorted(EXAMPLES.glob("*.py")))}
+    found = (*pages, *sorted(EXAMPLES.glob("*.py")), *sorted((EXAMPLES / "training").glob("*.py")))
+    return {path.stem: path for path in found}
 
 
 def pictures(path: Path) -> list[str]:
@@ -183,7 +185,8 @@ def keep(picture: Path, place: Path) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Run what was asked for; the first failure ends it."""
     parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
-    parser.add_argument("--only", nargs="+", choices=names(), default=[*names()], metavar="NAME")
+    usual = [name for name, path in names().items() if path.parent.name != "training"]
+    parser.add_argument("--only", nargs="+", choices=names(), default=usual, metavar="NAME")
     parser.add_argument("--folder", type=Path)
     asked = parser.parse_args(arguments)
     sys.path.insert(0, str(ROOT))

@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -85,10 +86,12 @@ class Browser:
         self._folder.cleanup()
 
     def resize(self, width: int, height: int, *, phone: bool = False) -> None:
+        """A window of so many CSS pixels; a phone's has fingers and three pixels for one."""
         self._call(
             "Emulation.setDeviceMetricsOverride",
-            width=width, height=height, deviceScaleFactor=2 if phone else 1, mobile=phone,
+            width=width, height=height, deviceScaleFactor=3 if phone else 1, mobile=phone,
         )  # fmt: skip
+        self._call("Emulation.setTouchEmulationEnabled", enabled=phone, maxTouchPoints=5)
 
     def prefer(self, **features: str) -> None:
         """Media features, such as prefers_color_scheme="light"."""
@@ -126,6 +129,16 @@ class Browser:
 
     def mouse(self, kind: str, x: float, y: float, **more: Any) -> None:
         self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **more)
+
+    def fingers(self, *steps: Sequence[tuple[float, float]]) -> None:
+        """Fingers that are put down at the places of the first step, go through the others and are
+        lifted; each step has a place for each finger.
+        """
+        for k, places in enumerate(steps):
+            points = [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(places)]
+            kind = "touchMove" if k else "touchStart"
+            self._call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+        self._call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
 
     def picture(self) -> np.ndarray:
         """What the window shows, (height, width, 3)."""

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from twin.identify.balance import balance
-from twin.navigation.flight_filter import STANDARD_OCEAN
+from twin.navigation.flight_filter_kernels import STANDARD_OCEAN
 from twin.vehicle.vehicle import load_vehicle
 
 PERIOD = 0.5

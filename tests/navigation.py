@@ -205,3 +205,21 @@ def write_store(path: Path, missions, splits=None, *, drop=(), attributes=None) 
         warnings.simplefilter("ignore")
         dataset.to_zarr(path, mode="w", zarr_format=3, consolidated=True)
     return path
+
+
+def write_flown_store(path: Path, splits=(0, 0, 1, 2)) -> Path:
+    """Climbs and dives in turn with fixes at start and end, in a store with these splits."""
+    rng = np.random.default_rng(5)
+    missions = []
+    for k in range(len(splits)):
+        sign = 1.0 if k % 2 else -1.0
+        signals = trimmed_mission(
+            900 + 100 * k,
+            net_mass=sign * rng.uniform(0.2, 0.4),
+            shift=sign * rng.uniform(0.015, 0.025),
+            rotation=np.deg2rad(rng.uniform(-40, 40)),
+            depth=50.0 if sign > 0 else 500.0,
+        )
+        add_fixes(signals, [0, 800])
+        missions.append(signals)
+    return write_store(path, missions, list(splits), attributes={"preset": "test", "seed": 5})

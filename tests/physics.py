@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 
 from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector
-from twin.physics.mujoco_model import compile_model, header
+from twin.physics.model_block import header
+from twin.physics.mujoco_model import compile_model
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 DEEP = 1000.0

@@ -11,7 +11,8 @@ import pytest
 from twin.mission import Mission, SawTooth
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
-from twin.records.store import mission_dataset, write_store
+from twin.records.mission_dataset import mission_dataset
+from twin.records.store import write_store
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
 from twin.render.context import available_backend
@@ -29,6 +30,8 @@ PLAN = Mission(
     segments=(SawTooth(max_depth_m=40, pitch_deg=35, heading_deg=40, yos=1),),
 )
 DURATION = 300.0
+DAY = 86400.0
+"""[s]"""
 PLACED = {
     "start_latitude": 49.9,
     "start_longitude": -5.9,
@@ -73,6 +76,23 @@ def dead_reckoned(trajectory: Trajectory) -> tuple[NamedTrack, ...]:
         NamedTrack(name="network", time=time, north=north + aside, east=east - aside),
         NamedTrack(name="steady_flight", time=time, north=north - aside, east=east + aside),
     )
+
+
+def month() -> Subject:
+    """A made-up glider that dives to 1000 m for 30 days, with a sample every 4 s."""
+    time = np.arange(0.0, 30 * DAY, 4.0)
+    wave = np.sin(2 * np.pi * time / 12_000.0)
+    depth = 500.0 * (1.0 - np.cos(2 * np.pi * time / 12_000.0))
+    signals = {
+        "true_north": 0.3 * time, "true_east": 2000.0 * np.sin(time / DAY), "true_depth": depth,
+        "true_roll": 3.0 * wave, "true_pitch": 25.0 * wave, "true_heading": (time / 500.0) % 360.0,
+        "true_surge": 0.3 + 0.01 * wave, "true_sway": 0.01 * wave, "true_heave": 0.02 * wave,
+        "true_velocity_north": np.full_like(time, 0.3), "true_velocity_east": 0.1 * wave,
+        "true_net_mass": 0.2 * wave, "true_current_north": 0.1 * wave,
+        "true_current_east": 0.1 - 0.05 * wave,
+    }  # fmt: skip
+    trajectory = Trajectory(time=time, signals=signals, states=np.zeros((0, 0)))
+    return Subject(trajectory=trajectory, vehicle=load_vehicle("glider"), title="a month")
 
 
 def short_subject() -> Subject:

@@ -16,7 +16,7 @@ PACKAGES = ("twin", "factory", "learn")
 TOP_LEVEL = {
     "twin": {
         "__init__", "__main__", "arguments", "bounded", "errors", "extras", "facade", "frames",
-        "geodesy", "lazy", "nearest", "numbers", "preload", "registry", "version",
+        "geodesy", "lazy", "nearest", "numbers", "preload", "version",
     },
     "factory": {"__init__", "__main__", "facade"},
     "learn": {"__init__", "__main__", "api", "files"},
@@ -30,6 +30,7 @@ FLIPS = {
     "twin.vehicle.laws.ellipsoid": "the law is MuJoCo's, in the axes of its geoms",
     "twin.identify.vehicle_file": "vehicle files are MJCF",
     "twin.physics.mujoco_model": "the model is MuJoCo's",
+    "twin.physics.initial_state": "the state is MuJoCo's",
     "twin.physics.simulation": "the state is MuJoCo's",
     "twin.physics.settle": "the state is MuJoCo's",
     "twin.physics.log_signals": "the state is MuJoCo's",
@@ -54,7 +55,7 @@ NAMES_ACTUATORS = {
     "twin.sensors": "the deviation that a battery makes in a compass, and its encoders",
     "twin.physics.steady_motion": "figures of a steady glide",
     "twin.physics.settle": "the glide that a search starts from",
-    "twin.physics.simulation": "the pitching battery's mass",
+    "twin.physics.integration": "the stiff screws of a battery",
     "twin.fossen": "the trim's positions; a rotation matrix",
     "twin.checks": "published positions",
     "twin.suite": "energy of pumps and propellers, and a pilot for gliders",

@@ -153,7 +153,10 @@ def test_an_example_runs(
 def test_the_page_of_the_folder_shows_them_all() -> None:
     shown = subprocess.run([sys.executable, str(ROOT / "scripts/docs_examples.py")], check=False)
     assert shown.returncode == 0, "run python scripts/docs_examples.py --write"
-    for name in EXAMPLES:
+    page = (ROOT / "examples" / "README.md").read_text()
+    for path in (ROOT / "examples").rglob("*.py"):
+        name = path.stem
+        assert re.search(rf"{name}\.py\), [1-9]\d* (s|min): ", page), name
         picture = ROOT / "docs" / "gallery" / "examples" / f"{name}.png"
         assert picture.stat().st_size < 150_000, name
 
@@ -170,4 +173,5 @@ def test_a_trained_policy(tmp_path: Any, monkeypatch: pytest.MonkeyPatch, capsys
     assert all(((means >= 0.0) & (means <= 1.0)).all() for means in scores.values())
     assert scores["autopilot"].mean() > scores["still"].mean()
     assert (tmp_path / "depth_policy.zip").is_file()
+    assert (tmp_path / "train_depth_policy.png").is_file()
     assert "autopilot     mean reward" in capsys.readouterr().out

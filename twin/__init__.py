@@ -49,9 +49,9 @@ if TYPE_CHECKING:
     from twin.records.trajectory import Trajectory as Trajectory
     from twin.records.trajectory_file import open_trajectory as open_trajectory
     from twin.sensors.suite import SensorSuite as SensorSuite
+    from twin.vehicle.shipped import vehicle_names as vehicle_names
     from twin.vehicle.vehicle import Vehicle as Vehicle
     from twin.vehicle.vehicle import load_vehicle as load_vehicle
-    from twin.vehicle.vehicle import vehicle_names as vehicle_names
     from twin.water.current.ekman import Ekman as Ekman
     from twin.water.current.gauss_markov import GaussMarkov as GaussMarkov
     from twin.water.current.geostrophic import Geostrophic as Geostrophic
@@ -129,7 +129,7 @@ _PLACES = {
     "simulate_many": "twin.physics.simulation:simulate_many",
     "timeseries": "twin.records.timeseries:timeseries",
     "trim": "twin.physics.settle:trim",
-    "vehicle_names": "twin.vehicle.vehicle:vehicle_names",
+    "vehicle_names": "twin.vehicle.shipped:vehicle_names",
 }
 """Where each public name is."""
 

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 FLIP = np.array([1.0, -1.0, -1.0])
-FLIP_TWIST = np.concatenate([FLIP, FLIP])
 FLIP_QUATERNION = np.array([1.0, 1.0, -1.0, -1.0])
 
 

@@ -19,19 +19,17 @@ enum { NOTHING, IO_ERROR, FULL_DISK, KILL, POWER_LOSS };
 enum { MOST_UNSYNCED = 4096 };
 
 static char root[PATH_MAX];
-static long at, count, fired;
+static long at, count;
 static int kind;
 static struct { dev_t dev; ino_t ino; int fd; } unsynced[MOST_UNSYNCED];
 static int unsynced_count;
 
 void fault_arm(const char *folder, long operation, int what) {
   snprintf(root, sizeof root, "%s", folder);
-  at = operation, kind = what, count = fired = 0;
+  at = operation, kind = what, count = 0;
 }
 
 long fault_count(void) { return count; }
-
-long fault_fired(void) { return fired; }
 
 // Files below the folder that were written and not synced, and still have a name.
 long fault_unsynced(void) {
@@ -85,11 +83,10 @@ static int strike(const char *path, int grows) {
   if (!below(path)) return 0;
   long number = __sync_add_and_fetch(&count, 1);
   if (kind == FULL_DISK && at && number >= at && grows) {
-    fired = 1, errno = ENOSPC;
+    errno = ENOSPC;
     return -1;
   }
   if (number != at) return 0;
-  if (kind != FULL_DISK) fired = 1;
   if (kind == IO_ERROR) {
     errno = EIO;
     return -1;

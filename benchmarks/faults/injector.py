@@ -63,7 +63,7 @@ class Injector:
     def __init__(self) -> None:
         self._library = ctypes.CDLL(None)
         assert hasattr(self._library, "fault_arm"), "not started by run_injected"
-        for name in ("fault_count", "fault_fired", "fault_unsynced"):
+        for name in ("fault_count", "fault_unsynced"):
             getattr(self._library, name).restype = ctypes.c_long
 
     def arm(self, folder: Path, at: int, fault: Fault) -> None:
@@ -78,11 +78,6 @@ class Injector:
     def count(self) -> int:
         """Operations since `arm`."""
         return int(self._library.fault_count())
-
-    @property
-    def fired(self) -> bool:
-        """Whether the fault happened."""
-        return bool(self._library.fault_fired())
 
     @property
     def unsynced(self) -> int:

@@ -95,7 +95,8 @@ def _small_file(inputs: Path) -> Write:
 
 
 def _simulate(inputs: Path) -> Write:
-    from twin.records.store import mission_dataset, write_store
+    from twin.records.mission_dataset import mission_dataset
+    from twin.records.store import write_store
 
     data = {variant: mission_dataset([one]) for variant, one in _flights().items()}
 

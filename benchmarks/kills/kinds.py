@@ -34,7 +34,7 @@ from benchmarks.kills.processes import (
 from factory.generation.generate import generate
 from factory.generation.parts import Part, finish, generate_part
 from factory.recipe.recipe import Recipe
-from twin.records.store import is_complete
+from twin.records.presence import is_complete
 
 CLOCK = Path(__file__).with_name("clock.c")
 BUSY = "another run is generating into"

@@ -22,7 +22,6 @@ from twin.records.sharded import METADATA
 OLD = Path(__file__).parents[2] / "tests" / "data" / "e2ff189"
 """Stores of the commit of that name, of version 0.1.0"""
 NEWER = 99
-Attributes = dict[str, Any]
 
 
 def check_versions(folder: Path) -> dict[str, Any]:

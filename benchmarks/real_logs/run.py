@@ -7,7 +7,7 @@ import dataclasses
 import multiprocessing
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -183,29 +183,15 @@ def _fixes(
     progress: Done,
 ) -> list[Row]:
     say("depth rate and dead reckoning: the twin identified without the dives that are judged")
-    rows: list[Row] = []
-    work = []
-    for deployment in deployments:
-        try:
-            jobs = fixes.fold_jobs(deployment)
-        except TwinError as error:
-            rows.append(failed(fixes.RATE, deployment, str(error)))
-            continue
-        work += [(deployment, job) for job in jobs]
-    results = pool.run(
-        fit_fold, [job for _, job in work], lambda part: progress(part * SHARES["fixes"])
+    return _by_folds(
+        fixes.RATE,
+        deployments,
+        pool,
+        jobs_of=fixes.fold_jobs,
+        run=fit_fold,
+        rows_of=lambda deployment, folds: fixes.rows_of(deployment, folds, pretrained),
+        progress=lambda part: progress(part * SHARES["fixes"]),
     )
-    if not work:
-        progress(SHARES["fixes"])
-    for deployment in deployments:
-        mine = [r for (d, _), r in zip(work, results, strict=True) if d is deployment]
-        bad = [r for r in mine if isinstance(r, Failure)]
-        good = [r for r in mine if not isinstance(r, Failure)]
-        if bad:
-            rows.append(failed(fixes.RATE, deployment, bad[0].why))
-        elif good:
-            rows += fixes.rows_of(deployment, good, pretrained)
-    return rows
 
 
 def _surges(
@@ -216,28 +202,53 @@ def _surges(
     progress: Done,
 ) -> list[Row]:
     say("surge against the ADCP, each dive by what was tuned on the others")
-    chosen = []
+    return _by_folds(
+        adcp.TASK,
+        deployments,
+        pool,
+        jobs_of=lambda deployment: adcp.fold_jobs(deployment, pretrained),
+        run=adcp.run_fold,
+        rows_of=adcp.rows_of,
+        progress=lambda part: progress(part * SHARES["surge"]),
+    )
+
+
+def _by_folds(
+    task: str,
+    deployments: Sequence[Deployment],
+    pool: Pool,
+    *,
+    jobs_of: Callable[[Deployment], Iterable[Any]],
+    run: Callable[[Any], Any],
+    rows_of: Callable[[Deployment, list[Any]], list[Row]],
+    progress: Done,
+) -> list[Row]:
+    """Rows of a task whose folds are run side by side, all deployments' together.
+
+    Args:
+      jobs_of: the folds of a deployment; a TwinError says why it has none.
+      run: what is done with each, in another process.
+      rows_of: rows of a deployment from the results of its folds.
+      progress: told the share that is done.
+    """
     rows: list[Row] = []
+    work: list[tuple[Deployment, Any]] = []
     for deployment in deployments:
         try:
-            jobs = adcp.fold_jobs(deployment, pretrained)
+            work += [(deployment, job) for job in jobs_of(deployment)]
         except TwinError as error:
-            rows.append(failed(adcp.TASK, deployment, str(error)))
-            continue
-        chosen += [(deployment, job) for job in jobs]
-    if not chosen:
-        progress(SHARES["surge"])
-    results = pool.run(
-        adcp.run_fold, [job for _, job in chosen], lambda part: progress(part * SHARES["surge"])
-    )
+            rows.append(failed(task, deployment, str(error)))
+    results = pool.run(run, [job for _, job in work], progress)
+    if not work:
+        progress(1.0)
     for deployment in deployments:
-        mine = [r for (d, _), r in zip(chosen, results, strict=True) if d is deployment]
+        mine = [r for (d, _), r in zip(work, results, strict=True) if d is deployment]
         bad = [r for r in mine if isinstance(r, Failure)]
         good = [r for r in mine if not isinstance(r, Failure)]
         if bad:
-            rows.append(failed(adcp.TASK, deployment, bad[0].why))
+            rows.append(failed(task, deployment, bad[0].why))
         elif good:
-            rows += adcp.rows_of(deployment, good)
+            rows += rows_of(deployment, good)
     return rows
 
 

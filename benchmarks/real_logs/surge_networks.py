@@ -67,7 +67,6 @@ SPREAD = {
 }
 """The simulated vehicles differ so much: a Seaglider is no Slocum."""
 VEHICLE = "graver-2005"
-TRIM_AND_DRAG = ("neutral_density", "drag")
 PHASES = 2
 """Times that each simulated mission is sampled, shifted against each other."""
 LEAST_SAMPLES = 8

@@ -188,7 +188,7 @@ def show_summary(recipe: Recipe, summary: Summary, console: Console) -> None:
 
 @contextlib.contextmanager
 def watching(hours: float, console: Console) -> Iterator[Watcher]:
-    """A progress bar over so many hours, and what tells it of a mission."""
+    """A progress bar over `hours`, and the function that tells it of a finished mission."""
     with console.progress(total=hours, label="generate", unit="h") as progress:
 
         def watch(flown: float, failures: int) -> None:
@@ -200,7 +200,7 @@ def watching(hours: float, console: Console) -> Iterator[Watcher]:
 
 
 def import_numpy_with_one_thread() -> None:
-    """Import numpy, if nobody has, so that its BLAS starts no threads.
+    """Import numpy, if that has not been done, so that its BLAS starts no threads.
 
     Worker processes share the CPUs, and forks are cleanest from a process with one thread. BLAS
     reads the variable once; the environment is left as it was.

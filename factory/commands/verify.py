@@ -13,7 +13,7 @@ from twin.cli.store_argument import StoreArgument
 from twin.cli.text_table import counted
 
 if TYPE_CHECKING:
-    from factory.inspect.verify import Report
+    from factory.inspect.checks import Report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +32,7 @@ class Verify(JsonOption):
 
     def run(self, console: Console) -> int:
         """Verify; exit code 1 when something is wrong."""
-        from factory.inspect.verify import MAX_NAMED, Report, check_files
+        from factory.inspect.checks import MAX_NAMED, Report, check_files
         from twin.records.checksums import LIST
         from twin.records.object_files import files_at
 
@@ -68,7 +68,8 @@ class Verify(JsonOption):
 
     def _read(self, console: Console) -> tuple[str, Report]:
         """What a mission is called, and what reading them shows."""
-        from factory.inspect.verify import Report, verify_store
+        from factory.inspect.checks import Report
+        from factory.inspect.verify import verify_store
         from factory.inspect.verify_logs import verify_logs
         from factory.stores.generated import open_missions
         from factory.stores.stored_flight import is_flight

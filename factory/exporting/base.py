@@ -147,6 +147,6 @@ class Exporter:
 
 def _is_export(folder: Path) -> bool:
     """Whether a folder is an earlier export, without anything that a user put beside it."""
-    from twin.records.store import is_complete  # numpy, which help texts do without
+    from twin.records.presence import is_complete  # numpy, which help texts do without
 
     return is_listed(folder) and not is_complete(folder)

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 class Impossible(TwinError):
-    """A simulation stayed finite and still is no mission to keep, from `time_s` on."""
+    """A simulation that stayed finite and left what is possible at `time_s`."""
 
     def __init__(self, message: str, *, time_s: float):
         super().__init__(message)

@@ -1,4 +1,4 @@
-"""Vehicle errors: what the real vehicle differs in from the one that guidance believes in."""
+"""Vehicle errors: how the real vehicle differs from the one that guidance assumes."""
 
 from __future__ import annotations
 

@@ -30,8 +30,8 @@ from twin.bounded import check_archive
 from twin.errors import StoreError
 from twin.physics.quiet import quiet_mujoco
 from twin.records.files import file_sum
+from twin.records.presence import RECIPE
 from twin.records.sharded import COMPRESSOR, LEVEL
-from twin.records.store import RECIPE
 
 Signals = Mapping[str, NDArray[Any]]
 """By name: (samples,) of one mission."""

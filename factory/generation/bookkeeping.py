@@ -29,7 +29,6 @@ UNUSED_CODE = -1
 SENSOR_PREFIX = "sensor_"
 SEGMENT = "segment"
 """Dimension of the parameters that are drawn for every segment."""
-Rows = Mapping[str, NDArray[Any]]
 """By name of the array: (mission,) or (mission, segment)."""
 
 

@@ -1,4 +1,4 @@
-"""Manifest: what a finished unit of work leaves, so that nobody does it again or mistakes it.
+"""Manifest: the record of a finished unit of work, so that it is neither repeated nor mistaken.
 
 A unit is a block or a shard. Its manifest names the recipe, the files with their checksums, the
 failed attempts and the versions of the libraries. It is written last, when the files are on the

@@ -31,7 +31,7 @@ from factory.generation.target import check_target, failures_in, give_name, reci
 from factory.recipe.plan import HOUR
 from factory.recipe.recipe import Recipe
 from twin.errors import InputError, StoreError
-from twin.records.store import begun, is_complete
+from twin.records.presence import begun, is_complete
 from twin.records.store_path import StorePath, store_path
 
 SLURM_TASK, SLURM_COUNT, SLURM_FIRST = (

@@ -28,7 +28,7 @@ from twin.errors import StoreError
 from twin.records.disk import sweep
 from twin.records.files import Files
 from twin.records.object_files import files_at
-from twin.records.store import RECIPE, begun, generating
+from twin.records.presence import RECIPE, begun, generating
 from twin.records.store_path import StorePath, Url
 
 DIGITS = 16

@@ -15,18 +15,17 @@ from factory.recipe.recipe import Recipe, differences, read_recipe, recipe_docum
 from twin.errors import StoreError
 from twin.records.attributes import CHANGES, FAILED_MISSIONS, SETTINGS, VEHICLE_MJCF, is_logged
 from twin.records.object_files import files_at
-from twin.records.sharded import METADATA
-from twin.records.store import (
+from twin.records.presence import (
     RECIPE,
     begun,
     begun_within,
-    check_ending,
-    check_version,
     generating,
     is_complete,
     is_there,
     read_attributes,
 )
+from twin.records.sharded import METADATA
+from twin.records.store import check_ending, check_version
 from twin.records.store_path import StorePath
 from twin.records.whole import take_place
 
@@ -82,7 +81,7 @@ def check_target(
                 files_at(other).remove_all()
         return False
     for other in others:
-        # without locks nobody knows whether a run that kept nothing yet is alive
+        # without locks it is unknown whether a run that has kept nothing yet is alive
         if local and not missions_kept(Site(store, other.name)):
             if alone:  # nothing is lost
                 files_at(other).remove_all()

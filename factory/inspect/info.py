@@ -16,7 +16,7 @@ from twin.errors import StoreError
 from twin.records.attributes import DURATION, SPLITS
 from twin.records.logs import LogStore
 from twin.records.object_files import files_at
-from twin.records.store import is_unfinished
+from twin.records.presence import is_unfinished
 from twin.records.store_path import StorePath
 
 

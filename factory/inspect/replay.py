@@ -99,7 +99,7 @@ def _check_physics(run: GeneratedStore) -> None:
 
 
 def replay_failure(run: GeneratedStore, mission: int, attempt: int) -> tuple[str, str]:
-    """Fly a failed attempt again; what it said then and what it says now.
+    """Fly a failed attempt again; returns its error then and its error now.
 
     Raises:
       StoreError: the store knows no such failure.

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.inspect.verify import (
+from factory.inspect.checks import (
     Block,
     Check,
     Report,

@@ -72,7 +72,7 @@ def check_hours(hours: float) -> None:
 
 
 def check_room(hours: float, store: Path) -> None:
-    """Raise InputError when the disk of `store` has no room for so many hours [h]."""
+    """Raise InputError when the disk of `store` has no room for `hours` [h]."""
     check_hours(hours)
     folder = next(p for p in (store.absolute(), *store.absolute().parents) if p.is_dir())
     free = shutil.disk_usage(folder).free

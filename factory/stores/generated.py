@@ -14,7 +14,6 @@ from factory.generation.completion import (
     FAILED_MISSION,
     FAILED_REASON,
     FAILED_TIME,
-    FAILURE,
 )
 from factory.generation.flown_mission import FailedAttempt
 from factory.recipe.distribution import Distribution, Fixed, Value, parse_distribution
@@ -38,7 +37,7 @@ from twin.records.attributes import (
 from twin.records.logs import LogStore
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION
-from twin.records.store import read_array
+from twin.records.store_arrays import read_array
 from twin.records.store_path import StorePath
 from twin.sensors import SensorSuite
 
@@ -217,11 +216,6 @@ class GeneratedStore(MissionStore):
             else 0.0
             for name in self.suite.drawn_units()
         }
-
-    @property
-    def failure_count(self) -> int:
-        """Attempts that failed and were replaced."""
-        return int(self.dataset.sizes.get(FAILURE, len(self._failed)))
 
     def failures(self) -> list[tuple[int, FailedAttempt]]:
         """The attempts that failed and were replaced, with their missions."""

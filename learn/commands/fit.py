@@ -15,6 +15,7 @@ import tyro
 from learn.networks.registry import NETWORKS
 from learn.runs.run import RUNS, free_name
 from learn.training.optimisers.registry import OPTIMISERS
+from learn.training.progress import Shares, Watcher, event_writer_type
 from twin.cli.console import Console, JsonOption
 from twin.cli.program import EXIT_OK
 from twin.cli.store_argument import StoreArgument
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
     from learn.training.resources import Resources
     from learn.training.settings import FitConfig, Job
     from learn.training.trainer import Report
-    from twin.cli.progress import Progress
-
 
 CHOICES = {
     "network": NETWORKS,
@@ -149,8 +148,9 @@ class Fit(JsonOption):
         """Train, judge, report."""
         # must be said before numpy is imported: each network trains in one thread
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-        from learn.api import fit_settings, train_and_finish
+        from learn.api import train_and_finish
         from learn.runs.place import training_folder
+        from learn.training.given_settings import fit_settings
 
         if self.resume and self.name is None:
             raise InputError("--resume needs the --name of the run to continue")
@@ -162,7 +162,7 @@ class Fit(JsonOption):
             resumed=place if self.resume else None, mirror=not self.no_mirror, **options
         )
         if self.tensorboard:
-            _event_writer_type()
+            event_writer_type()
         units = [unit for unit in UNITS if getattr(self, f"leave_out_each_{unit}")]
         if units:
             from learn.studies.folds import folds_with_labels
@@ -177,7 +177,7 @@ class Fit(JsonOption):
                 from factory.generation.cluster import dask_executor
 
                 executor = stack.enter_context(dask_executor(self.scheduler))
-            watcher = stack.enter_context(_Watcher(console, config, place, events=self.tensorboard))
+            watcher = stack.enter_context(Watcher(console, config, place, events=self.tensorboard))
 
             def studies(run: Run, resources: Resources) -> None:
                 watcher.close()
@@ -225,12 +225,10 @@ class Fit(JsonOption):
 
         jobs = len(masked(config)) * len(config.jobs())
         with console.progress(total=jobs, label="ablation", unit="networks") as progress:
-            shares: dict[tuple[str, ...], float] = {}
+            shares = Shares(progress)
 
             def see(job: Job, report: Report) -> None:
-                key = (*job.config.features, job.name)
-                progress.update(report.share - shares.get(key, 0.0))
-                shares[key] = report.share
+                shares.reach((*job.config.features, job.name), report.share)
 
             ablate(run, config, resources, watch=see, say=progress.note)
 
@@ -239,12 +237,10 @@ class Fit(JsonOption):
 
         jobs = len(other_seeds(config, self.seeds)) * len(config.jobs())
         with console.progress(total=jobs, label="seeds", unit="networks") as progress:
-            shares: dict[tuple[int, str], float] = {}
+            shares = Shares(progress)
 
             def see(job: Job, report: Report) -> None:
-                key = (job.config.training.seed, job.name)
-                progress.update(report.share - shares.get(key, 0.0))
-                shares[key] = report.share
+                shares.reach((job.config.training.seed, job.name), report.share)
 
             found = train_seeds(run, config, self.seeds, resources, watch=see)
         console.answer(seeds=found.to_json())
@@ -259,12 +255,10 @@ class Fit(JsonOption):
         folds = folds_with_labels(config, unit)
         jobs = len(folds) * len(config.jobs())
         with console.progress(total=jobs, label="leave one out", unit="networks") as progress:
-            shares: dict[tuple[tuple[int, ...], str], float] = {}
+            shares = Shares(progress)
 
             def see(job: Job, report: Report) -> None:
-                key = (job.config.held_out, job.name)
-                progress.update(report.share - shares.get(key, 0.0))
-                shares[key] = report.share
+                shares.reach((job.config.held_out, job.name), report.share)
 
             found = leave_out_each(run, config, folds, resources, unit=unit, watch=see)
         console.answer(**{f"leave_out_each_{unit}": found.to_json()})
@@ -277,9 +271,9 @@ class Fit(JsonOption):
         console.say()
 
     def _report(self, console: Console, run: Run) -> None:
-        from learn.report.tables import summary_rows, verdicts
+        from learn.report.tables import paper_sentence, summary_rows, verdicts
 
-        figures = run.figures
+        figures, paper = run.figures, run.paper_figures
         assert figures is not None
         console.answer(
             **figures,
@@ -296,6 +290,9 @@ class Fit(JsonOption):
             digits=3,
         )
         console.say()
+        if paper is not None:
+            console.answer(paper_test=paper)
+            console.item(paper_sentence(paper))
         for sentence in (*run.label_sentences(), *verdicts(figures)):
             console.item(sentence)
         console.say()
@@ -322,70 +319,3 @@ SETTINGS = (
     *("period", "start", "device", "labels", "known_current", "smoothing"),
 )
 """Options that `learn.fit_settings` takes under the same name."""
-
-
-class _Watcher:
-    """Progress of all networks of a run, and TensorBoard events when asked."""
-
-    def __init__(self, console: Console, config: FitConfig, folder: Path, *, events: bool) -> None:
-        self._progress: Progress = console.progress(
-            total=len(config.jobs()), label="fit", unit="networks"
-        )
-        self._shares: dict[str, float] = {}
-        self._folder, self._events, self._prog = folder, events, console.prog
-        self._writer: Any = None
-        self._open = False
-
-    def __enter__(self) -> _Watcher:
-        self._progress.__enter__()
-        self._open = True
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._close(*error)
-
-    def close(self) -> None:
-        """End the progress of the training: what follows shows its own."""
-        self._close(None, None, None)
-
-    def _close(self, *error: object) -> None:
-        if self._open:
-            self._open = False
-            self._progress.__exit__(*error)  # type: ignore[arg-type]
-            if self._writer is not None:
-                self._writer.close()
-
-    def say(self, text: str) -> None:
-        """A note, a line of its own."""
-        self._progress.note(text)
-
-    def warn(self, text: str) -> None:
-        """A warning, a line of its own."""
-        self._progress.note(f"{self._prog}: warning: {text}")
-
-    def see(self, job: Job, report: Report) -> None:
-        """Show one validation."""
-        done = report.share - self._shares.get(job.name, 0.0)
-        self._shares[job.name] = report.share
-        known = report.validation_mse == report.validation_mse  # not NaN
-        error = report.validation_mse if known else report.train_mse
-        self._progress.update(
-            done, **{f"{job.name} MSE [(m/s)²]": error, "learning rate": report.rate}
-        )
-        if self._events:
-            # made late: a folder that is in the way of the run must not come from here
-            self._writer = self._writer or _event_writer_type()(str(self._folder / "events"))
-            for name in ("train_mse", "validation_mse", "rate"):
-                self._writer.add_scalar(f"{job.name}/{name}", getattr(report, name), report.step)
-            self._writer.flush()  # the folder may be copied when the last network is trained
-
-
-def _event_writer_type() -> Any:
-    """TensorBoard's writer, imported when it is wanted."""
-    try:
-        from torch.utils.tensorboard import SummaryWriter
-    except ImportError as error:
-        raise InputError(
-            "--tensorboard needs the package tensorboard: pip install tensorboard"
-        ) from error
-    return SummaryWriter

@@ -19,7 +19,7 @@ from twin.records.logs import LogRow, LogStore
 from twin.records.reader import LEAST_SAMPLES, MissionStore
 from twin.records.schema import TIME
 from twin.records.sharded import fast_reading
-from twin.records.store import check_filled
+from twin.records.store_arrays import check_filled
 from twin.records.store_path import StorePath, store_path
 
 Floats = NDArray[np.float32]
@@ -239,7 +239,7 @@ class Selection:
             yield from self.read(group)
 
     def groups(self, most: int) -> Iterator[list[Mission]]:
-        """All missions in groups of at most so many; only one group is in memory.
+        """All missions in groups of at most `most`; only one group is in memory.
 
         Raises:
           StoreError: see `read`.

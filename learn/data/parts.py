@@ -1,4 +1,4 @@
-"""Parts: what the vehicle of a store is made of, as far as networks see it."""
+"""Parts: the parts of a store's vehicle, as far as networks see them."""
 
 from __future__ import annotations
 

@@ -194,7 +194,7 @@ class _Maker:
         return self.weighed(made, number)
 
     def weighed(self, made: Sequence3, number: int) -> Sequence3:
-        """A sequence of which no sample counts but those of the part."""
+        """A sequence in which only the samples of its part count."""
         if self.division is None:
             return made
         inputs, wanted, weights = made

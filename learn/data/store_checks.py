@@ -1,4 +1,4 @@
-"""Store checks: what a store gives to learn from, asked before anything is trained."""
+"""Store checks: whether a store has enough to learn from, before anything is trained."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Log score: networks and baselines on real logs, by the truth that a log has.
+"""Log score: networks and baselines on real logs, by whatever truth a log holds.
 
 Two things can be known of a real vehicle. Where a current profiler or a Doppler log was, its
 velocity through the water: samples without are left out and counted. Networks that learned from a
@@ -65,32 +65,26 @@ class LogReference:
         measured = Attitude.of(signals, "measured")
         truth = {
             "surge": np.asarray(labels.of(mission, "surge"), float),
-            # a log with a speed only is learned from with sway zero, but nothing is judged so
+            # sway is taken as zero to learn from a log with speed alone, but is not judged by that
             "sway": np.asarray(labels.of(mission, "sway"), float)
             if labels.source == "dvl"
             else signals.get("true_sway", np.full(mission.samples, np.nan)),
         }
-        if "measured_depth" not in signals:
-            return cls(
-                mission=mission,
-                row=mission.row,
-                truth=truth,
-                measured=measured,
-                depth_rate=None,
-                path=math.nan,
-            )
-        rate = depth_rate(finite_channel(signals, "measured_depth"), mission.period)
-        simple = PitchPlusAlpha(vehicle=vehicle).estimate(signals, mission.period)
-        assert simple.surge is not None
-        assert simple.sway is not None
-        velocity = horizontal_velocity(simple.surge, simple.sway, rate, measured)
+        rate, path = None, math.nan
+        if "measured_depth" in signals:
+            rate = depth_rate(finite_channel(signals, "measured_depth"), mission.period)
+            simple = PitchPlusAlpha(vehicle=vehicle).estimate(signals, mission.period)
+            assert simple.surge is not None
+            assert simple.sway is not None
+            velocity = horizontal_velocity(simple.surge, simple.sway, rate, measured)
+            path = float(integrate(np.hypot(*velocity.T), mission.period)[-1])
         return cls(
             mission=mission,
             row=mission.row,
             truth=truth,
             measured=measured,
             depth_rate=rate,
-            path=float(integrate(np.hypot(*velocity.T), mission.period)[-1]),
+            path=path,
         )
 
     def moved(self, estimate: Estimate) -> Array | None:

@@ -22,8 +22,8 @@ from twin.errors import InputError
 from twin.navigation.baselines.base import Estimate
 from twin.navigation.dead_reckoning import Array
 from twin.navigation.dives import CurrentKnowledge, ground_track
+from twin.records.presence import is_derived
 from twin.records.schema import MISSION, TIME
-from twin.records.store import is_derived
 from twin.records.tracks import write_track_dataset
 from twin.records.whole import check_file_target, check_folder_target, whole_file, whole_folder
 

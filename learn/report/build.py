@@ -74,13 +74,7 @@ def _key_figures(page: Page, found: Mapping[str, Any]) -> None:
 def _velocities(page: Page, evaluated: RunEvaluation) -> None:
     rows = tables.velocity_rows(evaluated.figures)
     paper = tables.PAPER_PROPELLED if evaluated.evaluation.propelled else tables.PAPER
-    rows.append(
-        {
-            "method": "the paper's networks, as printed",
-            "surge MSE [(m/s)²]": paper["surge_mse"],
-            "sway MSE [(m/s)²]": paper["sway_mse"],
-        }
-    )
+    rows.append(tables.printed_row(paper))
     page.table(rows, "Mean squared errors, all samples of the free run from launch to end.")
 
 
@@ -136,5 +130,5 @@ def _over_ground(page: Page, evaluated: RunEvaluation) -> None:
 
 def _paper_test(page: Page, evaluated: RunEvaluation) -> None:
     page.section("The paper's test: two spirals and a level part in three currents")
-    page.table(tables.velocity_rows(evaluated.figures))
+    page.table([*tables.velocity_rows(evaluated.figures), tables.printed_row(tables.PAPER)])
     page.table(tables.track_rows(evaluated.figures, "water"), "Through the water.")

@@ -53,6 +53,24 @@ def velocity_rows(evaluation: Figures) -> list[Row]:
     return rows
 
 
+def printed_row(paper: Mapping[str, float]) -> Row:
+    """What the paper prints, `PAPER` or `PAPER_PROPELLED`, as a row of `velocity_rows`."""
+    return {
+        "method": "the paper's networks, as printed",
+        "surge MSE [(m/s)²]": paper["surge_mse"],
+        "sway MSE [(m/s)²]": paper["sway_mse"],
+    }
+
+
+def paper_sentence(paper_test: Figures) -> str:
+    """The networks on the paper's test, beside what the paper prints of its own."""
+    ours, theirs = (
+        f"surge {found['surge_mse']:.1e}, sway {found['sway_mse']:.1e}"
+        for found in (paper_test, PAPER)
+    )
+    return f"The paper's test: MSE {ours} (m/s)². The paper prints {theirs} of its own networks."
+
+
 def track_rows(evaluation: Figures, track: str) -> list[Row]:
     """Dead-reckoning errors of each method: `water`, `velocity` or `ground`."""
     rows = []

@@ -179,9 +179,21 @@ class Run:
         Raises:
           StoreError: it is damaged, or lacks a figure (named).
         """
+        return self._evaluated(EVALUATION)
+
+    @property
+    def paper_figures(self) -> dict[str, Any] | None:
+        """The same on the paper's test; None where it was not flown (`learn.studies.finishing`).
+
+        Raises:
+          StoreError: it is damaged, or lacks a figure (named).
+        """
+        return self._evaluated(PAPER_TEST)
+
+    def _evaluated(self, name: str) -> dict[str, Any] | None:
         from learn.evaluation.score import summarise_scores
 
-        path = self.folder / EVALUATION
+        path = self.folder / name
         if not path.is_file():
             return None
         remedy = f"`learn fit --name {self.name} --resume` writes it again"
@@ -246,7 +258,7 @@ def read_description(folder: Path) -> dict[str, Any]:
     """`run.json` of a folder, finished or not; errors as `open_run`."""
     path = folder / DESCRIPTION
     if not path.is_file():
-        from twin.records.store import is_complete  # numpy, which help texts do without
+        from twin.records.presence import is_complete  # numpy, which help texts do without
 
         if is_complete(folder):
             raise InputError(

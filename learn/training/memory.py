@@ -39,7 +39,7 @@ class Residence:
 def choose_residence(
     configs: Sequence[FitConfig], together: int, memory: float | None = None
 ) -> Residence:
-    """Decide for networks of which so many are trained at a time.
+    """Decide for networks of which `together` are trained at a time.
 
     Args:
       memory: [GB] for the training data of all of them; None: half of what this machine has free.

@@ -1,4 +1,4 @@
-"""Resources: what trains networks side by side, and the memory that their data may take."""
+"""Resources: the processes that train networks side by side, and the memory for their data."""
 
 from __future__ import annotations
 

@@ -8,9 +8,7 @@ them. What is judged is the free run over whole validation missions.
 from __future__ import annotations
 
 import dataclasses
-import io
 import math
-import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -23,16 +21,14 @@ from learn.data.sequences import SequenceSource, ahead
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.predictor import free_run, groups_by_length
+from learn.training.checkpoint import read_checkpoint, write_checkpoint
 from learn.training.feed import Feed, feed_for
 from learn.training.optimisers.base import FullBatchOptimiser, MinibatchOptimiser
 from learn.training.optimisers.registry import OPTIMISERS
 from learn.training.schedule import Clock, TrainingConfig, step_size
-from twin.bounded import check_archive
-from twin.cli.console import one_line
 from twin.errors import InputError, StoreError
 from twin.preload import preload_triton
 from twin.records.buffers import Places, buffers
-from twin.records.whole import whole_file
 
 TRAINING_PER_VALIDATION = 4.0
 """Least ratio of the time in training to that in validation: a large store validates less often."""
@@ -330,70 +326,16 @@ class Trainer:
             "bad": self.bad,
             **state,
         }
-        saved = io.BytesIO()  # torch's own errors of files are not those of the system
-        torch.save(everything, saved)
-        # a kill while writing must not cost the previous checkpoint
-        with whole_file(self.checkpoint) as place:
-            place.write_bytes(saved.getbuffer())
+        write_checkpoint(self.checkpoint, everything)
 
     def _load(self) -> dict[str, Any] | None:
         if self.checkpoint is None or not self.checkpoint.exists():
             return None
-        saved = _read_checkpoint(self.checkpoint, self.device)
-        theirs, ours = saved["identity"], self._identity()
-        if theirs != ours:
-            raise StoreError(
-                f"checkpoint {self.checkpoint} was made with other settings "
-                f"({_difference(theirs, ours)}); give the same ones, or remove it to start over"
-            )
+        saved = read_checkpoint(self.checkpoint, self.device, self._identity())
         self.history = [Report(*row) for row in saved["history"]]
         self.best, self.best_state = saved["best"], saved["best_state"]
         self.bad = saved["bad"]
         return saved
-
-
-def check_records(checkpoint: Path) -> None:
-    """Compare the records of a checkpoint with their CRC-32, which torch does not do.
-
-    Raises:
-      StoreError: one of them is damaged.
-    """
-    try:
-        with zipfile.ZipFile(checkpoint) as archive:
-            damaged = archive.testzip()
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, ValueError) as error:
-        damaged = str(error)
-    if damaged is not None:
-        raise StoreError(
-            f"checkpoint {checkpoint} is damaged ({damaged}); remove it to train this network from "
-            "its start"
-        )
-
-
-def _read_checkpoint(path: Path, device: torch.device | str) -> dict[str, Any]:
-    """What `Trainer._save` wrote: tensors and plain values. No other object is ever loaded.
-
-    Raises:
-      StoreError: the file is damaged or no checkpoint.
-    """
-    remedy = "remove it to start over"
-    try:
-        check_archive(path, f"checkpoint {path}", StoreError)
-    except StoreError as error:
-        raise StoreError(f"{error}; {remedy}") from error
-    check_records(path)
-    needed = {"identity", "history", "best", "best_state", "bad"}
-    try:
-        saved = torch.load(path, map_location=device, weights_only=True)
-        missing = needed - set(saved)
-    except Exception as error:  # the reader of torch raises many kinds
-        line = one_line(str(error)).split(". ")[0]
-        raise StoreError(
-            f"checkpoint {path} cannot be read ({type(error).__name__}: {line}); {remedy}"
-        ) from error
-    if missing:
-        raise StoreError(f"checkpoint {path} lacks {', '.join(sorted(missing))}; {remedy}")
-    return dict(saved)
 
 
 def mean_squared_error(network: Network, source: SequenceSource) -> float:
@@ -412,15 +354,3 @@ def mean_squared_error(network: Network, source: SequenceSource) -> float:
 
 def _copy(network: Network) -> dict[str, Tensor]:
     return {name: value.detach().clone() for name, value in network.state_dict().items()}
-
-
-def _difference(theirs: dict[str, Any], ours: dict[str, Any]) -> str:
-    for part, values in ours.items():
-        if not isinstance(values, dict):
-            if theirs.get(part) != values:
-                return f"{part} {theirs.get(part)} instead of {values}"
-            continue
-        for name, value in values.items():
-            if theirs.get(part, {}).get(name) != value:
-                return f"{part} {name} {theirs.get(part, {}).get(name)} instead of {value}"
-    return "an unknown one"

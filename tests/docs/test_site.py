@@ -12,7 +12,7 @@ from types import ModuleType
 import pytest
 from examples import ROOT, needs_docs
 
-from twin.records.schema import _TABLE
+from twin.records.schema import SIGNALS
 
 pytestmark = needs_docs
 
@@ -31,6 +31,17 @@ def reference() -> ModuleType:
     finally:
         sys.path.remove(str(ROOT / "scripts"))
     return docs_reference
+
+
+@pytest.fixture(scope="module")
+def hooks() -> ModuleType:
+    """scripts/docs_hooks.py"""
+    sys.path.insert(0, str(ROOT / "scripts"))
+    try:
+        import docs_hooks
+    finally:
+        sys.path.remove(str(ROOT / "scripts"))
+    return docs_hooks
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +93,43 @@ def test_code_is_shown_as_code(site: Path) -> None:
         assert "```" not in text, page.name
 
 
+def test_formulas_are_set(site: Path) -> None:
+    """As MathML: no script, no dollar signs in the text."""
+    for page in ("physics/equations", "howto/flight", "reference/sensors", "reference/networks"):
+        assert "<math" in (site / f"{page}.html").read_text(), page
+    for page in site.rglob("*.html"):
+        text = re.sub(r"<(pre|code|script)\b.*?</\1>", "", page.read_text(), flags=re.DOTALL)
+        assert "arithmatex" not in text, page.name
+        assert not re.search(r"\$\$|\\[(\[]|\$[^$<\n]+\$", text), page.name
+
+
+LATEX = re.compile(r"\$\$(.+?)\$\$|(?<![\w$`])\$(?! )([^$`\n]+?)\$(?!\w)")
+"""A formula of a page: on lines of its own, or within a sentence"""
+
+
+def test_formulas_are_read_by_other_viewers() -> None:
+    """Markdown of a forge eats a backslash before punctuation, pairs asterisks, ends cells at |."""
+    found = 0
+    code = re.compile(r"^```.*?^```|^ {4}.*?$|`[^`\n]*`", flags=re.DOTALL | re.MULTILINE)
+    for page in sorted((ROOT / "docs").rglob("*.md")):
+        text = code.sub("", page.read_text(encoding="utf-8"))
+        for formula in (own or within for own, within in LATEX.findall(text)):
+            found += 1
+            assert not re.search(r"\\[^A-Za-z]|[*|]", formula), f"{page.name}: {formula}"
+    assert found > 200
+
+
+@pytest.mark.parametrize("latex", [r"\fraction{1}{2}", r"\left( x", "x^"])
+def test_a_wrong_formula_ends_the_build(hooks: ModuleType, latex: str) -> None:
+    """With the formula named; a right one becomes MathML, of its own line or within a sentence."""
+    assert "<mfrac" in hooks.with_formulas(r'<div class="arithmatex">\[\frac{1}{2}\]</div>')
+    found = hooks.with_formulas(r'<span class="arithmatex">\(a &lt; b\)</span>')
+    assert found.startswith('<span class="formula"><math>')
+    assert "&lt;" in found
+    with pytest.raises(hooks.LatexError, match=re.escape(repr(latex))):
+        hooks.with_formulas(rf'<span class="arithmatex">\({latex}\)</span>')
+
+
 def test_the_pages_of_commands_have_every_option(
     reference: ModuleType, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -100,7 +148,7 @@ def test_the_pages_of_commands_have_every_option(
 
 def test_the_data_dictionary_has_every_signal(reference: ModuleType) -> None:
     page = reference.signal_page()
-    for entry in _TABLE:
+    for entry in SIGNALS:
         (row,) = re.findall(rf"^\| `{entry.name}` \|.*$", page, re.MULTILINE)
         assert f"| {entry.units} |" in row
         assert f"| {reference.limits(entry.name)} |" in row

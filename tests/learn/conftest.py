@@ -4,9 +4,8 @@ import importlib.util
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
-from navigation import add_fixes, trimmed_mission, write_store
+from navigation import write_flown_store
 
 # pytest's importlib mode does not put this folder on the path; the helpers are loaded by place.
 _SPEC = importlib.util.spec_from_file_location(
@@ -28,18 +27,4 @@ def small_store(tmp_path_factory):
 @pytest.fixture(scope="session")
 def flown_store(tmp_path_factory):
     """Four missions with everything that dead reckoning needs: two train, then one and one."""
-    rng = np.random.default_rng(5)
-    flown = []
-    for k in range(4):
-        sign = 1.0 if k % 2 else -1.0
-        signals = trimmed_mission(
-            900 + 100 * k,
-            net_mass=sign * rng.uniform(0.2, 0.4),
-            shift=sign * rng.uniform(0.015, 0.025),
-            rotation=np.deg2rad(rng.uniform(-40, 40)),
-            depth=50.0 if sign > 0 else 500.0,
-        )
-        add_fixes(signals, [0, 800])
-        flown.append(signals)
-    path = tmp_path_factory.mktemp("flown") / "flown.zarr"
-    return write_store(path, flown, [0, 0, 1, 2], attributes={"preset": "test", "seed": 5})
+    return write_flown_store(tmp_path_factory.mktemp("flown") / "flown.zarr")

@@ -50,7 +50,7 @@ def own_kinds(monkeypatch):
 @pytest.mark.parametrize("registry", REGISTRIES.values(), ids=REGISTRIES)
 def test_every_kind_is_whole(registry):
     for name, kind in registry.items():
-        registry.check(name, kind)
+        assert registry.check(name, kind) is kind
 
 
 @pytest.mark.parametrize("name", ["NETWORKS", "OPTIMISERS", "BASELINES"])

@@ -18,7 +18,8 @@ from factory.recipe.overrides import read_changes
 from twin import bounded
 from twin.errors import CurrentError, InputError, MissionError, StoreError
 from twin.mission.plan import Mission
-from twin.records.store import open_store, read_attributes, write_zarr
+from twin.records.presence import read_attributes
+from twin.records.store import open_store, write_zarr
 from twin.records.tracks import read_tracks
 from twin.water.current.spec import parse_current
 from twin.water.density_spec import parse_density

@@ -27,8 +27,11 @@ def test_a_missing_package_is_named_with_its_extra(
     assert "\n" not in message
 
 
-def test_a_package_that_is_there_is_no_error() -> None:
+def test_only_a_package_that_is_not_there_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     require("json", extra="video", purpose="this")
+    monkeypatch.setitem(sys.modules, "json", None)
+    with pytest.raises(InputError, match="the package json,"):
+        require("json", extra="video", purpose="this")
 
 
 def test_a_video_needs_the_extra_video(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

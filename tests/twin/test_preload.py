@@ -136,9 +136,11 @@ def test_a_library_that_does_not_load_is_left_alone(stand_in: Path) -> None:
 def test_without_triton_nothing_is_opened(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     monkeypatch.delitem(sys.modules, "triton", raising=False)
-    monkeypatch.setattr("ctypes.CDLL", None)
+    opened: list[str] = []
+    monkeypatch.setattr("ctypes.CDLL", lambda library, **_: opened.append(library))
     preload_triton.cache_clear()
     preload_triton()
+    assert opened == []
 
 
 @pytest.mark.skipif(

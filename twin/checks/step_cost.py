@@ -11,10 +11,11 @@ import numpy as np
 
 from twin.mission.shipped import load_mission_for
 from twin.physics.fleet import make_batch
+from twin.physics.initial_state import set_start
 from twin.physics.mujoco_model import compile_model
 from twin.physics.native.install import install, uninstall
 from twin.physics.scenario import Scenario
-from twin.physics.simulation import Simulation, set_start
+from twin.physics.simulation import Simulation
 from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle
 

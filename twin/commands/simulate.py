@@ -15,7 +15,6 @@ from twin.cli.console import Console, JsonOption
 if TYPE_CHECKING:
     from twin.navigation.settings import Navigation
     from twin.physics.scenario import Scenario
-    from twin.physics.simulation import Simulation
     from twin.records.trajectory import Trajectory
     from twin.sensors import SensorSuite
 
@@ -96,6 +95,7 @@ class Simulate(JsonOption):
         from twin.errors import SimulationUnstable
         from twin.navigation.settings import Navigation
         from twin.physics.quiet import quiet_mujoco
+        from twin.physics.remarks import remarks
         from twin.physics.simulation import Simulation
         from twin.records.store import check_target
 
@@ -128,7 +128,8 @@ class Simulate(JsonOption):
             self._write(scenario, trajectory)
         if self.plot is not None:
             self._draw(trajectory)
-        self._warn(console, simulation, trajectory)
+        for text in remarks(simulation, trajectory):
+            console.warn(text)
         self._report(console, scenario, trajectory)
         return 0
 
@@ -155,62 +156,6 @@ class Simulate(JsonOption):
             return None
         sensors = navigation.suite if suite is None else suite
         return dataclasses.replace(navigation, sensors=sensors, seed=self.seed)
-
-    def _warn(self, console: Console, simulation: Simulation, trajectory: Trajectory) -> None:
-        """Say when the mission was not flown, or left the gridded current's file."""
-        ended = trajectory.provenance.get("ended")
-        stronger = _stronger_current(simulation, trajectory)
-        if ended in ("aborted", "time limit"):
-            reason = {
-                "aborted": "it went deeper than max_depth_m"
-                + (
-                    " and climbed to the surface"
-                    if trajectory["true_depth"][-1] < 0.5 * trajectory["true_depth"].max()
-                    else ", and its climb to the surface failed: it is too heavy"
-                ),
-                "time limit": stronger
-                or "its segments took more than a generous estimate of their time "
-                "(too light or too heavy for this water, or a depth it cannot reach?)",
-            }[ended]
-            console.warn(f"the mission was not flown to its end: {reason}")
-        if stronger and ended != "time limit":
-            console.warn(stronger)
-        if short := _short_of_target(simulation, trajectory):
-            console.warn(short)
-        self._warn_floor(console, simulation, trajectory)
-        if not simulation.tables.current.size:
-            return
-        from twin.water.current.grid import beyond_grid
-
-        north, east = trajectory["true_north"], trajectory["true_east"]
-        outside = beyond_grid(simulation.tables.current, north, east)
-        if outside.any():
-            console.warn(
-                f"the vehicle left the current file's area at {trajectory.time[outside][0]:.0f} s; "
-                "from there on the velocity at its edge was used"
-            )
-
-    def _warn_floor(self, console: Console, simulation: Simulation, trajectory: Trajectory) -> None:
-        """Say when the vehicle touched something, or left the bathymetry."""
-        from twin.records.summary import summarise
-        from twin.water.floor.lookup import beyond_floor
-
-        figures = summarise(trajectory)
-        if figures.get("grounded"):
-            console.warn(
-                f"the vehicle touched the sea floor or an obstacle at "
-                f"{figures['first_contact_s']:.0f} s; min_altitude_m in the mission makes dives "
-                "turn above the sea floor"
-            )
-        table = simulation.tables.floor
-        if not table.size:
-            return
-        outside = beyond_floor(table, trajectory["true_north"], trajectory["true_east"])
-        if outside.any():
-            console.warn(
-                f"the vehicle left the bathymetry's area at {trajectory.time[outside][0]:.0f} s; "
-                "from there on the depth at its edge was used"
-            )
 
     def _scenario(self, suite: SensorSuite | None) -> Scenario:
         from twin.facade import in_water
@@ -248,7 +193,8 @@ class Simulate(JsonOption):
 
     def _write(self, scenario: Scenario, trajectory: Trajectory) -> None:
         from twin.facade import provenance_of
-        from twin.records.store import mission_dataset, write_store
+        from twin.records.mission_dataset import mission_dataset
+        from twin.records.store import write_store
 
         assert self.out is not None
         attributes = {**trajectory.provenance, **provenance_of(scenario)}
@@ -311,46 +257,6 @@ class Simulate(JsonOption):
         for label, path in (("store", self.out), ("plot", self.plot)):
             if path is not None:
                 console.say(f"{label}: {path}")
-
-
-def _stronger_current(simulation: Simulation, run: Trajectory) -> str:
-    """That a vehicle that goes to places met a current beyond its speed; empty where not."""
-    from twin.mission import Waypoint
-    from twin.records.summary import summarise
-
-    plan = simulation.scenario.mission
-    if not any(isinstance(one, Waypoint) for one in getattr(plan, "segments", ())):
-        return ""
-    figures = summarise(run)
-    flow = math.hypot(figures["mean_current_north_m_s"], figures["mean_current_east_m_s"])
-    speed = figures["mean_speed_m_s"]
-    if flow <= speed:
-        return ""
-    return (
-        f"the current of {flow:.2f} m/s is stronger than the vehicle, which makes {speed:.2f} m/s "
-        "through the water: it reaches places downstream only"
-    )
-
-
-def _short_of_target(simulation: Simulation, run: Trajectory) -> str:
-    """That a run ended on the way to a place, and how far from it; empty where it did not."""
-    from twin.mission import Mission, Waypoint
-
-    scenario = simulation.scenario
-    if not isinstance(scenario.mission, Mission):
-        return ""
-    flown = [one for part in scenario.mission_in_metres().segments for one in part.flown_as()]
-    at = int(run["commanded_segment"][-1])
-    if at >= len(flown) or not isinstance(one := flown[at], Waypoint):
-        return ""
-    target = one.targets[0]
-    north, east = (target[f"{n}_m"] - float(run[f"true_{n}"][-1]) for n in ("north", "east"))
-    many = sum(isinstance(part, Waypoint) for part in flown)
-    number = 1 + sum(isinstance(part, Waypoint) for part in flown[:at])
-    return (
-        f"the run ended {math.hypot(north, east) / 1e3:.2f} km short of target {number} of {many}, "
-        f"at {run.time[-1]:.0f} s"
-    )
 
 
 def _angle(figures: dict[str, Any]) -> str:

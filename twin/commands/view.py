@@ -115,14 +115,16 @@ class View:
         from twin.replay.server import PageServer
 
         shot, live = self._shot(), None
-        if self.store is None:
-            subject, scenario = self._live()
-            live = LiveMission(scenario, subject, shot, self._speed)
-            text = assemble(live.mission, connect="'self'")
-        else:
-            subject = self._stored(self.store)
-            text = page(subject, shot)
-        with PageServer(text, WEB_PORT if self.port is None else self.port, live) as server:
+        # the port first: a taken one is told before the mission is read or flown
+        with PageServer(WEB_PORT if self.port is None else self.port) as server:
+            if self.store is None:
+                subject, scenario = self._live()
+                live = LiveMission(scenario, subject, shot, self._speed)
+                text = assemble(live.mission, connect="'self'")
+            else:
+                subject = self._stored(self.store)
+                text = page(subject, shot)
+            server.show(text, live)
             console.say(f"{subject.title}: open {server.address} in a browser; Ctrl-C ends it")
             console.note(
                 f"from another machine: ssh -L {server.port}:localhost:{server.port} THIS_MACHINE, "

@@ -26,8 +26,9 @@ from twin.records.attributes import (
 from twin.records.flight_file import FLIGHT_TITLE
 from twin.records.logs import start_times
 from twin.records.place import DATETIME, padded, sample_variables, unix_milliseconds
+from twin.records.presence import is_derived
 from twin.records.schema import MISSION, TIME
-from twin.records.store import is_derived, write_netcdf, write_zarr
+from twin.records.store import write_netcdf, write_zarr
 from twin.records.whole import check_file_target, check_folder_target, whole_file, whole_folder
 from twin.version import __version__
 

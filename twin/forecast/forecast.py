@@ -51,7 +51,7 @@ class Forecast:
 
     @property
     def days_left(self) -> float | None:
-        """[d] that the batteries last at this power; None where nobody said what is in them."""
+        """[d] that the batteries last at this power; None where their energy is not given."""
         if self.request.energy_left_kwh is None or self.power_w <= 0.0:
             return None
         return self.request.energy_left_kwh * KWH / self.power_w / DAY
@@ -67,7 +67,7 @@ class Forecast:
         return datetime.datetime.fromisoformat(str(self.request.place.time))
 
     def moment(self, seconds: float) -> str:
-        """UTC, so many seconds after the start, ISO 8601 to the second."""
+        """UTC at `seconds` after the start, ISO 8601 to the second."""
         return (self.begins + datetime.timedelta(seconds=round(seconds))).isoformat()
 
     def targets(self) -> Array:

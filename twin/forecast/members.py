@@ -110,7 +110,7 @@ def _compass(
     identified, deviation = known_compass(request.vehicle)
     _, filtered = calibration_deviation(known.filter_)
     if known.tells_calibration:
-        # of a model's way: of what the model leaves of it
+        # by a flight model, whose compass was corrected: the filter's error is what remained of it
         return (identified if known.by_model else 0.0) + water.compass, filtered, "by the fixes"
     untold = f": {UNTOLD}" if known.legs else ""
     if deviation is not None:

@@ -1,4 +1,4 @@
-"""Normal draws: of several numbers that vary together."""
+"""Normal draws: random draws of several numbers that vary together."""
 
 from __future__ import annotations
 

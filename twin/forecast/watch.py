@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from twin.errors import InputError
-from twin.records.store import is_store
+from twin.records.presence import is_store
 
 POLL = 30.0
 """[s] between two looks"""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError, unknown_name
 from twin.gym.episodes import LARGEST_SEED, episode_random
 from twin.gym.noise import Noise
-from twin.gym.observations import FLAT, Observations
+from twin.gym.observations import FLAT, Observations, Observed
 from twin.numbers import numbers
 from twin.suite.environment import Environment
 from twin.suite.loader import load
@@ -47,7 +47,7 @@ def action_space(environment: Environment) -> spaces.Space[Any]:
     return spaces.Box(low, high, dtype=np.float32)
 
 
-class GliderEnv(gymnasium.Env[Any, NDArray[np.float32]]):
+class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
     """A task of the suite with one vehicle.
 
     The end of the time limit is a truncation; the surface, the depth limit and an instability are
@@ -106,16 +106,6 @@ class GliderEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     def dm_env(self) -> Environment:
         """The environment of `twin.suite`; `twin.suite.autopilot.Autopilot` takes it."""
         return self._environment
-
-    @property
-    def columns(self) -> dict[str, slice]:
-        """Where each observation stands in a flat one, by name."""
-        return dict(self._observations.columns)
-
-    @property
-    def scale(self) -> NDArray[np.float64]:
-        """What a flat observation is multiplied by to be in SI units, shape (width,)."""
-        return self._observations.scale.copy()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -66,3 +66,19 @@ class Observations:
             return {name: np.array(value, np.float64) for name, value in found.items()}
         values = np.concatenate(list(found.values()), axis=-1) / self.scale
         return np.clip(values, -LIMIT, LIMIT).astype(np.float32)
+
+
+class Observed:
+    """What an environment, of one vehicle or of many, says of its flat observations."""
+
+    _observations: Observations
+
+    @property
+    def columns(self) -> dict[str, slice]:
+        """Where each observation stands in a flat one, by name."""
+        return dict(self._observations.columns)
+
+    @property
+    def scale(self) -> Array:
+        """What a flat observation is multiplied by to be in SI units, shape (width,)."""
+        return self._observations.scale.copy()

@@ -20,7 +20,7 @@ from twin.errors import InputError, unknown_name
 from twin.gym.environment import action_space, load_task
 from twin.gym.episodes import LARGEST_SEED, episode_random
 from twin.gym.noise import Noise
-from twin.gym.observations import FLAT, Observations
+from twin.gym.observations import FLAT, Observations, Observed
 from twin.physics.mujoco_model import compile_model
 from twin.suite.many import ManyPhysics
 from twin.suite.physics import ROOM
@@ -31,7 +31,7 @@ AUTORESET = {mode.name.lower(): mode for mode in AutoresetMode}
 Mask = NDArray[np.bool_]
 
 
-class GliderVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
+class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
     """A task of the suite with `num_envs` vehicles.
 
     `metadata["autoreset_mode"]` says what follows the end of an episode, as in Gymnasium: in
@@ -113,16 +113,6 @@ class GliderVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
         self._steps = np.zeros(num_envs, np.int64)
         self._over = np.zeros(num_envs, np.bool_)
         self._last: dict[str, Any] = {}
-
-    @property
-    def columns(self) -> dict[str, slice]:
-        """Where each observation stands in a flat one, by name."""
-        return dict(self._observations.columns)
-
-    @property
-    def scale(self) -> NDArray[np.float64]:
-        """What a flat observation is multiplied by to be in SI units, shape (width,)."""
-        return self._observations.scale.copy()
 
     @property
     def task(self) -> Any:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.identify.calibration import Calibration
+from twin.identify.unknowns import Parameter
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,30 @@ class Estimate:
     determined: bool
     note: str = ""
     """Why it was kept at nominal, or that it lies at its bound."""
+
+    @classmethod
+    def of(
+        cls,
+        parameter: Parameter,
+        *,
+        nominal: float,
+        value: float,
+        deviation: float,
+        determined: bool,
+        note: str,
+    ) -> Estimate:
+        """What a fit says about `parameter`, whose `deviation` is in its spreads."""
+        return cls(
+            name=parameter.name,
+            unit=parameter.unit,
+            meaning=parameter.meaning,
+            nominal=nominal,
+            value=value,
+            deviation=parameter.deviation(value, deviation),
+            spread=parameter.deviation(nominal, 1.0),
+            determined=determined,
+            note=note,
+        )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import jit
-from twin.vehicle.vehicle import CUBIC_CM, Vehicle
+from twin.vehicle.parts.pump import CUBIC_CM
+from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from twin.errors import VehicleError
 from twin.vehicle.laws import FlowFrame
-from twin.vehicle.vehicle import CUBIC_CM, IDENTIFIED, Vehicle, load_vehicle
+from twin.vehicle.parts.pump import CUBIC_CM
+from twin.vehicle.vehicle import IDENTIFIED, Vehicle, load_vehicle
 from twin.water.density import SEA_COMPRESSIBILITY
 
 Array = NDArray[np.float64]

@@ -32,7 +32,7 @@ from twin.identify.calibration import REFERENCE_TEMPERATURE, Calibration
 from twin.identify.pitch import pump_of
 from twin.identify.unknowns import choose
 from twin.records.whole import whole_file
-from twin.vehicle.vehicle import CUBIC_CM
+from twin.vehicle.parts.pump import CUBIC_CM
 
 DEGREE = math.pi / 180.0
 DBAR = 1e4

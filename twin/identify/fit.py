@@ -21,7 +21,7 @@ from twin.identify.logged import Log
 from twin.identify.problem import LEAST_PAIRS, Problem
 from twin.identify.speed import FlightModel
 from twin.identify.unknowns import PARAMETERS, Parameter, choose
-from twin.vehicle.vehicle import CUBIC_CM
+from twin.vehicle.parts.pump import CUBIC_CM
 
 Array = NDArray[np.float64]
 
@@ -270,38 +270,26 @@ def _result(
     names = [p.name for p in problem.parameters]
     for parameter in wanted:
         centre = parameter.get(nominal)
-        known = parameter.deviation(centre, 1.0)
         if parameter.name in names:
             k = names.index(parameter.name)
-            value = parameter.get(calibration)
-            estimates.append(
-                Estimate(
-                    name=parameter.name,
-                    unit=parameter.unit,
-                    meaning=parameter.meaning,
-                    nominal=centre,
-                    value=value,
-                    deviation=parameter.deviation(value, float(deviation[k])),
-                    spread=known,
-                    determined=True,
-                    note="at its lower bound" if x[k] < problem.lowest[k] + AT_BOUND else "",
-                )
+            estimate = Estimate.of(
+                parameter,
+                nominal=centre,
+                value=parameter.get(calibration),
+                deviation=float(deviation[k]),
+                determined=True,
+                note="at its lower bound" if x[k] < problem.lowest[k] + AT_BOUND else "",
             )
         else:
-            scaled = before.get(parameter.name, np.nan)
-            estimates.append(
-                Estimate(
-                    name=parameter.name,
-                    unit=parameter.unit,
-                    meaning=parameter.meaning,
-                    nominal=centre,
-                    value=centre,
-                    deviation=parameter.deviation(centre, float(scaled)),
-                    spread=known,
-                    determined=False,
-                    note=notes[parameter.name],
-                )
+            estimate = Estimate.of(
+                parameter,
+                nominal=centre,
+                value=centre,
+                deviation=float(before.get(parameter.name, np.nan)),
+                determined=False,
+                note=notes[parameter.name],
             )
+        estimates.append(estimate)
     rates, changes = _unweighted(problem, calibration)
     rates0, changes0 = _unweighted(problem, nominal)
     samples = len(rates)

@@ -26,7 +26,9 @@ from twin.identify.gains import Phase, with_gains
 from twin.identify.logged import Log
 from twin.identify.pitch import PITCHING, Balance, balanced, pump_of
 from twin.identify.proof import failures
-from twin.identify.turning import Turns, channel_of, turned, windows_of
+from twin.identify.turning.fit import Turns, turned
+from twin.identify.turning.unknowns import channel_of
+from twin.identify.turning.windows import windows_of
 from twin.identify.unknowns import Parameter
 
 Array = NDArray[np.float64]
@@ -201,17 +203,13 @@ def _estimate(
     parameter: Parameter, centre: float, calibration: Calibration, offset: float, deviation: float
 ) -> Estimate:
     """`offset` and `deviation` in spreads."""
-    value = parameter.get(calibration)
     known = deviation <= UNDETERMINED or abs(offset) > FAR * deviation
     determined = math.isfinite(deviation) and known
-    return Estimate(
-        name=parameter.name,
-        unit=parameter.unit,
-        meaning=parameter.meaning,
+    return Estimate.of(
+        parameter,
         nominal=centre,
-        value=value,
-        deviation=parameter.deviation(value, deviation),
-        spread=parameter.deviation(centre, 1.0),
+        value=parameter.get(calibration),
+        deviation=deviation,
         determined=determined,
         note="" if determined else "with the others only: the log does not determine it",
     )

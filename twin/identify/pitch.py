@@ -29,7 +29,7 @@ from twin.identify.problem import OUTLIER, robust_scale
 from twin.identify.speed import motion_of, steady_parts
 from twin.identify.unknowns import Parameter
 from twin.vehicle.parts import Pump
-from twin.vehicle.vehicle import CUBIC_CM
+from twin.vehicle.parts.pump import CUBIC_CM
 
 Array = NDArray[np.float64]
 
@@ -230,7 +230,7 @@ def balanced(logs: Sequence[Log], nominal: Calibration) -> Balance | None:
     seen = observations(logs, nominal)
     if seen is None:
         return None
-    # without a CTD nobody knows how the buoyancy changes with depth, which this would take up
+    # without a CTD the change of buoyancy with depth is unknown, and this would take it up
     blind = any(log.density is None for log in logs)
     parameters = tuple(p for p in PITCHING if not (blind and p.channel == "density"))
     centres = np.array([p.get(nominal) for p in parameters])

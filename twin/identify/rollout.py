@@ -24,7 +24,7 @@ from twin.identify.logged import Log
 from twin.identify.pitch import PITCHING, balanced
 from twin.identify.problem import correlation_samples, robust_scale
 from twin.identify.speed import density_of, motion_of
-from twin.identify.turning import channel_of
+from twin.identify.turning.unknowns import channel_of
 from twin.identify.unknowns import Parameter, choose
 from twin.mission.schedule import Schedule
 from twin.physics.fleet import make_batch

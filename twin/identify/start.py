@@ -11,7 +11,8 @@ from twin.identify.logged import check_channels
 from twin.records.attributes import PLATFORM, SOURCE_FORMAT
 from twin.records.reader import MissionStore
 from twin.records.store_path import StorePath
-from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle, vehicle_names
+from twin.vehicle.shipped import vehicle_names
+from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 SHALLOW_SLOCUM = {"measured_depth": 230.0, "measured_pump": 245.0}
 """[m], [cm3] beyond which a 200 m Slocum with its ballast pump does not go; deep ones have an oil

@@ -1,4 +1,4 @@
-"""Balance: what forces and moments leave over on a vehicle in a steady motion.
+"""Balance: the sum of forces and moments on a vehicle in a steady motion, which must be zero.
 
 Kirchhoff's equations with the rigid body's (Fossen 2021, sections 3.3 and 8.1), in still water of
 the reference density and far below the surface. Steady flight and turns are where they vanish.

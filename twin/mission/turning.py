@@ -1,4 +1,4 @@
-"""Turning: how fast a vehicle turns for the position of what turns it, in a steady way.
+"""Turning: how fast a vehicle turns steadily at a position of the part that turns it.
 
 Wings that sweep or stand up roll the hull in sideslip one way in a dive and the other in a climb;
 a rudder does not care. So neither the sign nor the gain of a heading loop is the same in both

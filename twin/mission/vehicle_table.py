@@ -1,4 +1,4 @@
-"""The shipped vehicles, a line each: what they are, how fast they go, where it is from."""
+"""The shipped vehicles, a line each: what they are, their speed, where their numbers are from."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 
 from twin.mission.glide import steady_glide
-from twin.vehicle.vehicle import Vehicle, load_vehicle, vehicle_names
+from twin.vehicle.shipped import vehicle_names
+from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 MISSING = "-"
 """In a cell without a value"""

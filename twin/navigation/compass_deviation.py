@@ -101,10 +101,11 @@ class CompassDeviation:
         """Begin the next mean."""
         self._count = 0
         self._from = self._turned
-        # of the sensitivities; of what is parted, turned, and made by biases of yaw and pitch
+        # sums over a mean: sensitivities to the iron, `_parted`, `_turned`, and the two effects
+        # of gyro biases that `_passed` begins with
         self._sums = np.zeros(IRON + 4)
-        # made by these biases in the heading [s]; pitch less that by the gyros [rad], and what the
-        # biases make of it [s]
+        # so far: what unit biases of both gyros add to the heading [s]; the gyros' pitch less the
+        # measured one [rad], and what the unit biases add to it [s]
         self._passed = np.zeros(5)
 
     @property

@@ -9,10 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twin.errors import StoreError
-from twin.navigation.flight_filter import CHANNELS, OUTPUTS, Array, FlightFilter
+from twin.navigation.flight_filter import FlightFilter
+from twin.navigation.flight_filter_kernels import CHANNELS, OUTPUTS
 from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
 
 ESTIMATED = tuple(f"estimated_{name}" for name in OUTPUTS)
 """Of `twin.navigation.flight_filter`, in the order of its outputs."""

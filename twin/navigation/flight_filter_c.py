@@ -1,10 +1,12 @@
-"""The flight filter in C99, for vehicles that run no Python: the same code as `flight_filter`."""
+"""The flight filter in C99, for vehicles without Python: the code of `flight_filter_kernels`."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-from twin.navigation.flight_filter import (
+from twin.navigation.baselines.base import RESTING_RATE, SHALLOW_DEPTH, SURFACE_DEPTH
+from twin.navigation.flight_filter import FlightFilter
+from twin.navigation.flight_filter_kernels import (
     AFLOAT_S,
     BEFORE,
     CARRIED,
@@ -24,22 +26,18 @@ from twin.navigation.flight_filter import (
     QUIET_RATE,
     QUIET_S,
     RELINEARISED,
-    RESTING_RATE,
     RESTLESS,
     SETTLED,
-    SHALLOW_DEPTH,
     SINCE_AFLOAT,
     SINCE_UPDATE,
     SLOW_RATE,
     SMOOTHED_S,
     STANDARD_OCEAN,
     STARTED,
-    SURFACE_DEPTH,
     WARM,
     WIDEST,
-    FlightFilter,
 )
-from twin.vehicle.vehicle import CUBIC_CM
+from twin.vehicle.parts.pump import CUBIC_CM
 
 NUMBERS = CARRIED
 """Doubles of the filter's state, zero before the first sample."""

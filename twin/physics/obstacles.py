@@ -1,4 +1,4 @@
-"""Obstacles: what a vehicle can run into, and the shape with which it does.
+"""Obstacles: what a vehicle can run into, and the shape of the vehicle that touches it.
 
 Geoms that can collide (`contype` or `conaffinity` not 0) of the vehicle file stay in every run:
 those of static bodies are obstacles, those of the vehicle its shape. A vehicle without such a geom

@@ -13,7 +13,7 @@ from twin.errors import SimulationUnstable
 from twin.mission import Mission
 from twin.mission.table import ABORTED, DONE
 from twin.physics.log_signals import from_log
-from twin.physics.mujoco_model import header, table
+from twin.physics.model_block import header, table
 from twin.physics.obstacles import has_contacts
 from twin.physics.scenario import Scenario
 from twin.records.place import NOMINAL, START_LATITUDE, START_LONGITUDE, START_TIME

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -12,19 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, SimulationUnstable, TwinError
-from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector, quaternion_to_matrix
+from twin.frames import flip_quaternion, flip_vector
 from twin.mission.controller import Command, Controller, Observation
 from twin.mission.table import DONE
-from twin.physics.mujoco_model import (
-    compile_model,
-    header,
-    joint_places,
-    part_names,
-    part_table,
-    state,
-)
+from twin.physics.initial_state import apply_real_vehicle, set_start, stagger
+from twin.physics.integration import check_integration
+from twin.physics.model_block import header, state
+from twin.physics.mujoco_model import compile_model
 from twin.physics.native import block as b
-from twin.physics.obstacles import has_contacts
 from twin.physics.outcome import trajectory_of
 from twin.physics.quiet import quiet_mujoco
 from twin.physics.scenario import Scenario
@@ -34,19 +29,12 @@ from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from twin.physics.ballast import Ballast
     from twin.physics.navigated import OnBoard
-    from twin.water.density import DensityProfile
 
 Array = NDArray[np.float64]
 
 STEPS_PER_CALL = 20_000
 """Steps between looks at a run from Python: long enough to cost nothing, short enough to stop."""
-MOST_SAMPLES = 4_000_000
-"""Samples of one run: about 1.3 GB of log, 23 days at 2 Hz"""
-IMPLICIT_STEP = 0.02
-"""[s] longest step at which implicit and implicitfast carry the stiff servos"""
-_EXPLICIT = (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4)
 END_CHECK_PERIOD = 30.0
 """[s] between looks whether a mission without a duration has been flown"""
 
@@ -90,7 +78,7 @@ class Simulation:
             log=True,
             centred=scenario.centred,
         )
-        self._check_integration()
+        check_integration(self.model, scenario.sample_period, self._samples(), self.duration)
         model = self.model
         self._row = b.log_row(model.nq, model.nv, model.nu)
         self._collected = np.zeros(self._samples(), self._row)
@@ -101,46 +89,6 @@ class Simulation:
         self.on_board: OnBoard | None = None
         """What was known on board, of a navigated run."""
         self.reset()
-
-    def _check_integration(self) -> None:
-        """Refuse what cannot be flown: unsuitable integrators, uneven samples, too much memory."""
-        step, period = self.model.opt.timestep, self.scenario.sample_period
-        integrator = self.model.opt.integrator
-        if integrator in _EXPLICIT:
-            raise InputError(
-                "the battery's lead screws are too stiff for integrator euler or rk4 at any useful "
-                "step; use discrete (or implicitfast up to a step of "
-                f"{IMPLICIT_STEP:g} s)"
-            )
-        if integrator != mujoco.mjtIntegrator.mjINT_DISCRETE and step > IMPLICIT_STEP:
-            raise InputError(
-                f"timestep {step:g} s is too long for the stiff servos under this integrator; use "
-                f"at most {IMPLICIT_STEP:g} s, or integrator discrete"
-            )
-        if integrator != mujoco.mjtIntegrator.mjINT_DISCRETE and has_contacts(self.model):
-            raise InputError(
-                "a sea floor or an obstacle needs integrator discrete: the implicit ones find the "
-                "force of a contact without the battery's stiff servos, which throws the battery "
-                "away at the first touch"
-            )
-        steps = period / step
-        if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
-            nearest = max(1, round(steps)) * step
-            raise InputError(
-                f"sample period {period:g} s is not a whole number of steps of {step:g} s; the "
-                f"nearest is {nearest:g} s"
-            )
-        if self._samples() < 2:
-            raise InputError(
-                f"a run of {self.duration:g} s holds fewer than two samples at a sample period of "
-                f"{period:g} s; shorten the period"
-            )
-        if self._samples() > MOST_SAMPLES:
-            raise InputError(
-                f"a run of {self.duration:g} s at a sample period of {period:g} s makes "
-                f"{self._samples():,} samples, more than {MOST_SAMPLES:,}; shorten the mission or "
-                "lengthen the period"
-            )
 
     def _samples(self) -> int:
         return math.floor(self.duration / self.scenario.sample_period + 1e-9) + 1
@@ -363,64 +311,6 @@ class Simulation:
         if self.on_board is not None:
             found.signals.update(self.on_board.signals())
         return found
-
-
-def stagger(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Move the velocities half a step back in time, where a time-centred run keeps them.
-
-    Evaluates the forward dynamics once and then clears `userdata`: guidance and log begin again.
-    """
-    command = data.ctrl.copy()
-    mujoco.mj_forward(model, data)
-    mass = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, mass)
-    # the battery is held by its screws: it moves with the hull
-    change = np.linalg.solve(mass[:6, :6], data.qfrc_smooth[:6]) * model.opt.timestep
-    data.qvel[:6] -= 0.5 * change
-    data.ctrl[:], data.userdata[:] = command, 0.0
-    ours = state(data)
-    ours["twist"], ours["earlier"] = data.qvel[:6], data.qvel[:6] - change
-    ours["time"], ours["known"] = data.time, 1.0
-
-
-def set_start(model: mujoco.MjModel, data: mujoco.MjData, start: Start, current: Array) -> None:
-    """Write a start into MuJoCo's data; `current` NED [m/s] is the water's velocity there."""
-    quaternion = euler_to_quaternion(start.roll, start.pitch, start.heading)
-    velocity = quaternion_to_matrix(quaternion) @ np.array(start.v_rel) + current
-    data.qpos[:3] = flip_vector([start.north, start.east, start.depth])
-    data.qpos[3:7] = flip_quaternion(quaternion)
-    data.qvel[:3] = flip_vector(velocity)
-    data.qvel[3:6] = flip_vector(start.rates)
-    positions = start.positions(part_names(model), part_table(model)["rest"])
-    data.act[:] = data.ctrl[:] = positions
-    for index, place in joint_places(model):
-        data.qpos[place] = positions[index]
-
-
-def apply_real_vehicle(
-    model: mujoco.MjModel,
-    vehicle: Vehicle,
-    *,
-    ballast: Ballast | None,
-    density: DensityProfile | None,
-    encoder_zeros: Mapping[str, float],
-) -> None:
-    """Put the ballasting and the encoders' zero errors of a vehicle into its model.
-
-    Args:
-      density: of the water that it was weighed for. encoder_zeros: by part, in the parts' units.
-    """
-    head, rows = header(model), part_table(model)
-    if ballast is not None:
-        head["neutral_volume"] = ballast.neutral_volume(vehicle, density)
-    driven = dict(joint_places(model))
-    for name, zero in encoder_zeros.items():
-        index = vehicle.part_names.index(name)
-        if index in driven:
-            # at the encoder's zero the joint then sits at the offset
-            model.qpos0[driven[index]] -= zero
-        else:
-            rows[index]["zero"] = zero
 
 
 def observe(data: mujoco.MjData, vehicle: Vehicle, floor: Array) -> Observation:

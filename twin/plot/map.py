@@ -301,7 +301,7 @@ def draw_key(
 
 
 def wrapped(text: str, letters: int = 24) -> str:
-    """A text in lines of so many letters."""
+    """A text in lines of at most `letters` letters."""
     return "\n".join(textwrap.wrap(text, letters))
 
 

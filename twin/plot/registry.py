@@ -39,7 +39,7 @@ class FigureKind:
 
 
 def register(kind: FigureKind) -> FigureKind:
-    """Make a figure of one's own known to this process.
+    """Add a figure of your own for this process.
 
     Raises:
       InputError: it is only half there, or its name is taken.

@@ -1,4 +1,4 @@
-"""Disk: bytes that stay written, and names that change hands in one step.
+"""Disk: bytes that survive a power cut, and renames that happen in one step.
 
 A file is on the disk when it was synced, and it has its name there when its folder was synced. So
 whoever renames syncs the content first and the folder afterwards: a power loss then leaves the old
@@ -71,7 +71,7 @@ def sync_all(files: Sequence[Path], folders: Collection[Path]) -> None:
 
 
 def files_below(folder: Path) -> Iterator[Path]:
-    """Every entry of a folder and of its folders that is no folder, in the order of their names;
+    """Every entry of a folder and of its folders that is not a folder, in the order of their names;
     raises OSError where a folder cannot be read."""
     with os.scandir(folder) as entries:
         found = sorted(entries, key=lambda entry: entry.name)
@@ -116,7 +116,7 @@ def _written(temporary: Path, path: Path, data: bytes) -> bool:
 
 
 def temporary_name(path: Path) -> Path:
-    """A name beside `path` for what is to become it, that nobody has."""
+    """An unused name beside `path`, for a file or folder that will be renamed to it."""
     return path.with_name(f".{path.name}{WRITING}{os.urandom(4).hex()}")
 
 

@@ -1,4 +1,4 @@
-"""Flight file: how one knows what `twin flight` wrote, so that others can name it."""
+"""Flight file: recognises what `twin flight` wrote, so that an error can name it."""
 
 from __future__ import annotations
 

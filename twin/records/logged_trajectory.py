@@ -1,4 +1,4 @@
-"""Logged trajectory: a log with what stands where a simulation has its truth.
+"""Logged trajectory: a log, with estimates where a simulation has its truth.
 
 Nobody knows the truth of a vehicle at sea. Pictures show the best that there is in its place: the
 track corrected at the fixes, the measured attitude and depth, the velocity of a Doppler log or of

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.geodesy import from_tangent_plane, wrap_longitude
-from twin.records.schema import MISSION, TIME
+from twin.records.schema import MISSION
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -242,8 +242,3 @@ def read_place(one: xr.Dataset) -> dict[str, float | str]:
     if NOMINAL in one and (flag := int(one[NOMINAL].values)):
         place[NOMINAL] = NOMINAL_WORDS[flag]
     return place
-
-
-def stored_dimensions(name: str) -> tuple[str, ...]:
-    """The dimensions of a coordinate in stores."""
-    return (MISSION, TIME) if name in COORDINATES else (MISSION,)

@@ -35,12 +35,12 @@ from twin.records.attributes import (
 )
 from twin.records.limits import recorded_limits
 from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.store import (
+from twin.records.store import open_store
+from twin.records.store_arrays import (
     check_arrays,
     check_filled,
     check_mission,
     gone_arrays,
-    open_store,
     read_array,
 )
 from twin.records.store_path import StorePath, store_path

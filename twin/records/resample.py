@@ -1,4 +1,4 @@
-"""Resample: means of a time series over hours or days, of directions as of directions.
+"""Resample: means of a time series over hours or days, directions averaged as directions.
 
 The mean of headings 359 and 1 degree is 0 and not 180, and that of longitudes 179.9 and -179.9 is
 180 and not 0: plain `resample(time=...).mean()` of xarray does not know.

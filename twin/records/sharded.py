@@ -132,7 +132,7 @@ class ShardedStore:
     def write_rows(
         self, name: str, number: int, values: NDArray[Any], length: int, dimensions: Sequence[str]
     ) -> tuple[str, FileSum]:
-        """Write chunk `number` of an array that is no signal; its key and checksum.
+        """Write chunk `number` of an array other than the signals; returns its key and checksum.
 
         Args:
           values: of the chunk; its first axis may be shorter than the array's.
@@ -296,7 +296,7 @@ def fast_reading(store: StorePath) -> Iterator[None]:
 
     path = fast_pipeline() if isinstance(store, Path) else PYTHON_PIPELINE
     with zarr.config.set({"codec_pipeline.path": path}), warnings.catch_warnings():
-        # arrays of words that others made are left to the slow one, with warnings
+        # it warns of arrays of words in stores of others, which the slow pipeline then reads
         for text in ("Array is unsupported by Zarrs", ".*does not have a Zarr V3 specification"):
             warnings.filterwarnings("ignore", text)
         yield

@@ -12,41 +12,23 @@ import contextlib
 import errno
 import json
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from twin.bounded import check_dataset, parse_json
-from twin.errors import InputError, StoreError, WriteError
-from twin.records.attributes import (
-    N_SAMPLES,
-    PROGRAM_VERSION,
-    SETTINGS,
-    SIMULATED_ATTRIBUTES,
-    VERSION,
-    is_missions,
-)
-from twin.records.checksums import is_listed
+from twin.bounded import check_dataset
+from twin.errors import StoreError, WriteError
+from twin.records.attributes import PROGRAM_VERSION, SETTINGS, VERSION
 from twin.records.flight_file import flight_message, is_flight
+from twin.records.mission_dataset import STATES, signal_names, stored_columns
 from twin.records.object_files import files_at
-from twin.records.place import (
-    COORDINATES,
-    FLOWN,
-    NOMINAL,
-    PLACE,
-    flown_coordinates,
-    nominal_array,
-    padded,
-    place_arrays,
-    read_place,
-    sample_variables,
-)
-from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, VARIABLES, declare_stored
-from twin.records.sharded import METADATA
+from twin.records.place import read_place
+from twin.records.presence import is_complete, is_store, is_there, is_unfinished, read_attributes
+from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, declare_stored
+from twin.records.store_arrays import check_arrays, check_mission, mission_samples, read_array
 from twin.records.store_path import StorePath, store_path
 from twin.records.trajectory import Trajectory
 from twin.records.whole import check_folder_target, recover, whole_folder
@@ -54,111 +36,8 @@ from twin.records.whole import check_folder_target, recover, whole_folder
 if TYPE_CHECKING:
     import xarray as xr
 
-STATE, STATES = "state", "simulation_state"
-COLUMNS = "columns"
-"""Attribute of `simulation_state` that names its columns: qpos, qvel, act, ctrl (x north, y west, z
-up; SI, rad, cm3)."""
-
-GENERATING = ".generating"
-"""Ending of the folder beside a store that `factory generate` works in until it is complete."""
-RECIPE = "recipe.json"
-"""In a folder of it: what the store is made by"""
-UNFINISHED = ".generating"
-"""Folder inside a store that an older factory has begun and not completed."""
 LONGEST_VERSION = 40
 """Characters of the version of a program, as messages quote it"""
-
-
-def mission_dataset(
-    trajectories: Sequence[Trajectory],
-    *,
-    parameters: Sequence[Mapping[str, float]] | None = None,
-    attributes: Mapping[str, Any] | None = None,
-) -> xr.Dataset:
-    """The trajectories as one dataset of the schema, padded with NaN to the longest."""
-    import xarray as xr
-
-    longest = max(len(t.time) for t in trajectories)
-    provenances = [t.provenance for t in trajectories]
-    coordinates: dict[str, Any] = {
-        MISSION: (MISSION, np.arange(len(trajectories)), {"long_name": "mission index"}),
-        TIME: (
-            TIME,
-            max((t.time for t in trajectories), key=len),
-            {"units": "s", "long_name": "time since the start of the mission"},
-        ),
-    }
-    variables: dict[str, Any] = {
-        N_SAMPLES: (
-            MISSION,
-            np.array([len(t.time) for t in trajectories], np.int32),
-            {
-                "units": "1",
-                "long_name": "number of samples of the mission",
-                "comment": "later ones are padding",
-            },
-        )
-    }
-    variables |= nominal_array(provenances)
-    if places := place_arrays(provenances):
-        positions = [flown_coordinates(t.time, *_true_track(t), t.provenance) for t in trajectories]
-        samples = {
-            name: padded(name, [p[name] for p in positions], longest) for name in COORDINATES
-        }
-        coordinates |= sample_variables(samples, FLOWN, (MISSION, TIME)) | places
-    for name, entry in VARIABLES.items():
-        if not any(name in t.signals for t in trajectories):
-            continue
-        values = np.full((len(trajectories), longest), np.nan, np.float32)
-        for i, trajectory in enumerate(trajectories):
-            if name in trajectory.signals:
-                values[i, : len(trajectory.time)] = trajectory.signals[name]
-        variables[name] = ((MISSION, TIME), values, entry.attributes())
-    width = _state_width(trajectories)
-    states = np.full((len(trajectories), longest, width), np.nan)
-    for i, trajectory in enumerate(trajectories):
-        states[i, : len(trajectory.time)] = trajectory.states
-    variables[STATES] = (
-        (MISSION, TIME, STATE),
-        states,
-        {
-            "units": "1",
-            "long_name": "exact MuJoCo state, for replay and rendering",
-            COLUMNS: " ".join(trajectories[0].state_columns),
-        },
-    )
-    said = {n: value for n, value in (attributes or {}).items() if n not in (*PLACE, NOMINAL)}
-    dataset = xr.Dataset(variables, coordinates, {**SIMULATED_ATTRIBUTES, **said})
-    for name in sorted({key for row in parameters or () for key in row}):
-        values = np.array([row.get(name, np.nan) for row in parameters or ()])
-        dataset[name] = (MISSION, values)
-    return dataset
-
-
-def _true_track(trajectory: Trajectory) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """North and east [m], (time,); NaN where the trajectory was logged and nobody knows them."""
-    unknown = np.full(len(trajectory.time), np.nan)
-    north, east = (trajectory.signals.get(f"true_{name}", unknown) for name in ("north", "east"))
-    return north, east
-
-
-def _state_width(trajectories: Sequence[Trajectory]) -> int:
-    """Columns of their states; raises StoreError when they are those of different vehicles."""
-    first = trajectories[0]
-    for index, other in enumerate(trajectories):
-        alike = other.state_columns == first.state_columns
-        if not (alike and other.states.shape[1:] == first.states.shape[1:]):
-            raise StoreError(
-                f"a store holds the missions of one kind of vehicle: trajectory {index} has the "
-                f"parts {', '.join(other.actuators) or 'none'}, trajectory 0 has "
-                f"{', '.join(first.actuators) or 'none'}; write a store for each"
-            )
-    return int(first.states.shape[1])
-
-
-def stored_columns(one: xr.Dataset) -> tuple[str, ...]:
-    """Names of the columns of a dataset's states; empty when it has none."""
-    return tuple(str(one[STATES].attrs.get(COLUMNS, "")).split()) if STATES in one else ()
 
 
 def write_store(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -234,64 +113,6 @@ def check_target(path: str | Path, *, overwrite: bool) -> None:
     """
     check_ending(path)
     check_folder_target(path, overwrite=overwrite, ours=is_store)
-
-
-def is_store(path: str | StorePath) -> bool:
-    """Whether `path` is a folder that holds a zarr v3 group of missions, whatever else it lacks."""
-    try:
-        return is_missions(read_attributes(path))
-    except StoreError:
-        return False
-
-
-def is_derived(path: str | StorePath) -> bool:
-    """Whether `path` is a zarr group that this program wrote and that holds no missions, such as
-    tracks: what may take its place must not take that of a store."""
-    return is_complete(path) and is_listed(path) and not is_store(path)
-
-
-def is_complete(path: str | StorePath) -> bool:
-    """Whether `path` holds a zarr v3 group; a store has its metadata only once it is complete."""
-    return files_at(path).exists(METADATA)
-
-
-def generating(path: str | StorePath) -> StorePath:
-    """The folder beside a store that `factory generate` works in."""
-    place = store_path(path)
-    return place.with_name(place.name + GENERATING)
-
-
-def begun(path: str | StorePath) -> list[StorePath]:
-    """Folders, one of each recipe, of runs that were begun for a store and not completed."""
-    place = generating(path)
-    files = files_at(place)
-    return [place / name for name in files.folders() if files.exists(f"{name}/{RECIPE}")]
-
-
-def is_unfinished(path: str | StorePath) -> bool:
-    """Whether `factory generate` has begun a store at `path` and not completed it."""
-    return not is_complete(path) and (begun_within(path) or bool(begun(path)))
-
-
-def begun_within(path: str | StorePath) -> bool:
-    """Whether an older factory has begun a store at `path`, and in it, and not completed it."""
-    return not is_complete(path) and UNFINISHED in files_at(path).folders()
-
-
-def read_attributes(path: str | StorePath) -> dict[str, Any]:
-    """The attributes of a store, without opening its arrays.
-
-    Raises:
-      StoreError: its metadata cannot be read.
-    """
-    try:
-        metadata = parse_json(files_at(path).read_small(METADATA), METADATA)
-        attributes: dict[str, Any] = metadata["attributes"]
-    except (OSError, InputError, KeyError, TypeError) as error:
-        raise StoreError(
-            f"store {path} is damaged: its {METADATA} cannot be read ({error}); make it again"
-        ) from error
-    return attributes
 
 
 def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
@@ -385,11 +206,6 @@ def _writer(attributes: Mapping[str, Any]) -> str:
     return str(made)[:LONGEST_VERSION]
 
 
-def is_there(path: StorePath) -> bool:
-    """Whether anything is under a path or below an address; raises OSError."""
-    return path.exists() if isinstance(path, Path) else any(files_at(path).all_keys())
-
-
 def _unfinished(path: StorePath) -> bool:
     """`is_unfinished`, with a StoreError where the place cannot be read at all."""
     try:
@@ -411,21 +227,6 @@ def declare_signals(dataset: xr.Dataset) -> None:
         declare_stored(name, signals[name])
 
 
-def signal_names(one: xr.Dataset) -> tuple[str, ...]:
-    """The signals of a dataset in the schema's order, parts in that of the vehicle.
-
-    Which part this process met first, perhaps of another vehicle, must not tell in the order.
-    """
-    names = [name for name in VARIABLES if name in one]
-    parts = [c.removeprefix("act_") for c in stored_columns(one) if c.startswith("act_")]
-    for prefix in ("true", "commanded"):
-        ordered = [f"{prefix}_{part}" for part in parts if f"{prefix}_{part}" in names]
-        places = sorted(map(names.index, ordered))
-        for place, name in zip(places, ordered, strict=True):
-            names[place] = name
-    return tuple(names)
-
-
 def read_trajectory(path: str | StorePath, mission: int = 0) -> Trajectory:
     """One mission of a store.
 
@@ -437,7 +238,7 @@ def read_trajectory(path: str | StorePath, mission: int = 0) -> Trajectory:
     check_mission(mission, dataset.sizes.get(MISSION, 0), f"store {path}")
     check_arrays(dataset, path)
     one = dataset.isel({MISSION: mission})
-    samples = _samples(one, path, mission)
+    samples = mission_samples(one, path, mission)
     one = one.isel({TIME: slice(0, samples)})
     signals = {name: read_array(one, name, path).astype(float) for name in signal_names(one)}
     states = read_array(one, STATES, path) if STATES in one else np.zeros((0, 0))
@@ -450,67 +251,3 @@ def read_trajectory(path: str | StorePath, mission: int = 0) -> Trajectory:
         state_columns=stored_columns(one),
         provenance={**dataset.attrs, **read_place(one)},
     )
-
-
-def check_mission(mission: int, count: int, what: str) -> None:
-    """Raise StoreError when there is no such mission among `count`, or none at all.
-
-    Args:
-      what: the store or file, for the error.
-    """
-    check_filled(count, what)
-    if not 0 <= mission < count:
-        raise StoreError(f"{what} has missions 0 to {count - 1}, not {mission}")
-
-
-def check_filled(count: int, what: str) -> None:
-    """Raise StoreError when `count`, the missions of a store or file, is zero."""
-    if count == 0:
-        raise StoreError(f"{what} holds no missions; make some with `factory generate`")
-
-
-def gone_arrays(dataset: xr.Dataset, path: str | StorePath) -> list[str]:
-    """Arrays that the store's metadata name and whose files are gone: they would read as NaN.
-
-    Args:
-      dataset: as `open_store` gave it.
-    """
-    files = files_at(path)
-    return [name for name in map(str, dataset.variables) if not files.exists(f"{name}/{METADATA}")]
-
-
-def check_arrays(dataset: xr.Dataset, path: str | StorePath) -> None:
-    """Raise StoreError that names the first of `gone_arrays`, when there is one."""
-    for name in gone_arrays(dataset, path)[:1]:
-        raise StoreError(f"store {path} is damaged: its array {name} is gone; make it again")
-
-
-def _samples(one: xr.Dataset, path: str | StorePath, mission: int) -> int:
-    """The number of samples of a mission, which must fit the store's arrays."""
-    if N_SAMPLES not in one:
-        raise StoreError(f"store {path} is damaged: it has no array {N_SAMPLES}")
-    samples = int(np.nan_to_num(read_array(one, N_SAMPLES, path), nan=0.0))
-    if not 0 < samples <= one.sizes[TIME]:
-        raise StoreError(
-            f"store {path} is damaged: mission {mission} has {samples} of at most "
-            f"{one.sizes[TIME]} samples"
-        )
-    return samples
-
-
-def read_array(dataset: xr.Dataset, name: str, path: str | StorePath) -> np.ndarray:
-    """An array of a store that `open_store` opened, or of some of its missions.
-
-    Raises:
-      StoreError: its files are gone or cannot be decoded.
-    """
-    if not files_at(path).exists(f"{name}/{METADATA}"):
-        raise StoreError(f"store {path} is damaged: its array {name} is gone; make it again")
-    try:
-        return np.asarray(dataset[name].values)
-    except Exception as error:  # whatever a decoder raises means damaged files
-        why = " ".join(str(error).split()) or type(error).__name__
-        raise StoreError(
-            f"store {path} is damaged: its array {name} cannot be read ({why}); make it again, or "
-            "bring back its files from a copy"
-        ) from error

@@ -10,6 +10,7 @@ import numpy as np
 from twin.bounded import check_dataset
 from twin.errors import InputError, StoreError
 from twin.records.attributes import N_SAMPLES, SCHEMA, SIMULATED_ATTRIBUTES
+from twin.records.mission_dataset import STATES, mission_dataset, signal_names, stored_columns
 from twin.records.place import (
     DATETIME,
     FLOWN,
@@ -23,17 +24,8 @@ from twin.records.place import (
     unix_seconds,
 )
 from twin.records.schema import MISSION, TIME, variable
-from twin.records.store import (
-    STATES,
-    check_mission,
-    declare_signals,
-    mission_dataset,
-    read_trajectory,
-    signal_names,
-    stored_columns,
-    write_netcdf,
-    write_store,
-)
+from twin.records.store import declare_signals, read_trajectory, write_netcdf, write_store
+from twin.records.store_arrays import check_mission
 from twin.records.trajectory import Trajectory
 from twin.records.whole import whole_file
 

@@ -132,7 +132,7 @@ def check_file_target(path: str | Path, *, overwrite: bool = True) -> None:
 
 
 def check_place(target: Path) -> None:
-    """Refuse a name in what is no folder.
+    """Refuse a place whose parent is not a folder.
 
     Raises:
       WriteError: a file stands where a folder of the path must be.

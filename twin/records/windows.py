@@ -201,7 +201,7 @@ class Windows:
         return np.concatenate(self._order(seed, epoch))
 
     def batches(self, size: int, *, seed: int | None = None, epoch: int = 0) -> Iterator[Floats]:
-        """Every window once, in batches of at most so many, (size, length, channels).
+        """Every window once, in batches of at most `size`, (size, length, channels).
 
         They come in the order of `order`. While one buffer is in use, the next one is read.
 

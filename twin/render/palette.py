@@ -52,7 +52,6 @@ water is blue and dark, and the true track takes the warm hues. White, that of t
 comes last."""
 WHITE, DIM, INK = (255, 255, 255), (158, 188, 208), (6, 16, 28)
 """Text, its labels and the ground of the heads-up strip, 0 to 255"""
-CAUTION = (255, 196, 60)
 
 
 def track_colours(values: Array, low: float, high: float) -> Array:

@@ -34,10 +34,18 @@ class Scale:
     label: str
     low: float
     high: float
+    clipped: tuple[bool, bool] = (False, False)
+    """Whether some values are below `low`, and above `high`: they have the colours of the ends"""
 
     def text(self, value: float) -> str:
         """A value with the decimals that this scale needs."""
         return f"{value:.2f}" if self.high < 10.0 else f"{value:.0f}"
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """Words for both ends, which say whether values go beyond them."""
+        below, above = self.clipped
+        return ("≤ " * below) + self.text(self.low), ("≥ " * above) + self.text(self.high)
 
 
 def track_values(
@@ -77,7 +85,10 @@ def track_values(
     elif source:
         label = f"{label}, {source}"
     label = f"{label} [{unit}]"
-    return values, Scale(label=label, low=low, high=max(high, low + step))
+    high = max(high, low + step)
+    least = 1e-6 * (high - low)
+    clipped = bool(np.nanmin(values) < low - least), bool(np.nanmax(values) > high + least)
+    return values, Scale(label=label, low=low, high=high, clipped=clipped)
 
 
 def _known(trajectory: Trajectory, colour: str) -> bool:

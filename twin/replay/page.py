@@ -20,7 +20,13 @@ LARGEST = 5_000_000
 """[byte] of a page"""
 ROWS = 80_000
 """Samples that a page holds at most: what a phone still draws"""
-SCRIPTS = ("page.js", "renderer.js", "scene.js", "begin.js")
+SCRIPTS = tuple(
+    f"{name}.js"
+    for name in (
+        *("record", "format", "marks", "flat", "strip", "space", "shaders", "renderer", "track"),
+        *("water", "bodies", "hand", "labels", "scene", "share", "controls", "page", "begin"),
+    )
+)
 """In this order: each uses names of those before it when it is loaded"""
 
 

@@ -9,8 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.geodesy import convergence, meridian_radius, normal_radius
 from twin.records.logged_trajectory import AVERAGED, LoggedTrajectory, source_of
-from twin.records.place import NOMINAL, START_TIME, unix_seconds
+from twin.records.place import (
+    NOMINAL,
+    START_LATITUDE,
+    START_LONGITUDE,
+    START_TIME,
+    unix_seconds,
+)
 from twin.records.trajectory import Trajectory
 from twin.render import palette, seabed
 from twin.render.arrows import STILL, profile
@@ -67,6 +74,7 @@ def describe(subject: Subject, shot: Shot, rows: int, at: float | None = None) -
         "facts": _facts(trajectory),
         "notes": _notes(trajectory, channels, subject),
         "unix": _unix(trajectory),
+        "place": _place(trajectory),
         "opening": {
             "camera": shot.camera,
             "time": _opening(shot, trajectory, at),
@@ -75,7 +83,7 @@ def describe(subject: Subject, shot: Shot, rows: int, at: float | None = None) -
         "channels": pack_channels(channels, still=current is None),
         "unknown": sorted(few.unknown),
         "parts": [{"name": name, "kind": _kind(name)} for name in few.joints],
-        "scale": _scale(scale),
+        "scale": _scale(scale, gaps=bool(np.isnan(channels.values["colour"]).any())),
         "vehicle": {
             "length": subject.vehicle.hull_length,
             "bodies": [_body(body) for body in read_solid(subject.vehicle)],
@@ -173,6 +181,24 @@ def _unix(trajectory: Trajectory) -> float | None:
     return float(seconds) if np.isfinite(seconds) else None
 
 
+def _place(trajectory: Trajectory) -> dict[str, Any] | None:
+    """What the page makes latitudes and longitudes of, as `geographic_position` has them; None
+    where the place is unknown or only nominal.
+    """
+    said = trajectory.provenance
+    if START_LATITUDE not in said or "place" in str(said.get(NOMINAL, "")):
+        return None
+    latitude = float(said[START_LATITUDE])
+    logged = isinstance(trajectory, LoggedTrajectory)
+    return {
+        "latitude": latitude,
+        "longitude": float(said[START_LONGITUDE]),
+        "meridian": meridian_radius(latitude),
+        "normal": normal_radius(latitude),
+        "convergence": None if logged else convergence(latitude),
+    }
+
+
 def _kind(part: str) -> str:
     return "spins" if spins(part) else "turns" if turns(part) else "slides"
 
@@ -182,12 +208,13 @@ def scale_share(values: Array, scale: Scale) -> Array:
     return np.clip((values - scale.low) / (scale.high - scale.low), 0.0, 1.0)
 
 
-def _scale(scale: Scale) -> dict[str, Any]:
+def _scale(scale: Scale, *, gaps: bool) -> dict[str, Any]:
+    """The colour scale; `gaps`: some of the track has no colour of it."""
     colours = palette.track_colours(np.linspace(0.0, 1.0, STOPS), 0.0, 1.0)
     return {
         "label": scale.label,
-        "low": scale.low,
-        "high": scale.high,
+        "ends": scale.ends,
+        "gaps": gaps,
         "steps": COLOURS,
         "colours": np.round(colours, 4).tolist(),
     }

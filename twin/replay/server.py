@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from types import TracebackType
@@ -18,29 +19,36 @@ NAMES = (HOST, "localhost")
 
 
 class PageServer:
-    """Serves a page while the context lasts; `address` is what a browser opens."""
+    """Has its port from the beginning, and serves a page from `show` until the context ends."""
 
-    def __init__(self, text: str, port: int, live: LiveMission | None = None):
+    def __init__(self, port: int):
         """
         Args:
-          text: HTML of the page.
           port: 0 takes any free one.
-          live: what answers the page's questions for more samples.
 
         Raises:
           InputError: the port is taken, or not allowed.
         """
         if not 0 <= port <= 65535:
             raise InputError(f"--port {port} must be 0 to 65535; 0 takes any free one")
-        handler = _handler(text.encode(), live)
         try:
-            self._server = ThreadingHTTPServer((HOST, port), handler)
+            self._server = _Server((HOST, port), BaseHTTPRequestHandler)
         except OSError as error:
             raise InputError(
                 f"--port {port}: {error.strerror or error}; give another one, or 0 for any free one"
             ) from error
-        self._server.daemon_threads = True
+        self._thread: threading.Thread | None = None
+
+    def show(self, text: str, live: LiveMission | None = None) -> None:
+        """Serve a page from now on.
+
+        Args:
+          text: HTML of the page.
+          live: what answers the page's questions for more samples.
+        """
+        self._server.RequestHandlerClass = _handler(text.encode(), live)
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
+        self._thread.start()
 
     @property
     def port(self) -> int:
@@ -53,7 +61,6 @@ class PageServer:
         return f"http://{HOST}:{self.port}/"
 
     def __enter__(self) -> Self:
-        self._thread.start()
         return self
 
     def __exit__(
@@ -62,9 +69,20 @@ class PageServer:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._server.shutdown()
+        if self._thread is not None:
+            self._server.shutdown()
+            self._thread.join()
         self._server.server_close()
-        self._thread.join()
+
+
+class _Server(ThreadingHTTPServer):
+    """A browser that goes away in the middle of an answer is no error."""
+
+    daemon_threads = True
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        if not isinstance(sys.exception(), ConnectionError):
+            super().handle_error(request, client_address)  # type: ignore[arg-type]
 
 
 def _handler(page: bytes, live: LiveMission | None) -> type[BaseHTTPRequestHandler]:
@@ -77,6 +95,9 @@ def _handler(page: bytes, live: LiveMission | None) -> type[BaseHTTPRequestHandl
                 self.send_error(403)
             elif address.path == "/":
                 self._answer(page, "text/html; charset=utf-8")
+            elif address.path == "/favicon.ico":
+                self.send_response(204)
+                self.end_headers()
             elif address.path == "/rows" and live is not None:
                 first = parse_qs(address.query).get("from", [""])[0]
                 if not first.isdecimal():

@@ -18,7 +18,7 @@ PREFIXES = ("true_", "commanded_", "measured_")
 
 
 def register(sensor: type[Sensor]) -> type[Sensor]:
-    """Make a sensor of one's own known to this process; usable as a class decorator.
+    """Add a sensor of your own for this process; usable as a class decorator.
 
     Raises:
       InputError: it is only half there (the message says what is missing), or its name, one of its

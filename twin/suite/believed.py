@@ -13,7 +13,7 @@ from twin.identify.balance import net_mass
 from twin.navigation.navigator import NavigationState
 from twin.navigation.settings import Navigation
 from twin.physics.live_truth import LiveTruth
-from twin.physics.mujoco_model import header, table
+from twin.physics.model_block import header, table
 from twin.physics.native import block
 from twin.physics.navigated import OnBoard
 from twin.physics.scenario import Scenario

@@ -1,4 +1,4 @@
-"""Conditions: what an episode has beside its task: a vehicle that is not as its file says, water.
+"""Conditions: the real vehicle and the water of an episode, which a task does not draw itself.
 
 `randomise` of an environment draws them anew for every episode. It is an object with a method
 `draw`, or the settings of a registered one: a name, or a mapping from parameters to distributions.

@@ -6,8 +6,6 @@ copy of the parameter block. A step of a vehicle here is bit for bit a step of `
 
 from __future__ import annotations
 
-from typing import Any
-
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
@@ -15,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
 from twin.frames import flip_vector
-from twin.physics.mujoco_model import header, part_table
+from twin.physics.model_block import header, part_table
 from twin.physics.native import block as b
 from twin.physics.quiet import quiet_mujoco
 from twin.physics.start import Start
@@ -31,7 +29,7 @@ _INTEGRATION = mujoco.mjtState.mjSTATE_INTEGRATION.value
 
 
 class ManyPhysics:
-    """So many vehicles of one model; measurements have the vehicle as their first axis."""
+    """`count` vehicles of one model; measurements have the vehicle as their first axis."""
 
     def __init__(
         self,
@@ -110,7 +108,7 @@ class ManyPhysics:
         self._ctrl[...] = commands
 
     def step(self, steps: int, which: NDArray[np.bool_]) -> None:
-        """Advance some vehicles by so many physics steps; `which` is (count,)."""
+        """Advance the vehicles of the mask `which`, (count,), by `steps` physics steps."""
         with quiet_mujoco():
             self.batch.step(which, nstep=steps, stage=_VELOCITY_STAGE)
 
@@ -195,7 +193,3 @@ class ManyPhysics:
     def actuators(self) -> Array:
         """Positions of the parts as fractions of their travel, -1 to 1, shape (count, parts)."""
         return 2.0 * (self._act - self._low) / self._span - 1.0
-
-    def data_of(self, index: int) -> tuple[Any, Any]:
-        """Copies of one vehicle's model and data, as MuJoCo has them."""
-        return self.batch.get_model(index), self.batch.get_data(index)

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
 from twin.frames import flip_vector
-from twin.physics.mujoco_model import (
-    compile_model,
+from twin.physics.model_block import (
     header,
     part_names,
     part_table,
@@ -31,6 +30,7 @@ from twin.physics.mujoco_model import (
     table,
     write_tables,
 )
+from twin.physics.mujoco_model import compile_model
 from twin.physics.native.install import install
 from twin.physics.start import Start
 from twin.physics.tables import Tables

@@ -23,7 +23,7 @@ Maker = Callable[..., Any]
 
 
 def register(maker: Maker) -> Maker:
-    """Make a task of one's own known by its function's name; usable as a decorator.
+    """Add a task of your own under its function's name; usable as a decorator.
 
     Raises:
       InputError: it is only half there, or its name is taken.

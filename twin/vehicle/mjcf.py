@@ -122,7 +122,7 @@ class MjcfReader:
         return tuple(float(x) for x in self.vector(self.numerics[name], "data", size))
 
     def refuse_unknown(self, known: Iterable[str], own: tuple[str, ...]) -> None:
-        """Raise VehicleError for a number or text that nobody looks for: it would be ignored.
+        """Raise VehicleError for a number or text that would be ignored.
 
         Args:
           known: names that are right although nobody has asked for them.

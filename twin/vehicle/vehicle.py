@@ -17,25 +17,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.bounded import read_text
 from twin.errors import VehicleError, unknown_name
 from twin.frames import flip_vector
 from twin.vehicle.assembly import read_masses, read_parts, read_steering
 from twin.vehicle.assets import assets_folder
-from twin.vehicle.file_limits import MOST_XML
+from twin.vehicle.changes import changed, differences, renamed
 from twin.vehicle.laws import LAWS, FlowFrame, HullLaw
 from twin.vehicle.mjcf import USER, MjcfReader
 from twin.vehicle.moving_mass import MovingMass
 from twin.vehicle.parts import Part, Pump
 from twin.vehicle.parts.base import LOSSES
-from twin.vehicle.parts.pump import CUBIC_CM as CUBIC_CM
-from twin.vehicle.presets import PRESETS, SEPARATOR, apply_preset, preset_names, split_preset
+from twin.vehicle.parts.pump import CUBIC_CM
+from twin.vehicle.presets import PRESETS, SEPARATOR, apply_preset, split_preset
+from twin.vehicle.shipped import shipped_files, unknown_vehicle, vehicle_text
 
 Array = NDArray[np.float64]
-
-CONTROLS = ("pitch", "heading", "buoyancy", "speed", "trim")
-"""What guidance steers, each with one part of the vehicle that can."""
-
 
 USUAL_GLIDE = (math.radians(30.0), 0.3)
 """[rad], [kg] of vehicles whose files do not say: the Sea-Wing's"""
@@ -111,7 +107,8 @@ class Vehicle:
     cruise_speed: float = 0.0
     """[m/s] through the water that a propeller drives it at when a mission does not say"""
     steering: Mapping[str, str]
-    """Name of the part that guidance uses for each of CONTROLS that the vehicle has."""
+    """Name of the part that guidance uses for what it steers: the words of
+    `twin.vehicle.assembly.STEERING` that the vehicle has a part for."""
     usual_glide: tuple[float, float] = USUAL_GLIDE
     """Pitch [rad] and net mass [kg] of a usual dive, magnitudes; the net mass is that of missions
     that do not say theirs."""
@@ -294,9 +291,9 @@ class Vehicle:
             elif name in of_law:
                 law[name] = value
             elif name == "battery":
-                mine["masses"] = (_changed(self.battery, value),)
+                mine["masses"] = (changed(self.battery, value),)
             elif name in parts:
-                parts[name] = _changed(parts[name], value)
+                parts[name] = changed(parts[name], value)
                 mine["parts"] = tuple(parts.values())
             else:
                 known = sorted({*own, *of_law, *parts, "battery"})
@@ -322,18 +319,16 @@ class Vehicle:
         original = parse_vehicle(self.xml, self.path)
         if self.law.kind != original.law.kind:
             original = original.with_law(self.law.kind)
-        found = _differences(
-            self, original, leave=("name", "path", "xml", "law", "parts", "masses")
-        )
+        found = differences(self, original, leave=("name", "path", "xml", "law", "parts", "masses"))
         if self.law.kind != parse_vehicle(self.xml, self.path).law.kind:
             found["hull_law"] = self.law.kind
-        found.update(_differences(self.law, original.law))
+        found.update(differences(self.law, original.law))
         for mine, theirs in zip(self.parts, original.parts, strict=True):
-            differing = _differences(mine, theirs)
+            differing = differences(mine, theirs)
             if differing:
                 found[mine.name] = differing
         for mass, other in zip(self.masses, original.masses, strict=True):
-            differing = _differences(mass, other)
+            differing = differences(mass, other)
             if differing:
                 found["battery"] = differing
         return found
@@ -344,64 +339,7 @@ class Vehicle:
         vehicle = self
         if "hull_law" in changes:
             vehicle = vehicle.with_law(changes.pop("hull_law"))
-        return vehicle.replace(**_renamed(vehicle, changes))
-
-
-def _changed(item: Any, changes: Mapping[str, Any]) -> Any:
-    """A part or moving mass with some fields replaced; raises VehicleError for unknown ones."""
-    known = [field.name for field in dataclasses.fields(item)]
-    for name in changes:
-        if name not in known:
-            raise VehicleError(unknown_name(f"field of {item.name!r}", name, known))
-    return dataclasses.replace(item, **{n: _typed(getattr(item, n), v) for n, v in changes.items()})
-
-
-def _typed(mine: Any, value: Any) -> Any:
-    """`value`, as JSON gives it, in the type that a field has."""
-    if isinstance(mine, np.ndarray):
-        return np.array(value, dtype=np.float64)
-    return tuple(value) if isinstance(value, list) else value
-
-
-def _differences(mine: Any, theirs: Any, leave: tuple[str, ...] = ()) -> dict[str, Any]:
-    found = {}
-    for field in dataclasses.fields(mine):
-        a, b = getattr(mine, field.name), getattr(theirs, field.name)
-        if field.name not in leave and not np.array_equal(a, b):
-            found[field.name] = a if isinstance(a, str | Mapping | None) else np.asarray(a).tolist()
-    return found
-
-
-def _renamed(vehicle: Vehicle, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Changes with the names and types of today; stores of version 1 name all actuators at once."""
-    out: dict[str, Any] = {}
-    for name, value in changes.items():
-        field = _VERSION_1_ACTUATORS.get(name)
-        if field is not None:
-            for part, number in zip(vehicle.parts, value, strict=True):
-                out.setdefault(part.name, {})[field] = float(number)
-        elif name in _VERSION_1_BATTERY:
-            out.setdefault("battery", {})[_VERSION_1_BATTERY[name]] = value
-        elif isinstance(value, Mapping):
-            out.setdefault(name, {}).update(value)
-        else:
-            present = getattr(vehicle, name, getattr(vehicle.law, name, None))
-            out[name] = _typed(present, value)
-    return out
-
-
-_VERSION_1_ACTUATORS = {
-    "actuator_min": "low",
-    "actuator_max": "high",
-    "actuator_lag": "lag",
-    "actuator_rate": "rate",
-}
-_VERSION_1_BATTERY = {
-    "movable_mass": "mass",
-    "movable_inertia": "inertia",
-    "movable_neutral_x": "neutral_x",
-    "movable_eccentricity": "eccentricity",
-}
+        return vehicle.replace(**renamed(changes, vehicle.part_names, (vehicle, vehicle.law)))
 
 
 def load_vehicle(vehicle: str | Path = "glider") -> Vehicle:
@@ -417,46 +355,16 @@ def load_vehicle(vehicle: str | Path = "glider") -> Vehicle:
         path = Path(text)
         if not path.is_file():
             raise VehicleError(f"no vehicle file at {path}; give an existing MJCF file or a name")
-    elif text in _shipped_files():
+    elif text in shipped_files():
         path = assets_folder() / f"{text}.xml"
     else:
-        raise VehicleError(_unknown_vehicle(str(vehicle)))
-    xml = _text(path)
+        raise VehicleError(unknown_vehicle(str(vehicle)))
+    xml = vehicle_text(path)
     if preset:
         derived = apply_preset(xml, path, preset)
         if derived != xml:
             xml, path = derived, path.with_name(f"{path.stem}{SEPARATOR}{preset}.xml")
     return parse_vehicle(xml, path)
-
-
-def _text(path: Path) -> str:
-    return read_text(path, "vehicle file", VehicleError, most=MOST_XML)
-
-
-def _unknown_vehicle(name: str) -> str:
-    """One line for a name that is no shipped vehicle's; a maker's name brings up its vehicles."""
-    kinds = [known for known in vehicle_names() if known.startswith(f"{name}-")]
-    if not kinds:
-        return unknown_name("vehicle", name, vehicle_names()) + " or a path to an .xml"
-    formerly = f"; what earlier versions called {name!r} is {RENAMED[name]!r}" * (name in RENAMED)
-    return f"unknown vehicle {name!r}: say which, {' or '.join(kinds)}{formerly}"
-
-
-RENAMED = {"slocum": "graver-2005"}
-"""Shipped vehicles of earlier versions by their names of today"""
-
-
-def vehicle_names() -> list[str]:
-    """Names of the shipped vehicles, each preset of a file by a name of its own."""
-    names = []
-    for name, path in sorted(_shipped_files().items()):
-        others = preset_names(_text(path), path)[1:]
-        names += [name, *(f"{name}{SEPARATOR}{preset}" for preset in others)]
-    return names
-
-
-def _shipped_files() -> dict[str, Path]:
-    return {path.stem: path for path in assets_folder().glob("*.xml")}
 
 
 @functools.lru_cache(maxsize=16)

@@ -25,14 +25,11 @@ from factory.exporting.og1.terms import (
     ASCENT,
     COORDINATES,
     DESCENT,
-    FILL,
     INFLECTION,
     LONG_NAMES,
     MEASURED,
     NOT_LOGGED,
     PAYLOAD,
-    PHASE_FLAGS,
-    PHASES,
     RAW_TIMES,
     SENSOR_TYPES,
     SURFACING,
@@ -45,8 +42,9 @@ from factory.exporting.og1.terms import (
 from factory.exporting.og1.variables import (
     Og1Variable,
     deployment_place,
+    depth_variable,
     dvl_mode,
-    flags,
+    phase_variable,
     text,
     time_attributes,
     write_og1,
@@ -209,38 +207,17 @@ def _raw_time(track: JoinedDives, stored: str) -> Og1Variable:
 
 
 def _depth(depth: Array) -> Og1Variable:
-    return Og1Variable(
+    return depth_variable(
         np.maximum(depth, 0.0),
-        {
-            "long_name": "depth below the surface, TEOS-10 from pressure",
-            "standard_name": "depth",
-            "units": "m",
-            "positive": "down",
-            "axis": "Z",
-            "valid_min": 0.0,
-            "valid_max": 10000.0,
-            "depth_vocabulary": VOCABULARY + "DEPTH/",
-            "comment": "interpolated where PRES is missing; above the surface 0, PRES keeps it",
-        },
-        fill=FILL,
+        "depth below the surface, TEOS-10 from pressure",
+        "interpolated where PRES is missing; above the surface 0, PRES keeps it",
     )
 
 
 def _phase(flag: Array) -> Og1Variable:
     known = np.isfinite(flag)
     codes = np.where(known, PHASE_CODES[np.where(known, flag, 0).astype(int)], 0)
-    return Og1Variable(
-        codes,
-        {
-            "long_name": "behavior of the glider at sea",
-            "phase_vocabulary": PHASES,
-            "phase_calculation_method": "depth and its rate over 20 s",
-            **flags(PHASE_FLAGS),
-            "coordinates": COORDINATES,
-        },
-        fill=0,
-        kind="i1",
-    )
+    return phase_variable(codes, "depth and its rate over 20 s")
 
 
 def _currents(track: JoinedDives) -> Iterator[tuple[str, Og1Variable]]:

@@ -25,11 +25,8 @@ from factory.exporting.og1.terms import (
     ASCENT,
     COORDINATES,
     DESCENT,
-    FILL,
     INFLECTION,
     LONG_NAMES,
-    PHASE_FLAGS,
-    PHASES,
     SENSORS,
     STILL_SPEED,
     SURFACE_DEPTH_M,
@@ -43,8 +40,9 @@ from factory.exporting.og1.terms import (
 from factory.exporting.og1.variables import (
     Og1Variable,
     deployment_place,
+    depth_variable,
     dvl_mode,
-    flags,
+    phase_variable,
     position,
     text,
     time_attributes,
@@ -151,21 +149,11 @@ def _series(
         yield f"{name}_ONBOARD", position(values, word, name.lower(), {"coordinates": COORDINATES})
     yield (
         "DEPTH",
-        Og1Variable(
+        depth_variable(
             depth,
-            {
-                "long_name": "depth below the surface by the simulated pressure transducer",
-                "standard_name": "depth",
-                "units": "m",
-                "positive": "down",
-                "axis": "Z",
-                "valid_min": 0.0,
-                "valid_max": 10000.0,
-                "depth_vocabulary": VOCABULARY + "DEPTH/",
-                "comment": "readings above the surface, by the zero error of the gauge, are 0 "
-                "here; PRES keeps them",
-            },
-            fill=FILL,
+            "depth below the surface by the simulated pressure transducer",
+            "readings above the surface, by the zero error of the gauge, are 0 here; PRES keeps "
+            "them",
         ),
     )
     gps_latitude, gps_longitude = from_tangent_plane(
@@ -187,17 +175,8 @@ def _series(
     yield from deployment_place(*place)
     yield (
         "PHASE",
-        Og1Variable(
-            phases(depth, row("true_velocity_down")),
-            {
-                "long_name": "behavior of the glider at sea",
-                "phase_vocabulary": PHASES,
-                "phase_calculation_method": "depth and vertical speed of the simulation",
-                **flags(PHASE_FLAGS),
-                "coordinates": COORDINATES,
-            },
-            fill=0,
-            kind="i1",
+        phase_variable(
+            phases(depth, row("true_velocity_down")), "depth and vertical speed of the simulation"
         ),
     )
     terms = simulated_terms(run.signals())

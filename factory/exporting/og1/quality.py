@@ -1,4 +1,4 @@
-"""Quality: the flags that stand beside variables, as OceanGliders takes them over from Argo."""
+"""Quality: the flags beside variables, which OceanGliders has taken over from Argo."""
 
 from __future__ import annotations
 

@@ -19,6 +19,9 @@ from factory.exporting.og1.terms import (
     EPOCH,
     FILL,
     N_MEASUREMENTS,
+    PHASE_FLAGS,
+    PHASES,
+    VOCABULARY,
     bounds,
 )
 
@@ -177,3 +180,38 @@ def deployment_place(latitude: float, longitude: float) -> Iterable[tuple[str, O
             f"DEPLOYMENT_{kind.upper()}",
             Og1Variable(np.array(value), attributes, fill=fill, dimensions=()),
         )
+
+
+def depth_variable(depth: Array, long_name: str, comment: str) -> Og1Variable:
+    """DEPTH [m], nowhere below 0."""
+    return Og1Variable(
+        depth,
+        {
+            "long_name": long_name,
+            "standard_name": "depth",
+            "units": "m",
+            "positive": "down",
+            "axis": "Z",
+            "valid_min": 0.0,
+            "valid_max": 10000.0,
+            "depth_vocabulary": VOCABULARY + "DEPTH/",
+            "comment": comment,
+        },
+        fill=FILL,
+    )
+
+
+def phase_variable(codes: NDArray[Any], method: str) -> Og1Variable:
+    """PHASE by the codes of PHASE_FLAGS, and how they were found."""
+    return Og1Variable(
+        codes,
+        {
+            "long_name": "behavior of the glider at sea",
+            "phase_vocabulary": PHASES,
+            "phase_calculation_method": method,
+            **flags(PHASE_FLAGS),
+            "coordinates": COORDINATES,
+        },
+        fill=0,
+        kind="i1",
+    )

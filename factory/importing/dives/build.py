@@ -122,7 +122,7 @@ def build(
             standing(log, segment, tally)
             numbers["dac_north"], numbers["dac_east"] = averaged_current(
                 signals, segment, period,
-                # where rows are no dives, the vehicle is driven and its depth rate says nothing
+                # rows that are not dives are of driven vehicles, whose depth rate says nothing
                 complete=whole and log.pieces is None,
                 driven=numbers.get("thruster_fraction", 0.0),
             )  # fmt: skip

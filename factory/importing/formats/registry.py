@@ -29,7 +29,7 @@ register = IMPORTERS.add
 
 
 def likely_kind(names: Iterable[str]) -> str | None:
-    """The importer most of whose marks are among the names; None when they are nobody's."""
+    """The importer with the most marks among the names; None when no importer has any."""
     found = set(names)
     scores = {importer.name: len(importer.marks & found) for importer in IMPORTERS.values()}
     best = max(scores, key=lambda name: scores[name])

@@ -190,7 +190,7 @@ def _csv(path: Path) -> Table:
         raise InputError(
             f"{path}: row {beyond[0] + 1} of the values has more cells than the header has names"
         )
-    # files that were put together behind each other have their line of names again
+    # files that were appended to each other repeat their line of names
     again = (frame[list(range(len(names)))] == names).all(axis=1)
     frame = frame[~again]
     columns: dict[str, Array] = {}

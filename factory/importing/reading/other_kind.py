@@ -1,4 +1,4 @@
-"""OtherKind: a file that is no log of the kind that is read, as offload folders hold some."""
+"""OtherKind: a file of another kind than the logs that are read; offload folders hold some."""
 
 from __future__ import annotations
 
@@ -6,4 +6,4 @@ from twin.errors import InputError
 
 
 class OtherKind(InputError):
-    """A file without logs of the kind: left out of a folder, which is no failure."""
+    """A file without logs of this kind; a folder is read without it, and that is not an error."""

@@ -143,7 +143,7 @@ def payload_channels(
     mapped = {one.signal for one in payload}
     for one in (*payload, *(k for k in KNOWN if k.signal not in mapped)):
         there = [name for name in one.sources if len(found.get(name, ()))]
-        # a vehicle's software writes a 0 of each sensor that it knows and has not
+        # a vehicle writes 0 for sensors that its software knows and that are not fitted
         idle = [name for name in there if not found[name].values.any()]
         leave_out(idle, "0 throughout: a sensor that the vehicle has not", tally)
         there = [name for name in there if name not in idle]

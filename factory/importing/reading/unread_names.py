@@ -1,4 +1,4 @@
-"""Names that files hold: each one is read, left out, without a value, or not read, and told so."""
+"""Names that files hold: the report says of each whether it is read, left out, empty or unread."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def tell_unread(tally: Tally) -> None:
 
 
 def unread(tally: Tally) -> dict[str, list[str]]:
-    """The names that nobody reads, by kind of file."""
+    """The names that are not read, by kind of file."""
     return {
         kind: [name for name, state in states.items() if state == NOT_READ]
         for kind, states in tally.names.items()

@@ -12,7 +12,7 @@ from twin.vehicle.vehicle import Vehicle
 
 
 class MissionKind:
-    """One kind of segment; a kind of one's own derives from it and is registered as an object."""
+    """One kind of segment; derive your own from it and register an object of it."""
 
     name: ClassVar[str] = ""
     """What `mission.kind` draws"""

@@ -9,7 +9,8 @@ import pytest
 from factory.flight.randomiser import field, table
 from twin import suite
 from twin.errors import InputError, VehicleError
-from twin.physics.mujoco_model import compile_model, header, refit
+from twin.physics.model_block import header
+from twin.physics.mujoco_model import compile_model, refit
 from twin.physics.native import block as b
 from twin.suite.conditions import Conditions
 from twin.vehicle.vehicle import load_vehicle

@@ -22,7 +22,8 @@ from factory.generation.target import recipe_begun
 from factory.recipe.recipe import Recipe
 from twin.errors import FloorError, NoSteadyState, StoreError
 from twin.records.files import GiantFile, LocalFiles
-from twin.records.store import open_store, read_attributes
+from twin.records.presence import read_attributes
+from twin.records.store import open_store
 
 Recipes = Callable[..., Recipe]
 GIANT = 200 * 2**20

@@ -16,8 +16,8 @@ from factory.generation.cluster import dask_executor
 from factory.generation.generate import generate
 from factory.generation.parts import Part, finish, generate_part
 from factory.generation.repair import repair
+from factory.inspect.checks import check_files
 from factory.inspect.info import unfinished
-from factory.inspect.verify import check_files
 from factory.recipe.recipe import Recipe
 from factory.stores.generated import GeneratedStore
 from learn.data.dataset import load_missions

@@ -11,7 +11,7 @@ from trees import contents
 
 from factory.generation.generate import generate
 from factory.generation.repair import lost, repair
-from factory.inspect.verify import check_files
+from factory.inspect.checks import check_files
 from factory.recipe.recipe import Recipe
 from factory.stores.generated import GeneratedStore
 from twin.errors import StoreError

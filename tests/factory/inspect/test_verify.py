@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 import zarr
 
+from factory.inspect.checks import Report
+from factory.inspect.kinematics import kinematic_problems
 from factory.inspect.replay import replay_mission
-from factory.inspect.verify import Report, kinematic_problems, verify_store
+from factory.inspect.verify import verify_store
 from factory.stores.generated import GeneratedStore
 from twin.errors import StoreError
 from twin.records.schema import HYDROGRAPHY, SIMULATED

@@ -5,9 +5,8 @@ import re
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
-from navigation import add_fixes, trimmed_mission, write_store
+from navigation import write_flown_store
 
 from factory.commands.generate import DEFAULT_OUT
 from learn.__main__ import PROGRAM
@@ -35,28 +34,11 @@ def call(capsys, *words):
     return code, out, err
 
 
-def small_store(path, splits=(0, 0, 1, 2)):
-    rng = np.random.default_rng(5)
-    missions = []
-    for k in range(len(splits)):
-        sign = 1.0 if k % 2 else -1.0
-        signals = trimmed_mission(
-            900 + 100 * k,
-            net_mass=sign * rng.uniform(0.2, 0.4),
-            shift=sign * rng.uniform(0.015, 0.025),
-            rotation=np.deg2rad(rng.uniform(-40, 40)),
-            depth=50.0 if sign > 0 else 500.0,
-        )
-        add_fixes(signals, [0, 800])
-        missions.append(signals)
-    return write_store(path, missions, list(splits), attributes={"preset": "test", "seed": 5})
-
-
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
     """A working directory with a store and one finished run, made by the command."""
     folder = tmp_path_factory.mktemp("place")
-    store = small_store(folder / "data" / "missions.zarr")
+    store = write_flown_store(folder / "data" / "missions.zarr")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setattr("twin.plot.page.DPI", 30)
@@ -162,7 +144,7 @@ def test_two_processes_train_the_same_networks_as_one(here):
 
 
 def test_an_error_in_a_process_reaches_the_caller(here, tmp_path):
-    store = small_store(tmp_path / "s.zarr", splits=(2, 2))
+    store = write_flown_store(tmp_path / "s.zarr", splits=(2, 2))
     quick = TrainingConfig(epochs=1, seconds=0)
     config = FitConfig(store=str(store), features=("sin_pitch",), training=quick)
     with (
@@ -293,7 +275,7 @@ def test_bad_input_is_one_line_and_exit_code_2(here, capsys, words, message):
 
 
 def test_a_store_without_training_missions_is_refused(here, capsys, tmp_path):
-    store = small_store(tmp_path / "s.zarr", splits=(2, 2))
+    store = write_flown_store(tmp_path / "s.zarr", splits=(2, 2))
     code, _, err = call(capsys, "fit", store, "--name", "untrained", *QUICK)
     assert code == 2
     assert "no missions for training" in err
@@ -468,6 +450,7 @@ def test_without_runs_the_newest_is_bad_input(tmp_path, monkeypatch):
 def test_a_factory_store_brings_the_papers_test(tmp_path, monkeypatch, capsys):
     from factory.generation.generate import generate
     from factory.recipe.recipe import make_recipe
+    from learn.report.tables import paper_sentence
 
     monkeypatch.chdir(tmp_path)
     generate(make_recipe(hours=2.5), DEFAULT_STORE, workers=1)
@@ -482,4 +465,9 @@ def test_a_factory_store_brings_the_papers_test(tmp_path, monkeypatch, capsys):
     page = (tmp_path / "runs" / "paper" / "report" / "index.html").read_text()
     assert "three currents" in page
     assert open_run(tmp_path / "runs" / "paper").error_model().heading_sd == 0.0
-    assert json.loads(out)["run"] == "runs/paper"
+    answer = json.loads(out)
+    assert answer["run"] == "runs/paper"
+    assert answer["paper_test"]["surge_mse"] == found["surge_mse"]
+    sentence = paper_sentence(found)
+    assert f"surge {found['surge_mse']:.1e}" in sentence
+    assert "prints surge 2.1e-04, sway 4.6e-06" in sentence

@@ -11,7 +11,7 @@ from learn.data.parts import input_groups
 from twin.errors import InputError, StoreError
 from twin.navigation.estimated_channels import ESTIMATED, estimate
 from twin.navigation.features import FLIGHT, INPUT_SETS, leave_out, select_features
-from twin.navigation.flight_filter import CHANNELS
+from twin.navigation.flight_filter_kernels import CHANNELS
 from twin.vehicle.vehicle import load_vehicle
 
 FEATURES = ("flight_surge", "flight_sway", "flight_attack")

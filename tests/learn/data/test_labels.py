@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from navigation import PERIOD, steady_mission, write_store
 
-from learn.api import fit_settings
 from learn.data.dataset import Mission
 from learn.data.labels import (
     STORE_CURRENT,
@@ -19,6 +18,7 @@ from learn.data.preparation import prepare
 from learn.data.store_checks import few_labels, few_missions, labels_in
 from learn.networks.config import NetworkConfig
 from learn.training.fitting import fit
+from learn.training.given_settings import fit_settings
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError

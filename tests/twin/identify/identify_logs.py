@@ -6,7 +6,8 @@ from twin.mission import Mission
 from twin.mission.segments import SawTooth
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
-from twin.records.store import mission_dataset, write_store
+from twin.records.mission_dataset import mission_dataset
+from twin.records.store import write_store
 from twin.sensors import SensorSuite
 from twin.water.density import DensityProfile
 

@@ -21,7 +21,7 @@ from twin.identify.pitch import PITCHING, righting_arm, with_righting_arm
 from twin.identify.proof import failures
 from twin.identify.start import start_vehicle
 from twin.identify.stiffness import file_step, largest_step
-from twin.identify.turning import TURNING, munk_moment
+from twin.identify.turning.unknowns import TURNING, munk_moment
 from twin.identify.vehicle_file import vehicle_xml
 from twin.mission import Mission
 from twin.mission.segments import SawTooth

@@ -124,6 +124,8 @@ def test_largest_actuator_values_are_allowed(vehicle):
         Hold(shift_m=0.05, rotation_deg=90, net_mass_kg=-0.5, duration_s=1),
     ]
     Mission(segments=segments).check(vehicle)
+    with pytest.raises(MissionError, match=r"shift_m = 0.0501 "):
+        Mission(segments=[Hold(shift_m=0.0501, duration_s=1)]).check(vehicle)
 
 
 def depths():

@@ -21,7 +21,8 @@ from twin.mission.shipped import load_mission_for, usual_mission
 from twin.mission.vehicle_table import MISSING, VehicleLine, shipped_vehicles
 from twin.physics.settle import trim as settle
 from twin.physics.steady_motion import trim_positions
-from twin.vehicle.vehicle import load_vehicle, vehicle_names
+from twin.vehicle.shipped import vehicle_names
+from twin.vehicle.vehicle import load_vehicle
 
 IN_USE = ("slocum-200", "slocum-1000", "seaglider", "seaexplorer", "spray")
 RUDDER = ("slocum-200", "slocum-1000")

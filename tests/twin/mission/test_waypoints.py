@@ -71,7 +71,7 @@ def test_the_first_misclosure_is_the_current():
     simulation = Simulation(twin.Scenario(mission=mission, current=water, duration=2400.0))
     simulation.run()
     from twin.mission.table import CURRENT_EAST, CURRENT_KNOWN, CURRENT_NORTH
-    from twin.physics.mujoco_model import state
+    from twin.physics.model_block import state
 
     memory = state(simulation.data)["guidance"]
     assert memory[CURRENT_KNOWN] == 1.0

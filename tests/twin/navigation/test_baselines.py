@@ -8,10 +8,11 @@ from twin.errors import InputError, StoreError
 from twin.fossen import FossenModel, FossenState
 from twin.fossen.forces import parameters_of
 from twin.mission.schedule import Schedule
-from twin.navigation.baselines import ekf
+from twin.navigation.baselines import ekf, ekf_kernels
 from twin.navigation.baselines.base import bridge, hold, smooth
 from twin.navigation.baselines.dvl import spikes
-from twin.navigation.baselines.ekf import DEPTH, NET_ERROR, SURGE, SWAY, Ekf, EkfNoise
+from twin.navigation.baselines.ekf import Ekf, EkfNoise
+from twin.navigation.baselines.ekf_kernels import DEPTH, NET_ERROR, SURGE, SWAY
 from twin.navigation.baselines.pitch_plus_alpha import PitchPlusAlpha, steady_angle_of_attack
 from twin.navigation.baselines.registry import BASELINES
 from twin.navigation.baselines.steady_flight import SteadyFlight
@@ -247,7 +248,7 @@ def _simulate_ekf_data(noise: EkfNoise, seed: int):
     truth[0, 4] = noise.initial_net_mass * rng.standard_normal()
     truth[0, 3] = 50.0
     for k in range(1, samples):
-        ahead = ekf._predict(
+        ahead = ekf_kernels._predict(
             parameters,
             np.linalg.inv(inertia),
             inertia,

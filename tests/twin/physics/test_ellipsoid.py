@@ -9,7 +9,8 @@ from physics import glider, hydrodynamic_wrench, set_motion
 
 from twin.errors import VehicleError
 from twin.frames import flip_vector
-from twin.physics.mujoco_model import compile_model, header
+from twin.physics.model_block import header
+from twin.physics.mujoco_model import compile_model
 from twin.physics.native.install import install, uninstall
 from twin.vehicle.laws.ellipsoid import SEAWATER_VISCOSITY, fluid_geoms
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle

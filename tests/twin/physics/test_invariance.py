@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from physics import glider, hydrodynamic_wrench, set_motion
 
 from twin.mission.schedule import Schedule
-from twin.physics.mujoco_model import write_tables
+from twin.physics.model_block import write_tables
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.physics.start import Start

@@ -19,7 +19,7 @@ import copy, gc, pickle, sys, threading
 import mujoco, numpy as np
 from twin.errors import TwinError
 from twin.mission import load_mission
-from twin.physics.mujoco_model import header, state, table
+from twin.physics.model_block import header, state, table
 from twin.physics.native import block as b
 from twin.physics.quiet import quiet_mujoco
 from twin.physics.scenario import Scenario

@@ -14,10 +14,11 @@ from twin.mission import Mission, SawTooth, load_mission
 from twin.mission.controller import Command, MissionController
 from twin.mission.schedule import Schedule
 from twin.physics.fleet import make_batch
-from twin.physics.mujoco_model import state
+from twin.physics.model_block import state
 from twin.physics.scenario import Scenario, Start, scenario_from_dict
 from twin.physics.simulation import Simulation, simulate, simulate_many
-from twin.records.store import mission_dataset, open_store, read_trajectory, write_store
+from twin.records.mission_dataset import mission_dataset
+from twin.records.store import open_store, read_trajectory, write_store
 from twin.records.trajectory import sample_times
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.uniform import Uniform

@@ -23,7 +23,8 @@ from twin.plot import figure as draw_figure
 from twin.plot.current_profile import mean_profile
 from twin.plot.map import KEY_ID, LOCATOR_ID
 from twin.plot.sensor import truth_of
-from twin.records.store import mission_dataset, read_trajectory, write_store
+from twin.records.mission_dataset import mission_dataset
+from twin.records.store import read_trajectory, write_store
 from twin.records.tracks import NamedTrack
 
 WITH_TRACKS = tuple(name for name, kind in FIGURES.items() if kind.takes_tracks)

@@ -14,7 +14,8 @@ import twin
 from factory.importing import import_logs
 from twin.errors import InputError, StoreError
 from twin.mission import Mission, SawTooth
-from twin.records.store import mission_dataset, write_store
+from twin.records.mission_dataset import mission_dataset
+from twin.records.store import write_store
 from twin.records.timeseries import FROM_THE_START
 
 FLIGHT = Flight()

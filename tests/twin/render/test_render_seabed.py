@@ -9,7 +9,8 @@ import twin
 from twin.__main__ import main
 from twin.errors import FloorError
 from twin.mission import Mission, SawTooth
-from twin.records.store import mission_dataset, write_store
+from twin.records.mission_dataset import mission_dataset
+from twin.records.store import write_store
 from twin.render import seabed
 from twin.render.shot import Shot
 from twin.render.stage import build

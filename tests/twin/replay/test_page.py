@@ -14,7 +14,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from logs import Flight, write_seaglider
-from pictures import dead_reckoned, short_scenario, short_subject, write_short_store, write_tracks
+from pictures import (
+    dead_reckoned,
+    month,
+    short_scenario,
+    short_subject,
+    write_short_store,
+    write_tracks,
+)
 
 from factory.importing.import_run import import_logs
 from twin.__main__ import PROGRAM
@@ -31,9 +38,8 @@ from twin.replay.packing import pack, unpack
 from twin.replay.page import LARGEST, ROWS, page
 from twin.replay.scene import describe
 from twin.replay.solid import read_solid, smooth_normals
-from twin.vehicle.vehicle import load_vehicle, vehicle_names
-
-DAY = 86400.0
+from twin.vehicle.shipped import vehicle_names
+from twin.vehicle.vehicle import load_vehicle
 
 
 @pytest.fixture(scope="module")
@@ -142,19 +148,8 @@ def test_a_page_loads_nothing(store, dives, tmp_path):
 
 
 def test_the_page_of_a_long_log_stays_small():
-    time = np.arange(0.0, 30 * DAY, 4.0)
-    wave = np.sin(2 * np.pi * time / 12_000.0)
-    depth = 500.0 * (1.0 - np.cos(2 * np.pi * time / 12_000.0))
-    signals = {
-        "true_north": 0.3 * time, "true_east": 2000.0 * np.sin(time / DAY), "true_depth": depth,
-        "true_roll": 3.0 * wave, "true_pitch": 25.0 * wave, "true_heading": (time / 500.0) % 360.0,
-        "true_surge": 0.3 + 0.01 * wave, "true_sway": 0.01 * wave, "true_heave": 0.02 * wave,
-        "true_velocity_north": np.full_like(time, 0.3), "true_velocity_east": 0.1 * wave,
-        "true_net_mass": 0.2 * wave, "true_current_north": 0.1 * wave,
-        "true_current_east": 0.1 - 0.05 * wave,
-    }  # fmt: skip
-    trajectory = Trajectory(time=time, signals=signals, states=np.zeros((0, 0)))
-    subject = Subject(trajectory=trajectory, vehicle=load_vehicle("glider"), title="a month")
+    subject = month()
+    time, depth = subject.trajectory.time, subject.trajectory["true_depth"]
     text = page(subject, Shot())
     assert len(text.encode()) <= LARGEST
     mission = mission_of(text)

@@ -18,7 +18,8 @@ from dm_control.rl.control import PhysicsError
 from twin import suite
 from twin.errors import InputError, VehicleError
 from twin.mission.schedule import Schedule
-from twin.physics.mujoco_model import compile_model, header
+from twin.physics.model_block import header
+from twin.physics.mujoco_model import compile_model
 from twin.physics.native import block as b
 from twin.physics.native.install import install, uninstall
 from twin.physics.scenario import Scenario

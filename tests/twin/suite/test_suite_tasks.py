@@ -242,7 +242,11 @@ BLOCKS = re.findall(r"```python( gym)?\n(.*?)```", DOCS.read_text(encoding="utf-
 def test_the_documentations_programs_run(extra, program):
     if extra:
         pytest.importorskip("gymnasium", reason="the extra 'gym' is not installed")
-    exec(compile(program, str(DOCS), "exec"), {})
+    left = {}
+    exec(compile(program, str(DOCS), "exec"), left)
+    assert {"environment", "physics", "env", "envs"} & set(left)
+    for name in {"observation", "observations", "rewards"} & set(left):
+        assert np.isfinite(left[name]).all()
 
 
 def test_the_documentation_names_every_task():

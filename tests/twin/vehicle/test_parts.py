@@ -19,7 +19,7 @@ from twin.fossen.forces import displaced_mass, pumped
 from twin.fossen.steady import down_axis
 from twin.mission.schedule import Schedule
 from twin.physics.ballast import Ballast
-from twin.physics.mujoco_model import header
+from twin.physics.model_block import header
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation, simulate
 from twin.physics.start import Start

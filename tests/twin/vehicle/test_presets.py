@@ -8,11 +8,13 @@ import pytest
 import twin
 from twin.__main__ import PROGRAM
 from twin.errors import VehicleError
+from twin.records.mission_dataset import mission_dataset
 from twin.records.reader import MissionStore
-from twin.records.store import mission_dataset, write_store
+from twin.records.store import write_store
 from twin.vehicle.assets import asset_path
 from twin.vehicle.presets import apply_preset, preset_names, split_preset
-from twin.vehicle.vehicle import load_vehicle, parse_vehicle, vehicle_names
+from twin.vehicle.shipped import vehicle_names
+from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
 TEXT = asset_path("tethys.xml").read_text(encoding="utf-8")
 

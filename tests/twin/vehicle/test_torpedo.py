@@ -40,7 +40,8 @@ def survey(torpedo):
 
 @pytest.fixture(scope="module")
 def store(survey, tmp_path_factory):
-    from twin.records.store import mission_dataset, write_store
+    from twin.records.mission_dataset import mission_dataset
+    from twin.records.store import write_store
 
     path = tmp_path_factory.mktemp("torpedo") / "survey.zarr"
     return write_store(mission_dataset([survey], attributes=survey.provenance), path)

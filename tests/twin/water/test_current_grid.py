@@ -12,7 +12,7 @@ import xarray as xr
 
 from twin.errors import CurrentError
 from twin.water.current import Grid, Origin, current_from_dict, parse_current
-from twin.water.current.grid import beyond_grid
+from twin.water.current.grid_kernels import beyond_grid
 from twin.water.current.sampler import sample, sample_track
 
 START = {"latitude_deg": 49.1, "longitude_deg": -16.1, "time": "2000-01-05T06:00"}

@@ -4,134 +4,30 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.checks.logs.calibrated import Calibrated, Uncalibrated
 from twin.checks.logs.dive import Dive, read_dive
-from twin.checks.logs.figures import PhaseFigures, phase_figures, turn_per_actuator
-from twin.checks.logs.flight import PATIENCE, fly_dives, legs_flown
+from twin.checks.logs.figures import phase_figures, turn_per_actuator
+from twin.checks.logs.flight import fly_dives, legs_flown
 from twin.checks.logs.legs import LEAST_RANGE, PHASES, Phase
+from twin.checks.logs.result import LogCheck, PhaseComparison
 from twin.checks.logs.samples import angle_of_attack, flown_samples, logged_samples
+from twin.checks.logs.signals import Present, check_logged, check_signals, notes_of
 from twin.checks.logs.steering import Turning, turning_of
 from twin.checks.logs.turns import fly_turns
 from twin.errors import SimulationUnstable, StoreError, VehicleError
 from twin.lazy import resolve
 from twin.records.logs import LogStore
-from twin.records.reader import MissionStore
 from twin.records.trajectory import Trajectory
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 Array = NDArray[np.float64]
-
-DEPTH_RATE_LIMIT = 0.05
-"""Relative, of the depth rate in each phase"""
-TURN_LIMIT = 0.25
-"""Relative, of the turn rate per position of what turns the vehicle"""
-HEADING_LIMIT = 2.0
-"""[deg] of the twin's heading about its target"""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class PhaseComparison:
-    """Log beside twin in one phase."""
-
-    log: PhaseFigures
-    twin: PhaseFigures | None
-    """None: it never came to a steady part of such a leg"""
-    speed_from: str | None
-    """What the log's speed is: "measured", "depth rate and pitch", or None"""
-    same_part: bool
-    """Whether the same kind of part turns both, so that its effect can be compared"""
-
-    def describe(self) -> dict[str, Any]:
-        """JSON-able; ratios are twin over log, deviations twin less log."""
-        log, twin = self.log.describe(), {} if self.twin is None else self.twin.describe()
-        twin = {name: twin.get(name) for name in log}
-        cycles = {
-            "log": self.log.oscillation,
-            "twin": None if self.twin is None else self.twin.oscillation,
-        }
-        ratio = {
-            name: _ratio(twin[name], log[name])
-            for name in ("depth_rate_m_s", "speed_m_s", "turn_per_actuator")
-        }
-        if not self.same_part:
-            ratio["turn_per_actuator"] = None
-        return {
-            "log": {**log, "parts": dict(self.log.parts)},
-            "twin": {**twin, "parts": {} if self.twin is None else dict(self.twin.parts)},
-            "speed_from": self.speed_from,
-            "ratio": ratio,
-            "deviation": {
-                name: _difference(twin[name], log[name])
-                for name in ("pitch_deg", "heading_sd_deg", "heading_bias_deg")
-            },
-            "limit_cycle": {
-                name: None if one is None else dataclasses.asdict(one)
-                for name, one in cycles.items()
-            },
-        }
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class LogCheck:
-    """What a vehicle file's twin does with the targets of a store of logs."""
-
-    vehicle: Vehicle
-    store: Path
-    dives: tuple[Dive, ...]
-    flights: tuple[Trajectory | SimulationUnstable, ...]
-    """The twin's flight of each dive"""
-    phases: dict[Phase, PhaseComparison]
-    turning: Turning | None
-    notes: tuple[str, ...]
-    """What the log lacks or what stands in for it, one sentence each"""
-
-    @property
-    def beyond(self) -> list[str]:
-        """One phrase for each figure beyond its limit; empty when the twin flies as the log."""
-        found = [f"dive {d.row}: {f}" for d, f in self._flown() if isinstance(f, Exception)]
-        for name, phase in self.phases.items():
-            found += [f"{name}: {text}" for text in _beyond(phase)]
-        short = [d.row for d, f in self._flown() if isinstance(f, Trajectory) and not _is_flown(f)]
-        if short:
-            found.append(
-                f"the twin took more than {PATIENCE:g} times the log's time in {len(short)} of "
-                f"{len(self.dives)} dives ({', '.join(map(str, short))})"
-            )
-        return found
-
-    def describe(self) -> dict[str, Any]:
-        """JSON-able."""
-        legs = Counter(leg.phase for dive in self.dives for leg in dive.legs if leg.compared)
-        return {
-            "vehicle": self.vehicle.name,
-            "store": str(self.store),
-            "dives": len(self.dives),
-            "missions": [dive.row for dive in self.dives],
-            "legs": {phase: legs[phase] for phase in PHASES},
-            "hours": sum(len(d.depth) * d.period for d in self.dives) / 3600.0,
-            "turning": None if self.turning is None else dataclasses.asdict(self.turning),
-            "phases": {name: phase.describe() for name, phase in self.phases.items()},
-            "limits": {
-                "depth_rate_relative": DEPTH_RATE_LIMIT,
-                "turn_per_actuator_relative": TURN_LIMIT,
-                "heading_sd_deg": HEADING_LIMIT,
-            },
-            "notes": list(self.notes),
-            "beyond": self.beyond,
-            "ok": not self.beyond,
-        }
-
-    def _flown(self) -> list[tuple[Dive, Trajectory | SimulationUnstable]]:
-        return list(zip(self.dives, self.flights, strict=True))
 
 
 def check_logs(
@@ -157,13 +53,13 @@ def check_logs(
     hull = _hull(vehicle)
     flown = _flown_vehicle(hull)
     _check_vehicle(flown)
-    _check_logged(store)
+    check_logged(store)
     with LogStore(store) as logs:
-        turning = turning_of(hull.vehicle, _Present(logs))
+        turning = turning_of(hull.vehicle, Present(logs))
         rows = list(range(len(logs))) if missions is None else list(missions)
         for row in rows:
             logs.check_mission(row)
-        _check_signals(logs, rows)
+        check_signals(logs, rows)
         found = [read_dive(logs, row, hull, turning) for row in rows]
         dives = [dive for dive in found if dive is not None]
         if not dives:
@@ -171,7 +67,7 @@ def check_logs(
                 f"store {store} has no whole dive: no mission descends or climbs by "
                 f"{LEAST_RANGE:g} m with pitch and pumped volume"
             )
-        notes = _notes(logs, dives, turning, hull.vehicle)
+        notes = notes_of(logs, dives, turning, hull.vehicle)
     flights = fly_dives(flown, dives)
     if all(isinstance(flight, SimulationUnstable) for flight in flights):
         raise flights[0]  # type: ignore[misc]
@@ -210,16 +106,6 @@ def _flown_vehicle(hull: Calibrated) -> Vehicle:
     )
 
 
-class _Present:
-    """The signals of a store that have a value."""
-
-    def __init__(self, logs: LogStore) -> None:
-        self._logs = logs
-
-    def __contains__(self, name: object) -> bool:
-        return str(name) in self._logs and bool(np.isfinite(self._logs.array(str(name))).any())
-
-
 def _check_vehicle(vehicle: Vehicle) -> None:
     """Refuse vehicles that a glider's log says nothing about."""
     for control, what in (("buoyancy", "pump"), ("pitch", "part that pitches it")):
@@ -228,30 +114,6 @@ def _check_vehicle(vehicle: Vehicle) -> None:
                 f"vehicle {vehicle.name!r} has no {what} (its parts: "
                 f"{', '.join(vehicle.part_names) or 'none'}): logs are compared with the flight of "
                 "a glider; give a glider's file"
-            )
-
-
-def _check_logged(store: str | Path) -> None:
-    with MissionStore(store) as found:
-        if not found.logged:
-            raise StoreError(
-                f"store {store} is simulated: its missions were flown by the twin already; give a "
-                "store of logs (`factory import`), or judge the twin by `twin check` alone"
-            )
-
-
-def _check_signals(logs: LogStore, rows: Sequence[int]) -> None:
-    """Refuse a log without what a glide needs, by the names of signals."""
-    there = _Present(logs)
-    for names, why in (
-        (("measured_depth",), "depth: nothing says when it dived"),
-        (("measured_pitch",), "pitch: nothing says how it glided"),
-        (("measured_pump", "commanded_pump"), "pumped volume: nothing says what drove it"),
-    ):
-        if not any(name in there for name in names):
-            raise StoreError(
-                f"store {logs.path}: the log has no {why} ({' nor '.join(names)}); check another "
-                "log of this vehicle"
             )
 
 
@@ -319,76 +181,3 @@ def _turned(
             except SimulationUnstable as error:
                 notes.append(f"on the log's own turns: {error}")
     return found, notes
-
-
-def _notes(
-    logs: LogStore, dives: Sequence[Dive], turning: Turning | None, vehicle: Vehicle
-) -> list[str]:
-    """What the log lacks, and what stands in for it."""
-    there = _Present(logs)
-    notes = []
-    if logs.simulated:
-        notes.append("the log says itself that it is of a simulation")
-    names = list(dict.fromkeys(logs.deployments[dive.row] for dive in dives))
-    if len(names) > 1:
-        notes.append(
-            f"the dives are of {len(names)} deployments ({', '.join(names)}): one vehicle file "
-            "fits them only if one vehicle made them; choose with --missions"
-        )
-    if "measured_heading" not in there:
-        notes.append("the log has no heading: the twin holds its own, and turns are not compared")
-    elif "commanded_heading" not in there:
-        notes.append(
-            "the log has no heading setpoint: the target is the running mean of its heading over "
-            "15 min"
-        )
-    if "measured_density" not in there:
-        notes.append(
-            "the log has no density: the water is the vehicle file's, which decides the depth rate"
-        )
-    if "measured_pump" not in there:
-        notes.append("the log has no measured pump position: the commanded one stands for it")
-    if turning is None:
-        notes.append(f"vehicle {vehicle.name!r} has no part that turns it")
-    elif turning.signal is None:
-        notes.append("the log has no position of what turned it: turns per position are not known")
-    elif not turning.same:
-        notes.append(
-            f"the log turned by {turning.signal.removeprefix('measured_')}, vehicle "
-            f"{vehicle.name!r} turns by its {turning.part}: their effects cannot be compared"
-        )
-    return notes
-
-
-def _beyond(phase: PhaseComparison) -> list[str]:
-    log, twin = phase.log, phase.twin
-    if twin is None:
-        return ["the twin never flew it steadily"]
-    found = []
-    ratio = _ratio(twin.depth_rate, log.depth_rate)
-    if ratio is not None and abs(ratio - 1.0) > DEPTH_RATE_LIMIT:
-        found.append(f"depth rate {ratio:.3f} times the log's (within {DEPTH_RATE_LIMIT:.0%})")
-    turn = _ratio(twin.turn_per_actuator, log.turn_per_actuator) if phase.same_part else None
-    if turn is not None and abs(turn - 1.0) > TURN_LIMIT:
-        found.append(f"turn per actuator {turn:.2f} times the log's (within {TURN_LIMIT:.0%})")
-    if twin.heading_sd is not None and twin.heading_sd > HEADING_LIMIT:
-        found.append(f"heading wanders by {twin.heading_sd:.1f} deg (at most {HEADING_LIMIT:g})")
-    if twin.oscillation is not None:
-        one = twin.oscillation
-        found.append(
-            f"{one.signal} swings by {one.amplitude_deg:.1f} deg every {one.period_s:.0f} s and "
-            "does not die out"
-        )
-    return found
-
-
-def _is_flown(flight: Trajectory) -> bool:
-    return flight.provenance.get("ended") == "flown"
-
-
-def _ratio(mine: float | None, theirs: float | None) -> float | None:
-    return None if mine is None or not theirs else mine / theirs
-
-
-def _difference(mine: float | None, theirs: float | None) -> float | None:
-    return None if mine is None or theirs is None else mine - theirs

@@ -10,7 +10,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.signal import savgol_filter
 
 from twin.checks.logs.calibrated import Calibrated
-from twin.checks.logs.legs import Leg, Phase, legs_of
+from twin.checks.logs.legs import Leg, legs_of
 from twin.checks.logs.steering import Turning, log_signal
 from twin.records.logs import LogStore
 from twin.records.trajectory import VELOCITY
@@ -297,8 +297,3 @@ def _per_sample(targets: tuple[Target, ...], count: int) -> Array | None:
                 out[begin : piece.last + 1] = piece.heading
             begin = piece.last + 1
     return out if np.isfinite(out).any() else None
-
-
-def phase_targets(dive: Dive, phase: Phase) -> list[Target]:
-    """Targets of the compared legs of a phase."""
-    return [t for t in dive.targets if t.leg.phase == phase and t.leg.compared]

@@ -15,7 +15,7 @@ from twin.mission import Mission
 from twin.mission.glide import steady_glide
 from twin.mission.segments import SawTooth
 from twin.mission.table import DONE
-from twin.physics.mujoco_model import state
+from twin.physics.model_block import state
 from twin.physics.quiet import quiet_mujoco
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
@@ -41,7 +41,7 @@ BEYOND = 0.05
 
 
 def fly_dives(vehicle: Vehicle, dives: Sequence[Dive]) -> list[Trajectory | SimulationUnstable]:
-    """The twin on each dive's targets; what went unstable holds what it flew until then.
+    """The twin's flight on each dive's targets; of an unstable one the error with what it flew.
 
     Raises:
       InputError: the vehicle's pump cannot do what the log's did.

@@ -1,4 +1,4 @@
-"""Oscillation: a swing that does not die out, as a loop makes whose vehicle answers it wrongly."""
+"""Oscillation: a swing that does not die out, as a badly tuned control loop makes it."""
 
 from __future__ import annotations
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Container
 from pathlib import Path
 
-from twin.checks.logs.comparison import LogCheck
 from twin.checks.logs.dive import Dive
 from twin.checks.logs.flight import legs_flown
 from twin.checks.logs.legs import PHASES
+from twin.checks.logs.result import LogCheck
 from twin.checks.logs.steering import RUDDER, USUAL_NAMES, log_signal
 from twin.plot.caption import mission_caption
 from twin.plot.logged_dive import log_figure

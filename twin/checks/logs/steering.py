@@ -23,7 +23,7 @@ TURNING = (RUDDER, USUAL[BatteryHinge])
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Turning:
-    """What turns the vehicle and what turned the logged one."""
+    """The part that turns the vehicle, and the signal of what turned the logged one."""
 
     part: str
     """name of the vehicle's part"""

@@ -1,4 +1,4 @@
-"""Turns: the twin with what turns it on the log's positions, so that both answer the same input.
+"""Turns: the twin flown with the positions of the log's turning part, so that both have one input.
 
 In closed loop a twin in calm water hardly moves its rudder, where the log's works against waves and
 a compass' noise. Here pitch and pump stay in closed loop and the heading is left to itself.

@@ -29,7 +29,7 @@ surfaced at any pitch, and waves or a pressure offset of this size do not hide i
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """What all segments share. A kind of one's own gives `kind`, `row` and `expected`."""
+    """What all segments share. A kind of your own gives `kind`, `row` and `expected`."""
 
     kind: ClassVar[str] = ""
     """Name in mission files."""

@@ -1,4 +1,4 @@
-"""Innovation: what a fix said that a filter had not known."""
+"""Innovation: by how much a fix differs from what a filter expected."""
 
 from __future__ import annotations
 

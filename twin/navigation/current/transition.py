@@ -1,4 +1,4 @@
-"""Transition: what a time does to the state of a current filter and to its covariance."""
+"""Transition: how the state of a current filter and its covariance change over a time step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tune: the parameters of a current by the most likely surprises at the fixes of a training part.
+"""Tuning: the parameters of a current under which the fixes of a training part are likeliest.
 
 The likelihood of a filter's innovations (Schweppe 1965, IEEE Trans. Inf. Theory 11), with Student's
 t in place of the normal distribution, so that a front crossed once does not set the scale, times

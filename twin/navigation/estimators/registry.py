@@ -1,4 +1,4 @@
-"""Registry of the velocity estimators, and their opening by a text."""
+"""Registry of the velocity estimators, and how one is made from its name and argument."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Flight: motion by the steady balance of forces of a vehicle that is learned on the way.
+"""Flight: motion by a steady balance of forces whose constants are estimated under way.
 
 See `twin.navigation.flight_filter`.
 """

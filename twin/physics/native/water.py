@@ -1,4 +1,4 @@
-"""The water's forces that no law of a hull or part has: added mass, buoyancy, immersion.
+"""Water: forces that belong to no hull law and no part: added mass, buoyancy, immersion.
 
 Axes are FRD about the centre of buoyancy. Sources of the added mass in a moving fluid: Kirchhoff's
 equations as in Fossen (2021), sections 8.1-8.3, and Thomasson and Woolsey (2013), Vehicle motion in

@@ -1,4 +1,4 @@
-"""Register: takes a kind of current in, or says what it lacks."""
+"""Register: adds a kind of current, or says what it lacks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Row times: where the rows of a log begin and end that is not cut into dives."""
+"""Row times: where rows begin and end in a log that is not cut into dives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Velocity checks: whether a column that is to be a velocity is one.
+"""Velocity checks: whether a column that a mapping calls a velocity can be one.
 
 Tables of other people hold, under the same name, a distance run so far, the metres of one sample, a
 sensor that was off, or port where another file has starboard. What cannot be a velocity is refused;
@@ -51,7 +51,7 @@ def check_values(
     possible: tuple[float, float] | None,
     subject: str,
 ) -> None:
-    """Refuse a column of velocities most of which no vehicle has.
+    """Refuse a column of velocities if most of them are impossible for a vehicle.
 
     Args:
       values: [m/s] without the mapping's sentinels.

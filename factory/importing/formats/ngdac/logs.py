@@ -1,4 +1,4 @@
-"""Reader of IOOS NGDAC netCDF files: a profile a file, which together make a deployment.
+"""Reader of IOOS NGDAC netCDF files: one profile per file, which together make a deployment.
 
 CF's names and units. Positions are the data assembly's track, interpolated between surfacings; GPS
 fixes are known only where a file keeps the vehicle's own `m_gps_lat`, `m_gps_lon` (decimal degrees

@@ -1,38 +1,16 @@
-"""Registry: the kinds of one seam by name: shipped, registered by the user, or from entry points.
-
-Nothing is imported before it is asked for: shipped kinds are known by the place to import them
-from, and an installed distribution adds its own under the seam's entry-point group:
-
-    [project.entry-points."glider_twin.sensors"]
-    turbidity = "my_package.turbidity:Turbidity"
-
-For kinds in a single file, the environment variable `GLIDER_TWIN_PLUGINS` names Python files that
-call a seam's `register`, separated as in PATH. Each process runs them once, before it first looks a
-name up. Worker processes inherit the variable and so know the same kinds. Kinds that a program
-registers itself are handed over with `registered` and `adopt`.
-"""
+"""Registry: the kinds of one seam by name, each imported and checked when it is asked for."""
 
 from __future__ import annotations
 
 import functools
-import importlib
 import importlib.metadata
-import importlib.util
-import os
-import sys
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
 from typing import Any, TypeVar
 
 from twin.errors import InputError, TwinError, UnknownName
-
-PLUGINS = "GLIDER_TWIN_PLUGINS"
-"""Environment variable with the Python files of a user's own kinds."""
-PLUGIN_MODULE = "glider_twin_plugin_"
-"""Start of the names under which those files are known as modules."""
-PROGRAMS = ("__main__", "__mp_main__")
-"""Names of the file that Python was started with, here and in its worker processes."""
+from twin.registry.places import PROGRAMS, from_plugin, importable, imported, place_of, same_place
+from twin.registry.plugins import PLUGIN_MODULE, PLUGINS, run_plugins
 
 Kind = TypeVar("Kind")
 
@@ -86,10 +64,10 @@ class Registry(Mapping[str, Kind]):
         return kind
 
     def register(self, name: str, kind: Any = None) -> Any:
-        """Add a kind of one's own for this process; `@REGISTRY.register(name)` decorates it.
+        """Add a kind of your own for this process; `@REGISTRY.register(name)` decorates it.
 
         The same one may be registered again; a class or function that was defined again at the
-        same place, as when a notebook's cell is run twice, replaces the first. A kind of one's own
+        same place, as when a notebook's cell is run twice, replaces the first. A kind of your own
         comes before an installed distribution's of that name, which is usually the same one.
 
         Raises:
@@ -100,7 +78,7 @@ class Registry(Mapping[str, Kind]):
         before = self._registered.get(name)
         if before is kind or (name in self._places and self[name] is kind):
             return kind
-        if name in self._places or (before is not None and not _same_place(before, kind)):
+        if name in self._places or (before is not None and not same_place(before, kind)):
             raise InputError(f"{self.noun} {name!r} exists already: choose another name")
         self._registered[name] = kind  # the check may look it up by its name
         try:
@@ -139,7 +117,7 @@ class Registry(Mapping[str, Kind]):
     def registered(self) -> dict[str, Kind]:
         """Kinds that another process has to be told of: those that neither a file named by
         `GLIDER_TWIN_PLUGINS` nor an entry point registers there as well."""
-        return {name: kind for name, kind in self._registered.items() if not _from_plugin(kind)}
+        return {name: kind for name, kind in self._registered.items() if not from_plugin(kind)}
 
     def adopt(self, kinds: Mapping[str, Any]) -> None:
         """In another process: register what `registered` gave in the first one."""
@@ -155,7 +133,7 @@ class Registry(Mapping[str, Kind]):
           InputError: it is not found by its module's name, as one in a notebook.
         """
         kind = self.registered().get(name)
-        if kind is not None and not _importable(kind):
+        if kind is not None and not importable(kind):
             raise InputError(
                 f"{self.noun} {name!r} ({place_of(kind)}) cannot be imported by another process: "
                 f"put it at the top of a file and name the file in {PLUGINS}, or use 1 worker"
@@ -248,159 +226,3 @@ class Registry(Mapping[str, Kind]):
 
 def _origin(point: importlib.metadata.EntryPoint) -> str:
     return f"distribution {point.dist.name!r}" if point.dist else "an entry point"
-
-
-def imported(place: str) -> Any:
-    """What stands at `module:attribute`."""
-    module, _, attribute = place.partition(":")
-    return getattr(importlib.import_module(module), attribute)
-
-
-def place_of(kind: Any) -> str:
-    """`module:Name` of a class or function; of an object, its class's."""
-    found = kind if hasattr(kind, "__qualname__") else type(kind)
-    return f"{found.__module__}:{found.__qualname__}"
-
-
-def _same_place(one: Any, other: Any) -> bool:
-    """Whether two classes or functions are one that was defined twice."""
-    both = hasattr(one, "__qualname__") and hasattr(other, "__qualname__")
-    return both and place_of(one) == place_of(other)
-
-
-def _from_plugin(kind: Any) -> bool:
-    return place_of(kind).startswith(PLUGIN_MODULE)
-
-
-def _importable(kind: Any) -> bool:
-    """Whether a process that is started by this one finds a kind by its module and name."""
-    module, _, name = place_of(kind).partition(":")
-    if "<locals>" in name:
-        return False
-    if module == "__main__":
-        return hasattr(sys.modules[module], "__file__")
-    try:
-        return importlib.util.find_spec(module) is not None
-    except (ImportError, ValueError):
-        return False
-
-
-def instance_of(noun: str, base: type[Kind]) -> Callable[[str, Any], Kind]:
-    """The check of a seam whose kinds are objects that bear their name in `name`.
-
-    Args:
-      noun: what a kind is called in errors.
-      base: the class that it must be an object of.
-    """
-
-    def check(name: str, kind: Any) -> Kind:
-        if not isinstance(kind, base):
-            raise InputError(
-                f"{kind!r} cannot be registered as a{'n' if noun[0] in 'aeiou' else ''} {noun}: "
-                f"it must be a {base.__module__}.{base.__name__}"
-            )
-        own = getattr(kind, "name", None)
-        if own != name:
-            raise InputError(f"{noun} {name!r} leads to {kind!r}, which has another name")
-        return kind
-
-    return check
-
-
-def self_named(
-    noun: str, base: type[Kind], lacks: Callable[[Any], str], error: type[TwinError]
-) -> Callable[[str, Any], type[Kind]]:
-    """The check of a seam whose kinds are classes that bear their name in `kind`.
-
-    Args:
-      noun: what a kind is called in errors.
-      base: the class that it must derive from.
-      lacks: what a class that is only half there lacks; empty when nothing.
-      error: class of the errors.
-    """
-
-    def check(name: str, kind: Any) -> type[Kind]:
-        if not (isinstance(kind, type) and issubclass(kind, base)):
-            raise error(
-                f"{kind!r} cannot be registered as a {noun}: derive it from "
-                f"{base.__module__}.{base.__name__}"
-            )
-        own = getattr(kind, "kind", "")
-        if own != name:
-            raise error(f"{noun} {name!r}: the class {kind.__name__} calls itself {own!r}")
-        missing = lacks(kind)
-        if missing:
-            raise error(f"the {noun} {name!r} is only half there: it lacks {missing}")
-        return kind
-
-    return check
-
-
-def missing_method(kind: type) -> str:
-    """The first method that a class leaves abstract, as `lacks` says it; "" where none is."""
-    missing = sorted(getattr(kind, "__abstractmethods__", ()))
-    return f"the method `{missing[0]}`" if missing else ""
-
-
-def check_class(noun: str, name: str, kind: Any, base: type, words: tuple[str, ...]) -> None:
-    """What a seam whose kinds are classes asks of each.
-
-    Args:
-      base: the class that it must derive from, with nothing left abstract.
-      words: attributes that must hold a text that is not empty.
-
-    Raises:
-      InputError: it is only half there, or its name is not an identifier.
-    """
-    if not name.isidentifier():
-        raise InputError(f"a {noun} needs a name of letters, digits and underscores, not {name!r}")
-    if not (isinstance(kind, type) and issubclass(kind, base)):
-        raise InputError(
-            f"{noun} {name!r} must be a class derived from {base.__module__}.{base.__name__}"
-        )
-    if missing := sorted(getattr(kind, "__abstractmethods__", ())):
-        raise InputError(f"{noun} {name!r} ({place_of(kind)}) lacks {', '.join(missing)}()")
-    for word in words:
-        text = getattr(kind, word, None)
-        if not (isinstance(text, str) and text.strip()):
-            raise InputError(
-                f"{noun} {name!r} ({place_of(kind)}) lacks {word}, a text of one line for tables "
-                "and messages"
-            )
-
-
-_plugins_ran: set[str] = set()
-
-
-def run_plugins() -> None:
-    """Run the files that the environment names, each once.
-
-    Raises:
-      InputError: a file is not there or fails; the message names it.
-    """
-    for text in os.environ.get(PLUGINS, "").split(os.pathsep):
-        if not text or text in _plugins_ran:
-            continue
-        _plugins_ran.add(text)  # before it runs: it looks names up itself
-        try:
-            _run_plugin(Path(text))
-        except BaseException:
-            _plugins_ran.discard(text)
-            raise
-
-
-def _run_plugin(path: Path) -> None:
-    if not path.is_file():
-        raise InputError(f"{PLUGINS} names {path}, which is not a file; correct the variable")
-    name = f"{PLUGIN_MODULE}{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise InputError(f"{PLUGINS} names {path}, which is not a Python file (.py)")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses look their module up
-    try:
-        spec.loader.exec_module(module)
-    except InputError as error:
-        raise InputError(f"{path} ({PLUGINS}): {error}") from error
-    except Exception as error:
-        raise InputError(f"{path} ({PLUGINS}) fails: {type(error).__name__}: {error}") from error

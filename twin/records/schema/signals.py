@@ -1,95 +1,14 @@
-"""Schema: the names, units and meanings of every variable that a store of missions holds.
+"""Signals: name, unit and meaning of each that the twin simulates or an import brings.
 
-Three groups are told apart by prefix and by the attribute `signal_group`: `true_*` is what
-happened, `measured_*` what the sensors said, `commanded_*` what was asked for. Standard names are
-CF's where one exists. Angles are degrees in stores, radians in code.
+`true_*` is what happened, `measured_*` what the sensors said, `commanded_*` what was asked for.
+Standard names are CF's where one exists.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping
-from typing import Any
+from twin.records.schema.base import Variable
 
-from twin.errors import InputError, UnknownName
-
-SCHEMA_VERSION = 1
-MISSION, TIME = "mission", "time"
-
-
-@dataclasses.dataclass(frozen=True)
-class Variable:
-    """One stored signal."""
-
-    name: str
-    units: str
-    """As CF (UDUNITS) writes it; "1" is dimensionless."""
-    long_name: str
-    """A short noun phrase"""
-    standard_name: str | None = None
-    limits: tuple[float, float] | None = None
-    """Lowest and highest possible value; None: those of the table of limits, by unit and name."""
-    gaps: bool = False
-    """Whether it may be NaN inside a mission: no fix, no lock, no setpoint."""
-    comment: str = ""
-    """Conventions, and where it is NaN."""
-
-    @property
-    def decimals(self) -> int | None:
-        """Decimals that bulk stores keep, far below any sensor; None keeps full float32."""
-        return _decimals(self.name, self.units)
-
-    @property
-    def group(self) -> str:
-        """truth, measured or commanded."""
-        return _GROUPS[self.name.split("_", 1)[0]]
-
-    def attributes(self) -> dict[str, Any]:
-        """CF attributes."""
-        attributes: dict[str, Any] = {
-            "units": self.units,
-            "long_name": self.long_name,
-            "signal_group": self.group,
-        }
-        if self.standard_name:
-            attributes["standard_name"] = self.standard_name
-        if self.comment:
-            attributes["comment"] = self.comment
-        if self.standard_name == "depth":
-            attributes["positive"] = "down"
-        if self.limits:
-            attributes["valid_min"], attributes["valid_max"] = self.limits
-        if self.gaps:
-            attributes["gaps"] = 1
-        return attributes
-
-    def stored_attributes(self) -> dict[str, str | int]:
-        """Attributes in bulk stores, which keep so many decimals."""
-        attributes: dict[str, str | int] = {**self.attributes()}
-        if self.decimals is not None:
-            attributes["least_significant_digit"] = self.decimals
-        return attributes
-
-
-_UNIT_DECIMALS = {"degree": 4, "rad s-1": 7, "m s-1": 6, "m s-2": 5, "cm3": 3, "kg": 6,
-                  "kg m-3": 4, "dbar": 5, "S m-1": 7}  # fmt: skip
-"""1e-4 degree is 2e-6 rad, 1e-6 m/s drifts 1 cm in 3 h."""
-_HORIZONTAL_DECIMALS, _DEPTH_DECIMALS, _BATTERY_DECIMALS = 3, 5, 7
-"""[m]: tracks to 1 mm; depth finer, since its rate is taken over half a second; 1e-7 m of battery
-moves pitch by 1e-4 degree."""
-
-
-def _decimals(name: str, units: str) -> int | None:
-    if units != "m":
-        return _UNIT_DECIMALS.get(units)
-    if name.endswith(("north", "east")):
-        return _HORIZONTAL_DECIMALS
-    return _BATTERY_DECIMALS if name.endswith("shift") else _DEPTH_DECIMALS
-
-
-_GROUPS = {"true": "truth", "measured": "measured", "commanded": "commanded"}
-
-_TABLE: tuple[Variable, ...] = (
+SIGNALS: tuple[Variable, ...] = (
     Variable("true_north", "m", "distance north of the start", comment="over ground"),
     Variable("true_east", "m", "distance east of the start", comment="over ground"),
     Variable("true_depth", "m", "depth of the centre of buoyancy", "depth"),
@@ -423,9 +342,6 @@ _TABLE: tuple[Variable, ...] = (
     ),
 )
 
-VARIABLES: dict[str, Variable] = {variable.name: variable for variable in _TABLE}
-"""Every variable by name, in storage order."""
-
 LOGGED_ONLY = frozenset(
     {
         "true_speed",
@@ -457,56 +373,3 @@ HYDROGRAPHY = frozenset(
 
 WITH_FLOOR = ("true_altitude", "true_contact", "measured_altitude")
 """Variables of simulated missions that have a sea floor; contact also of those with obstacles."""
-
-SIMULATED: tuple[str, ...] = tuple(
-    name for name in VARIABLES if name not in LOGGED_ONLY | HYDROGRAPHY and name not in WITH_FLOOR
-)
-"""Variables of every simulated mission, in storage order."""
-
-
-def variable(name: str) -> Variable:
-    """The variable of that name; raises UnknownName (an InputError and a KeyError) otherwise."""
-    try:
-        return VARIABLES[name]
-    except KeyError:
-        raise UnknownName("variable", name, VARIABLES) from None
-
-
-def variables(*names: str) -> tuple[Variable, ...]:
-    """The variables of these names; raises as `variable`."""
-    return tuple(variable(name) for name in names)
-
-
-def declare(entry: Variable) -> None:
-    """Add a variable to `VARIABLES`, as the sensors and parts of one's own do.
-
-    Raises:
-      InputError: the name has no group, or is declared with another meaning already.
-    """
-    if entry.name.split("_", 1)[0] not in _GROUPS:
-        raise InputError(
-            f"variable {entry.name!r} must begin with {', '.join(f'{g}_' for g in _GROUPS)}"
-        )
-    known = VARIABLES.setdefault(entry.name, entry)
-    if known != entry:
-        raise InputError(f"variable {entry.name!r} exists already as {known}, not {entry}")
-
-
-def declare_stored(name: str, attributes: Mapping[str, Any]) -> None:
-    """Declare a signal that a store holds and this process does not know, as the store says."""
-    if name in VARIABLES or "units" not in attributes or name.split("_", 1)[0] not in _GROUPS:
-        return
-    limits = None
-    if "valid_min" in attributes and "valid_max" in attributes:
-        limits = (float(attributes["valid_min"]), float(attributes["valid_max"]))
-    declare(
-        Variable(
-            name,
-            str(attributes["units"]),
-            str(attributes.get("long_name", name)),
-            attributes.get("standard_name"),
-            limits,
-            bool(attributes.get("gaps", 0)),
-            str(attributes.get("comment", "")),
-        )
-    )

@@ -1,0 +1,222 @@
+"""Flight filter kernels: one sample after the other, compiled.
+
+`samples` hold CHANNELS, `carried` is all that goes from one sample to the next: its places have
+names here.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from twin.compiled import jit
+from twin.navigation.baselines.base import RESTING_RATE, SHALLOW_DEPTH, SURFACE_DEPTH
+from twin.vehicle.parts.pump import CUBIC_CM
+
+CHANNELS = (
+    *("measured_depth", "measured_roll", "measured_pitch"),
+    *("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate"),
+    *("measured_specific_force_x", "measured_specific_force_y", "measured_specific_force_z"),
+    *("measured_pump", "measured_density"),
+)
+"""What the filter reads, in the order of the samples."""
+DEPTH, ROLL, PITCH, P, Q, R, FX, FY, FZ, PUMP, DENSITY = range(len(CHANNELS))
+CONSTANTS = ("drag", "lift_slope", "pitch_x", "pitch_z", "ballast", "compressibility", "induced")
+DRAG, LIFT, TILT_X, TILT_Z, BALLAST, SQUEEZE, INDUCED = range(len(CONSTANTS))
+OUTPUTS = ("surge", "sway", "attack")
+"""What the filter gives of each sample: surge and sway [m/s], and the angle of attack [rad]."""
+STANDARD_OCEAN = (1028.106, 4.7e-3)
+"""[kg/m3], [kg/m4]: density of TEOS-10's standard ocean at the surface and its growth with depth,
+within 0.02 kg/m3 to 1000 m."""
+SMOOTHED_S = 5.0
+"""[s] exponential mean of every input: longer than noise, shorter than a glider takes to settle."""
+FUSED_S = 20.0
+"""[s] over which the attitude's pitch is drawn to the accelerometers'."""
+QUIET_S = 10.0
+"""[s] over which the glide must have been steady."""
+QUIET_PITCH = math.radians(1.0)
+"""[rad] by which the pitch may then differ from its mean."""
+QUIET_RATE = 0.01
+"""[m/s] likewise, of the depth rate."""
+AFLOAT_S = 40.0
+"""[s] after a stay at the surface in which nothing is learned."""
+EVERY_S = 15.0
+"""[s] between corrections; a glider's errors of one moment last about as long."""
+SETTLED, ITERATIONS = 3, 12
+"""Fixed-point iterations at each sample, from those of the sample before, and at a correction."""
+RELINEARISED = 2
+"""Times that a correction is worked out, each about the last one's constants."""
+NUDGE = 0.1
+"""Of the prior deviation: step of the differences."""
+FLAT_SINE = 0.07
+"""As of `steady_flight`: sine of the path angle at which the buoyancy's and the depth rate's speed
+count alike."""
+LEAST_SINE = 0.12
+"""of the path angle of a glide from which something is learned"""
+LEAST_NET = 0.05
+"""[kg] net buoyancy that is taken for a glide whose buoyancy seems to pull the other way."""
+WIDEST = 0.3
+"""[rad] flow angles are held within this; half of it starts over."""
+MOST_OFFSET = 0.02
+"""[rad] between attitude and accelerometers; more is an acceleration."""
+
+STARTED, BEFORE, OFFSET = 0, 1, 2
+MEANS = 3
+"""place of the means of pitch, roll, three rates, net mass, its change with compressibility, and
+depth rate"""
+RESTLESS, SLOW_RATE, SINCE_AFLOAT, SINCE_UPDATE, WARM = 11, 12, 13, 14, 15
+GUESS = 18
+COVARIANCE = GUESS + len(CONSTANTS)
+CARRIED = COVARIANCE + len(CONSTANTS) ** 2
+
+
+@jit
+def _balance(law, inertia, gravity, x, c, start, iterations, out):  # type: ignore[no-untyped-def]
+    """Speed, angle of attack, sideslip and the downward part of the direction, into `out`.
+
+    `x` are pitch, roll, three rates, net mass and its change with compressibility; `c` the
+    constants; `start` speed and angles to start from. False where nothing pulls along the hull.
+    """
+    drag = law[0] * math.exp(c[DRAG])
+    induced = law[1] * math.exp(c[INDUCED])
+    slope = law[3] * math.exp(c[LIFT])
+    pitch = x[0] - (c[TILT_X] * math.cos(x[0]) + c[TILT_Z] * math.sin(x[0]))
+    sp, cp = math.sin(pitch), math.cos(pitch)
+    sr, cr = math.sin(x[1]), math.cos(x[1])
+    net = x[5] + c[BALLAST] + x[6] * c[SQUEEZE]
+    if net * sp > -LEAST_NET * abs(sp):
+        net = -LEAST_NET if sp > 0.0 else LEAST_NET
+    weight = gravity * net
+    w0, w1, w2 = -weight * sp, weight * cp * sr, weight * cp * cr
+    speed, alpha, beta = start[0], start[1], start[2]
+    if abs(alpha) > 0.5 * WIDEST or abs(beta) > 0.5 * WIDEST:
+        speed, alpha, beta = 0.3, 0.0, 0.0
+    gliding = True
+    ca, sa, cb, sb = 1.0, 0.0, 1.0, 0.0
+    for _ in range(iterations):
+        ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
+        u, v, w = speed * ca * cb, speed * sb, speed * sa * cb
+        m0 = inertia[0, 0] * u + inertia[0, 1] * v + inertia[0, 2] * w
+        m1 = inertia[1, 0] * u + inertia[1, 1] * v + inertia[1, 2] * w
+        m2 = inertia[2, 0] * u + inertia[2, 1] * v + inertia[2, 2] * w
+        t0 = w0 + m1 * x[4] - m2 * x[3]
+        t1 = w1 + m2 * x[2] - m0 * x[4]
+        t2 = w2 + m0 * x[3] - m1 * x[2]
+        along = ca * cb * t0 + sb * t1 + sa * cb * t2
+        side = -ca * sb * t0 + cb * t1 - sa * sb * t2
+        normal = -sa * t0 + ca * t2
+        if along <= 1e-6:
+            gliding = False
+            break
+        square = along / (drag + induced * alpha * alpha)
+        alpha = min(max((normal / square - law[2]) / slope, -WIDEST), WIDEST)
+        beta = min(max(-side / square / law[4], -WIDEST), WIDEST)
+        speed = math.sqrt(square)
+    if gliding:
+        ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
+        out[0], out[1], out[2] = speed, alpha, beta
+        out[3] = -ca * cb * sp + sb * cp * sr + sa * cb * cp * cr
+    return gliding
+
+
+@jit
+def _slopes(law, inertia, gravity, prior, x, c, start, found, out):  # type: ignore[no-untyped-def]
+    """Depth rate of the balance, left in `out`, and its change with each constant, (7,)."""
+    for j in range(c.size):
+        kept, nudge = c[j], NUDGE * prior[j]
+        c[j] += nudge
+        _balance(law, inertia, gravity, x, c, start, ITERATIONS, out)
+        found[j] = out[0] * out[3] / nudge
+        c[j] = kept
+    _balance(law, inertia, gravity, x, c, start, ITERATIONS, out)
+    for j in range(c.size):
+        found[j] -= out[0] * out[3] / (NUDGE * prior[j])
+    return out[0] * out[3]
+
+
+@jit
+def filtered(law, inertia, hull, prior, rate_variance, period, samples, carried):  # type: ignore[no-untyped-def]
+    """Outputs (time, 3) of the samples (time, 11); `carried` goes on."""
+    mass, volume, gravity, reference, squeeze = hull[0], hull[1], hull[2], hull[3], hull[4]
+    n, size = samples.shape[0], prior.size
+    outputs = np.zeros((n, 3))
+    x, start, out = np.zeros(7), np.zeros(3), np.zeros(4)
+    slopes, gain = np.zeros(size), np.zeros(size)
+    c = carried[GUESS:COVARIANCE]
+    cov = carried[COVARIANCE:].reshape((size, size))
+    degree = math.pi / 180.0
+    short = 1.0 - math.exp(-period / SMOOTHED_S)
+    fused = 1.0 - math.exp(-period / FUSED_S)
+    quiet = 1.0 - math.exp(-period / QUIET_S)
+    for k in range(n):
+        s = samples[k]
+        first = carried[STARTED] == 0.0
+        depth, density = s[DEPTH], s[DENSITY]
+        roll, pitch = s[ROLL] * degree, s[PITCH] * degree
+        size_f = math.sqrt(s[FX] * s[FX] + s[FY] * s[FY] + s[FZ] * s[FZ])
+        shown = math.asin(min(max(s[FX] / size_f, -1.0), 1.0)) if size_f > 0.0 else pitch
+        offset = min(max(pitch - shown, -MOST_OFFSET), MOST_OFFSET)
+        carried[OFFSET] += (1.0 if first else fused) * (offset - carried[OFFSET])
+        pitch -= carried[OFFSET]
+        standard = STANDARD_OCEAN[0] + STANDARD_OCEAN[1] * max(depth, 0.0)
+        rate = 0.0 if first else (depth - carried[BEFORE]) / period * standard / density
+        carried[BEFORE] = depth
+        # Net mass and how it changes with compressibility.
+        pressure = max(depth, 0.0) * reference * gravity
+        hull_volume = volume + CUBIC_CM * s[PUMP]
+        net = mass - density * hull_volume * (1.0 - squeeze * pressure)
+        given = (pitch, roll, s[P], s[Q], s[R], net, density * hull_volume * pressure, rate)
+        for i in range(8):
+            carried[MEANS + i] += (1.0 if first else short) * (given[i] - carried[MEANS + i])
+        for i in range(7):
+            x[i] = carried[MEANS + i]
+        rate = carried[MEANS + 7]
+        carried[RESTLESS] += quiet * (abs(pitch - x[0]) - carried[RESTLESS])
+        carried[SLOW_RATE] += quiet * (rate - carried[SLOW_RATE])
+        still = depth < SURFACE_DEPTH or (depth < SHALLOW_DEPTH and abs(rate) < RESTING_RATE)
+        carried[SINCE_AFLOAT] = 0.0 if still else carried[SINCE_AFLOAT] + period
+        carried[SINCE_UPDATE] += period
+        carried[STARTED] = 1.0
+        for i in range(3):
+            start[i] = carried[WARM + i]
+        gliding = _balance(law, inertia, gravity, x, c, start, SETTLED, out)
+        if not gliding:
+            start[:] = 0.0
+            gliding = _balance(law, inertia, gravity, x, c, start, ITERATIONS, out)
+        learns = gliding and carried[SINCE_AFLOAT] > AFLOAT_S and carried[SINCE_UPDATE] > EVERY_S
+        learns = learns and carried[RESTLESS] < QUIET_PITCH
+        learns = learns and abs(rate - carried[SLOW_RATE]) < QUIET_RATE
+        if learns and abs(out[3]) > LEAST_SINE and rate * out[3] > 0.0:
+            carried[SINCE_UPDATE] = 0.0
+            before = c.copy()
+            variance = rate_variance
+            for _ in range(RELINEARISED):
+                for i in range(3):
+                    start[i] = out[i]
+                here = _slopes(law, inertia, gravity, prior, x, c, start, slopes, out)
+                variance = rate_variance
+                for i in range(size):
+                    gain[i] = 0.0
+                    for j in range(size):
+                        gain[i] += cov[i, j] * slopes[j]
+                    variance += gain[i] * slopes[i]
+                surprise = rate - here
+                for j in range(size):
+                    surprise -= slopes[j] * (before[j] - c[j])
+                for i in range(size):
+                    c[i] = before[i] + gain[i] / variance * surprise
+            for i in range(size):
+                for j in range(size):
+                    cov[i, j] -= gain[i] * gain[j] / variance
+            _balance(law, inertia, gravity, x, c, start, ITERATIONS, out)
+        if gliding:
+            for i in range(3):
+                carried[WARM + i] = out[i]
+            speed = (out[0] * FLAT_SINE**2 + rate * out[3]) / (FLAT_SINE**2 + out[3] * out[3])
+            speed = max(speed, 0.0)
+            outputs[k, 2] = out[1]
+            if not still:
+                outputs[k, 0] = speed * math.cos(out[1]) * math.cos(out[2])
+                outputs[k, 1] = speed * math.sin(out[2])
+    return outputs

@@ -1,0 +1,144 @@
+"""Mission dataset: trajectories as one dataset of the schema.
+
+Signals are (mission, time) in float32 with NaN padding, `simulation_state` holds MuJoCo's exact
+state in float64.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import StoreError
+from twin.records.attributes import N_SAMPLES, SIMULATED_ATTRIBUTES
+from twin.records.place import (
+    COORDINATES,
+    FLOWN,
+    NOMINAL,
+    PLACE,
+    flown_coordinates,
+    nominal_array,
+    padded,
+    place_arrays,
+    sample_variables,
+)
+from twin.records.schema import MISSION, TIME, VARIABLES
+from twin.records.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+STATE, STATES = "state", "simulation_state"
+COLUMNS = "columns"
+"""Attribute of `simulation_state` that names its columns: qpos, qvel, act, ctrl (x north, y west, z
+up; SI, rad, cm3)."""
+
+
+def mission_dataset(
+    trajectories: Sequence[Trajectory],
+    *,
+    parameters: Sequence[Mapping[str, float]] | None = None,
+    attributes: Mapping[str, Any] | None = None,
+) -> xr.Dataset:
+    """The trajectories as one dataset of the schema, padded with NaN to the longest."""
+    import xarray as xr
+
+    longest = max(len(t.time) for t in trajectories)
+    provenances = [t.provenance for t in trajectories]
+    coordinates: dict[str, Any] = {
+        MISSION: (MISSION, np.arange(len(trajectories)), {"long_name": "mission index"}),
+        TIME: (
+            TIME,
+            max((t.time for t in trajectories), key=len),
+            {"units": "s", "long_name": "time since the start of the mission"},
+        ),
+    }
+    variables: dict[str, Any] = {
+        N_SAMPLES: (
+            MISSION,
+            np.array([len(t.time) for t in trajectories], np.int32),
+            {
+                "units": "1",
+                "long_name": "number of samples of the mission",
+                "comment": "later ones are padding",
+            },
+        )
+    }
+    variables |= nominal_array(provenances)
+    if places := place_arrays(provenances):
+        positions = [flown_coordinates(t.time, *_true_track(t), t.provenance) for t in trajectories]
+        samples = {
+            name: padded(name, [p[name] for p in positions], longest) for name in COORDINATES
+        }
+        coordinates |= sample_variables(samples, FLOWN, (MISSION, TIME)) | places
+    for name, entry in VARIABLES.items():
+        if not any(name in t.signals for t in trajectories):
+            continue
+        values = np.full((len(trajectories), longest), np.nan, np.float32)
+        for i, trajectory in enumerate(trajectories):
+            if name in trajectory.signals:
+                values[i, : len(trajectory.time)] = trajectory.signals[name]
+        variables[name] = ((MISSION, TIME), values, entry.attributes())
+    width = _state_width(trajectories)
+    states = np.full((len(trajectories), longest, width), np.nan)
+    for i, trajectory in enumerate(trajectories):
+        states[i, : len(trajectory.time)] = trajectory.states
+    variables[STATES] = (
+        (MISSION, TIME, STATE),
+        states,
+        {
+            "units": "1",
+            "long_name": "exact MuJoCo state, for replay and rendering",
+            COLUMNS: " ".join(trajectories[0].state_columns),
+        },
+    )
+    said = {n: value for n, value in (attributes or {}).items() if n not in (*PLACE, NOMINAL)}
+    dataset = xr.Dataset(variables, coordinates, {**SIMULATED_ATTRIBUTES, **said})
+    for name in sorted({key for row in parameters or () for key in row}):
+        values = np.array([row.get(name, np.nan) for row in parameters or ()])
+        dataset[name] = (MISSION, values)
+    return dataset
+
+
+def _true_track(trajectory: Trajectory) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """North and east [m], (time,); NaN where the trajectory was logged and nobody knows them."""
+    unknown = np.full(len(trajectory.time), np.nan)
+    north, east = (trajectory.signals.get(f"true_{name}", unknown) for name in ("north", "east"))
+    return north, east
+
+
+def _state_width(trajectories: Sequence[Trajectory]) -> int:
+    """Columns of their states; raises StoreError when they are those of different vehicles."""
+    first = trajectories[0]
+    for index, other in enumerate(trajectories):
+        alike = other.state_columns == first.state_columns
+        if not (alike and other.states.shape[1:] == first.states.shape[1:]):
+            raise StoreError(
+                f"a store holds the missions of one kind of vehicle: trajectory {index} has the "
+                f"parts {', '.join(other.actuators) or 'none'}, trajectory 0 has "
+                f"{', '.join(first.actuators) or 'none'}; write a store for each"
+            )
+    return int(first.states.shape[1])
+
+
+def stored_columns(one: xr.Dataset) -> tuple[str, ...]:
+    """Names of the columns of a dataset's states; empty when it has none."""
+    return tuple(str(one[STATES].attrs.get(COLUMNS, "")).split()) if STATES in one else ()
+
+
+def signal_names(one: xr.Dataset) -> tuple[str, ...]:
+    """The signals of a dataset in the schema's order, parts in that of the vehicle.
+
+    Which part this process met first, perhaps of another vehicle, must not tell in the order.
+    """
+    names = [name for name in VARIABLES if name in one]
+    parts = [c.removeprefix("act_") for c in stored_columns(one) if c.startswith("act_")]
+    for prefix in ("true", "commanded"):
+        ordered = [f"{prefix}_{part}" for part in parts if f"{prefix}_{part}" in names]
+        places = sorted(map(names.index, ordered))
+        for place, name in zip(places, ordered, strict=True):
+            names[place] = name
+    return tuple(names)

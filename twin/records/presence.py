@@ -1,0 +1,87 @@
+"""Presence: what is at a path or address: a store, one that was begun, something else, nothing.
+
+Only metadata and the names of files are read, no arrays.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from twin.bounded import parse_json
+from twin.errors import InputError, StoreError
+from twin.records.attributes import is_missions
+from twin.records.checksums import is_listed
+from twin.records.object_files import files_at
+from twin.records.sharded import METADATA
+from twin.records.store_path import StorePath, store_path
+
+GENERATING = ".generating"
+"""Ending of the folder beside a store that `factory generate` works in until it is complete."""
+RECIPE = "recipe.json"
+"""In a folder of it: what the store is made by"""
+UNFINISHED = ".generating"
+"""Folder inside a store that an older factory has begun and not completed."""
+
+
+def is_store(path: str | StorePath) -> bool:
+    """Whether `path` is a folder that holds a zarr v3 group of missions, whatever else it lacks."""
+    try:
+        return is_missions(read_attributes(path))
+    except StoreError:
+        return False
+
+
+def is_derived(path: str | StorePath) -> bool:
+    """Whether `path` is a zarr group that this program wrote and that holds no missions, such as
+    tracks: what may take its place must not take that of a store."""
+    return is_complete(path) and is_listed(path) and not is_store(path)
+
+
+def is_complete(path: str | StorePath) -> bool:
+    """Whether `path` holds a zarr v3 group; a store has its metadata only once it is complete."""
+    return files_at(path).exists(METADATA)
+
+
+def generating(path: str | StorePath) -> StorePath:
+    """The folder beside a store that `factory generate` works in."""
+    place = store_path(path)
+    return place.with_name(place.name + GENERATING)
+
+
+def begun(path: str | StorePath) -> list[StorePath]:
+    """Folders, one of each recipe, of runs that were begun for a store and not completed."""
+    place = generating(path)
+    files = files_at(place)
+    return [place / name for name in files.folders() if files.exists(f"{name}/{RECIPE}")]
+
+
+def is_unfinished(path: str | StorePath) -> bool:
+    """Whether `factory generate` has begun a store at `path` and not completed it."""
+    return not is_complete(path) and (begun_within(path) or bool(begun(path)))
+
+
+def begun_within(path: str | StorePath) -> bool:
+    """Whether an older factory has begun a store at `path`, and in it, and not completed it."""
+    return not is_complete(path) and UNFINISHED in files_at(path).folders()
+
+
+def read_attributes(path: str | StorePath) -> dict[str, Any]:
+    """The attributes of a store, without opening its arrays.
+
+    Raises:
+      StoreError: its metadata cannot be read.
+    """
+    try:
+        metadata = parse_json(files_at(path).read_small(METADATA), METADATA)
+        attributes: dict[str, Any] = metadata["attributes"]
+    except (OSError, InputError, KeyError, TypeError) as error:
+        raise StoreError(
+            f"store {path} is damaged: its {METADATA} cannot be read ({error}); make it again"
+        ) from error
+    return attributes
+
+
+def is_there(path: StorePath) -> bool:
+    """Whether anything is under a path or below an address; raises OSError."""
+    return path.exists() if isinstance(path, Path) else any(files_at(path).all_keys())
