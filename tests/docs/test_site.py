@@ -86,6 +86,18 @@ def test_nothing_is_asked_of_another_host(site: Path) -> None:
     assert not re.search(r"(url\(|@import )[\"']?(https?:)?//", styles)
 
 
+def test_every_link_leads_to_a_file_of_the_site(site: Path) -> None:
+    """From a folder, without a server: nothing begins at the root of one."""
+    dead = []
+    for page in site.rglob("*.html"):
+        for link in re.findall(
+            r"<(?:a|link|script|img)\b[^>]*?(?:href|src)=\"?([^\s\">#?]+)", page.read_text()
+        ):
+            if not re.match(r"[a-z]+:", link) and not (page.parent / link).is_file():
+                dead.append(f"{page.relative_to(site)}: {link}")
+    assert not dead
+
+
 def test_code_is_shown_as_code(site: Path) -> None:
     """A fence that is not understood would stand in the text with its marks."""
     for page in site.rglob("*.html"):
