@@ -128,7 +128,7 @@ def fly(
     """One round of the box."""
     navigate = Navigation(estimator=estimator, sensors=sensors, seed=seed)
     mission = box(side, np.random.default_rng(seed).uniform(0.0, 2.0 * math.pi), swing=swing)
-    run = Simulation(Scenario(plan=mission, navigate=navigate)).run()
+    run = Simulation(Scenario(mission=mission, navigate=navigate)).run()
     segment = run["commanded_segment"]
     back = np.flatnonzero(segment >= 4 + (2 if swing else 0))
     at = int(back[0]) if back.size else len(segment) - 1

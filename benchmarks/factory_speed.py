@@ -87,7 +87,7 @@ def native_step() -> tuple[float, float]:
         duration_s=BARE_STEPS * 0.1,
         at_end="hold",
     )
-    simulation = Simulation(Scenario(plan=mission))
+    simulation = Simulation(Scenario(mission=mission))
     watch = Stopwatch()
     simulation.run()
     return watch.stop(simulation.duration)

@@ -58,7 +58,7 @@ def bare_renderer(painter: Painter) -> tuple[mujoco.Renderer, Callable[[int], No
 
 def measure(camera: str) -> tuple[float, float, float]:
     """Frames per second of ours and of the bare Renderer, and the median ratio of the two."""
-    scenario = Scenario(vehicle=load_vehicle(), plan=load_mission("default"), current=CURRENT)
+    scenario = Scenario(vehicle=load_vehicle(), mission=load_mission("default"), current=CURRENT)
     trajectory = simulate(scenario)
     shot = Shot(camera=camera, speed_up=30.0)
     times = shot.frame_times(trajectory.time)

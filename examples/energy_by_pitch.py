@@ -19,7 +19,7 @@ def scenario(pitch: float, current: float) -> twin.Scenario:
     dive = twin.SawTooth(max_depth_m=200, pitch_deg=pitch, heading_deg=0, yos=1)
     return twin.Scenario(
         vehicle=vehicle,
-        plan=twin.Mission(segments=(dive,)),
+        mission=twin.Mission(segments=(dive,)),
         current=twin.Uniform(north=-current, east=0.0),
     )
 

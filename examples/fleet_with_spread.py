@@ -21,7 +21,7 @@ scenarios = [
     twin.Scenario(
         vehicle=drawn.replace(drag=tuple(np.array(drawn.law.drag) * random.normal(1.0, 0.05))),
         believed=drawn,
-        plan=mission,
+        mission=mission,
         current=tide + twin.Uniform(north=random.normal(0.05, 0.02), east=0.0),
         start={"latitude": 36.8, "longitude": -121.8},
     )

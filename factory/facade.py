@@ -12,6 +12,7 @@ from factory.generation.generate import Summary
 from factory.generation.generate import generate as _generate
 from factory.recipe.parameter import Parameter
 from factory.recipe.recipe import make_recipe
+from twin.arguments import argument_names, check_names
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -134,6 +135,7 @@ def import_logs(
     from factory.importing.import_run import import_logs as read
     from twin.records.store import check_target, write_store
 
+    check_names(options, argument_names(import_logs, read), "factory.import_logs")
     target = Path(out)
     check_target(target, overwrite=overwrite)  # refuses before anything is read
     dataset, report = read(kind, files, **options)

@@ -6,94 +6,66 @@
     result = learn.evaluate(run, "data/missions.zarr")
     print(result.figures["dr_water_percent_mean"])
 
-Names are imported when they are first used, so that `import learn` costs nothing.
+Every public name is imported when it is first used.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from twin.lazy import attach
 
 if TYPE_CHECKING:
-    from learn.api import evaluate, export, fit
-    from learn.networks.base import Network
-    from learn.networks.config import NetworkConfig
-    from learn.networks.prediction import Prediction
-    from learn.networks.registry import NETWORKS
-    from learn.report.contents import Contents, RunEvaluation
-    from learn.report.figures.base import ReportFigure
-    from learn.report.figures.registry import REPORT_FIGURES
-    from learn.runs.run import Run, newest_run, open_run
-    from learn.training.given_settings import fit_settings
-    from learn.training.optimisers.base import FullBatchOptimiser, MinibatchOptimiser
-    from learn.training.optimisers.registry import OPTIMISERS
-    from learn.training.schedule import TrainingConfig
-    from learn.training.settings import FitConfig
-    from twin.navigation.baselines.base import Baseline, Estimate
-    from twin.navigation.baselines.registry import BASELINES
+    from learn.api import evaluate as evaluate
+    from learn.api import export as export
+    from learn.api import fit as fit
+    from learn.networks.base import Network as Network
+    from learn.networks.config import NetworkConfig as NetworkConfig
+    from learn.networks.prediction import Prediction as Prediction
+    from learn.networks.registry import NETWORKS as NETWORKS
+    from learn.report.contents import Contents as Contents
+    from learn.report.contents import RunEvaluation as RunEvaluation
+    from learn.report.figures.base import ReportFigure as ReportFigure
+    from learn.report.figures.registry import REPORT_FIGURES as REPORT_FIGURES
+    from learn.runs.run import Run as Run
+    from learn.runs.run import newest_run as newest_run
+    from learn.runs.run import open_run as open_run
+    from learn.training.given_settings import fit_settings as fit_settings
+    from learn.training.optimisers.base import FullBatchOptimiser as FullBatchOptimiser
+    from learn.training.optimisers.base import MinibatchOptimiser as MinibatchOptimiser
+    from learn.training.optimisers.registry import OPTIMISERS as OPTIMISERS
+    from learn.training.schedule import TrainingConfig as TrainingConfig
+    from learn.training.settings import FitConfig as FitConfig
+    from twin.navigation.baselines.base import Baseline as Baseline
+    from twin.navigation.baselines.base import Estimate as Estimate
+    from twin.navigation.baselines.registry import BASELINES as BASELINES
 
 _PLACES = {
-    "BASELINES": "twin.navigation.baselines.registry",
-    "NETWORKS": "learn.networks.registry",
-    "OPTIMISERS": "learn.training.optimisers.registry",
-    "REPORT_FIGURES": "learn.report.figures.registry",
-    "Baseline": "twin.navigation.baselines.base",
-    "Contents": "learn.report.contents",
-    "Estimate": "twin.navigation.baselines.base",
-    "FitConfig": "learn.training.settings",
-    "FullBatchOptimiser": "learn.training.optimisers.base",
-    "MinibatchOptimiser": "learn.training.optimisers.base",
-    "Network": "learn.networks.base",
-    "NetworkConfig": "learn.networks.config",
-    "Prediction": "learn.networks.prediction",
-    "ReportFigure": "learn.report.figures.base",
-    "Run": "learn.runs.run",
-    "RunEvaluation": "learn.report.contents",
-    "TrainingConfig": "learn.training.schedule",
-    "evaluate": "learn.api",
-    "export": "learn.api",
-    "fit": "learn.api",
-    "fit_settings": "learn.training.given_settings",
-    "newest_run": "learn.runs.run",
-    "open_run": "learn.runs.run",
+    "BASELINES": "twin.navigation.baselines.registry:BASELINES",
+    "NETWORKS": "learn.networks.registry:NETWORKS",
+    "OPTIMISERS": "learn.training.optimisers.registry:OPTIMISERS",
+    "REPORT_FIGURES": "learn.report.figures.registry:REPORT_FIGURES",
+    "Baseline": "twin.navigation.baselines.base:Baseline",
+    "Contents": "learn.report.contents:Contents",
+    "Estimate": "twin.navigation.baselines.base:Estimate",
+    "FitConfig": "learn.training.settings:FitConfig",
+    "FullBatchOptimiser": "learn.training.optimisers.base:FullBatchOptimiser",
+    "MinibatchOptimiser": "learn.training.optimisers.base:MinibatchOptimiser",
+    "Network": "learn.networks.base:Network",
+    "NetworkConfig": "learn.networks.config:NetworkConfig",
+    "Prediction": "learn.networks.prediction:Prediction",
+    "ReportFigure": "learn.report.figures.base:ReportFigure",
+    "Run": "learn.runs.run:Run",
+    "RunEvaluation": "learn.report.contents:RunEvaluation",
+    "TrainingConfig": "learn.training.schedule:TrainingConfig",
+    "evaluate": "learn.api:evaluate",
+    "export": "learn.api:export",
+    "fit": "learn.api:fit",
+    "fit_settings": "learn.training.given_settings:fit_settings",
+    "newest_run": "learn.runs.run:newest_run",
+    "open_run": "learn.runs.run:open_run",
 }
-"""Module of every public name."""
+"""Where each public name is."""
 
-__all__ = [
-    "BASELINES",
-    "NETWORKS",
-    "OPTIMISERS",
-    "REPORT_FIGURES",
-    "Baseline",
-    "Contents",
-    "Estimate",
-    "FitConfig",
-    "FullBatchOptimiser",
-    "MinibatchOptimiser",
-    "Network",
-    "NetworkConfig",
-    "Prediction",
-    "ReportFigure",
-    "Run",
-    "RunEvaluation",
-    "TrainingConfig",
-    "evaluate",
-    "export",
-    "fit",
-    "fit_settings",
-    "newest_run",
-    "open_run",
-]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _PLACES:
-        raise AttributeError(f"module 'learn' has no attribute {name!r}: see dir(learn)")
-    from importlib import import_module
-
-    value = getattr(import_module(_PLACES[name]), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__all__ = [*_PLACES]
+__getattr__, __dir__ = attach(__name__, _PLACES)

@@ -20,6 +20,7 @@ from learn.training.fitting import Watch
 from learn.training.given_settings import fit_settings
 from learn.training.resources import Resources, training_resources
 from learn.training.settings import FitConfig
+from twin.arguments import argument_names, check_names
 from twin.errors import InputError, unknown_name
 from twin.extras import require
 from twin.records.store_path import StorePath
@@ -69,6 +70,7 @@ def fit(
       InputError: a setting is wrong, or the folder holds another run.
       StoreError: the store cannot be used.
     """
+    check_names(settings, argument_names(fit, fit_settings), "learn.fit")
     path = RUNS / free_name() if folder is None else Path(folder)
     place = training_folder(path, replace=overwrite)
     config = fit_settings(store, resumed=place if resume else None, **settings)

@@ -42,7 +42,7 @@ PLACED = {
 
 def short_scenario() -> Scenario:
     """One yo to 40 m."""
-    return Scenario(vehicle=load_vehicle("glider"), plan=PLAN, duration=DURATION, current=SHEAR)
+    return Scenario(vehicle=load_vehicle("glider"), mission=PLAN, duration=DURATION, current=SHEAR)
 
 
 def measured(trajectory: Trajectory) -> Trajectory:

@@ -15,8 +15,8 @@ from examples import ROOT, needs_docs
 PACKAGES = ("twin", "factory", "learn")
 TOP_LEVEL = {
     "twin": {
-        "__init__", "__main__", "bounded", "errors", "extras", "facade", "frames", "geodesy",
-        "lazy", "numbers", "preload", "version",
+        "__init__", "__main__", "arguments", "bounded", "errors", "extras", "facade", "frames",
+        "geodesy", "lazy", "nearest", "numbers", "preload", "version",
     },
     "factory": {"__init__", "__main__", "facade"},
     "learn": {"__init__", "__main__", "api", "files"},

@@ -129,7 +129,7 @@ def test_simulate_flies_a_controller_and_a_schedule():
     run = twin.simulate(controller=sink, duration=30.0)
     assert run["commanded_pump"][-1] == -100.0
     assert run.provenance["mission"] == "controller"
-    scenario = twin.Scenario(plan=twin.load_mission(), duration=10.0)
+    scenario = twin.Scenario(mission=twin.load_mission(), duration=10.0)
     assert len(twin.simulate(scenario).time) == 21
 
 
@@ -155,7 +155,7 @@ def test_what_simulate_cannot_use_is_explained(arguments, message):
 
 
 def test_nothing_is_given_beside_a_scenario_and_ignored():
-    scenario = twin.Scenario(plan=twin.load_mission(), duration=10.0)
+    scenario = twin.Scenario(mission=twin.load_mission(), duration=10.0)
     with pytest.raises(InputError, match=r"current is part of the scenario: use dataclasses\.repl"):
         twin.simulate(scenario, current="uniform:0.1,0")
 

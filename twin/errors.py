@@ -10,6 +10,8 @@ import difflib
 from collections.abc import Iterable
 from typing import Any
 
+from twin.nearest import nearest
+
 
 class TwinError(Exception):
     """Base of every error that the three packages raise on purpose.
@@ -51,6 +53,10 @@ def _unknown_again(message: str, name: str) -> UnknownName:
     error = UnknownName.__new__(UnknownName, message)
     error.args, error.name = (message,), name
     return error
+
+
+class ArgumentError(InputError, TypeError):
+    """A call does not fit the function; a `TypeError` too, as Python raises."""
 
 
 class VehicleError(InputError):
@@ -98,11 +104,11 @@ class SimulationUnstable(TwinError):
 def unknown_name(kind: str, name: str, allowed: Iterable[str]) -> str:
     """One line for a name that is not among `allowed`, with the nearest one when there is one."""
     names = sorted(allowed)
-    near = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
-    hint = f": did you mean {near[0]!r}?" if near else ""
+    near = nearest(name, names, close=0.5)
+    hint = f": did you mean {near!r}?" if near else ""
     if len(names) > MOST_NAMES:  # a wall of names hides the hint
-        nearest = difflib.get_close_matches(str(name), names, n=NEAREST, cutoff=0.0)
-        listed = f"{', '.join(nearest)} and {len(names) - NEAREST} others"
+        alike = difflib.get_close_matches(str(name), names, n=NEAREST, cutoff=0.0)
+        listed = f"{', '.join(alike)} and {len(names) - NEAREST} others"
     else:
         listed = ", ".join(names)
     return f"unknown {kind} {name!r}{hint} (allowed: {listed})"

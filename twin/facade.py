@@ -128,7 +128,7 @@ def simulate(
         scenario = Scenario(
             vehicle=flown,
             ballast=ballast,
-            plan=mission,
+            mission=mission,
             navigate=navigation,
             duration=duration,
             start=start,
@@ -152,8 +152,8 @@ def simulate(
                     "bottom_depth out"
                 )
             navigation, suite = scenario.navigate, scenario.navigate.suite
-    if isinstance(scenario.plan, Mission):
-        scenario.plan.check(scenario.vehicle)
+    if isinstance(scenario.mission, Mission):
+        scenario.mission.check(scenario.vehicle)
     if suite is None and (seed != 0 or bottom_depth is not None):
         raise InputError("seed and bottom_depth are for the sensors: give sensors too")
     if bottom_depth is not None and scenario.floor is not None:
@@ -219,7 +219,7 @@ def with_sensors(
 
 def provenance_of(scenario: Scenario) -> dict[str, str]:
     """What a trajectory says about its scenario: names of vehicle and mission, and all of it."""
-    plan = scenario.plan
+    plan = scenario.mission
     return {
         "vehicle": scenario.vehicle.name,
         "mission": plan.name if isinstance(plan, Mission) else "schedule" if plan else "controller",

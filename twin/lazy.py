@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from twin.arguments import explained
 from twin.errors import unknown_name
 
 
@@ -27,7 +28,8 @@ def attach(
 
     Args:
       package: its `__name__`.
-      places: `package.module:name` or `package.module` by public name.
+      places: `package.module:name` or `package.module` by public name. Calls that do not fit one
+        are explained (`twin.arguments`).
     """
 
     def get(name: str) -> Any:
@@ -36,7 +38,7 @@ def attach(
             if not name.startswith("_"):  # Python itself asks for names such as __path__
                 message = f"module {package!r}: {unknown_name('name', name, places)}"
             raise AttributeError(message, name=name, obj=sys.modules[package])
-        value = resolve(places[name])
+        value = explained(resolve(places[name]), name, package)
         setattr(sys.modules[package], name, value)
         return value
 

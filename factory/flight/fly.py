@@ -79,7 +79,7 @@ def build_scenario(
         believed=believed,
         ballast=ballast_of(nominal, parameters),
         encoder_zeros=encoder_zeros(nominal, parameters),
-        plan=build_mission(parameters, believed),
+        mission=build_mission(parameters, believed),
         duration=parameters.duration_s,
         current=build_current(parameters) if current is None else current,
         density=build_density(parameters),

@@ -13,6 +13,7 @@ from factory.importing.reading.each_file import each_file
 from factory.importing.reading.netcdf import holds_arrays, variable_names
 from factory.importing.reading.tally import Tally, summarise
 from twin.errors import InputError
+from twin.records.sharded import METADATA
 
 
 def expand(importer: Importer, paths: Sequence[Path], tally: Tally) -> list[Path]:
@@ -46,6 +47,10 @@ def expand(importer: Importer, paths: Sequence[Path], tally: Tally) -> list[Path
     def check(path: Path) -> None:
         if path.stat().st_size == 0:
             raise InputError(f"{path} is empty")
+        if _is_web_page(path):
+            raise InputError(
+                f"{path} is a web page (HTML) and no log: fetch the file that the page offers"
+            )
         try:
             _check_contents(importer, path)
         except WrongFormat:
@@ -58,6 +63,16 @@ def expand(importer: Importer, paths: Sequence[Path], tally: Tally) -> list[Path
     if wrong:
         _check_contents(importer, wrong[0])
     return usable
+
+
+WEB_PAGE = (b"<!doctype html", b"<html")
+"""How web pages begin, as small letters"""
+
+
+def _is_web_page(path: Path) -> bool:
+    """Whether a download was a page, such as that of a login, in place of the file."""
+    with path.open("rb") as file:
+        return file.read(256).lstrip(b"\xef\xbb\xbf \t\r\n").lower().startswith(WEB_PAGE)
 
 
 def _without_copies(paths: list[Path], tally: Tally) -> list[Path]:
@@ -83,6 +98,8 @@ def _inside(importer: Importer, folder: Path, tally: Tally) -> list[Path]:
     """The logs in a folder; what else is there is counted."""
     every = sorted(path for path in folder.iterdir() if path.is_file())
     inside = [path for path in every if importer.accepts(path)]
+    if not inside and (folder / METADATA).exists():
+        raise InputError(f"{folder} is a store already; name the logs that it was made of")
     if not inside:
         endings = " ".join(sorted(importer.suffixes))
         raise InputError(

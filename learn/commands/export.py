@@ -54,13 +54,14 @@ class Export(JsonOption):
             [
                 {
                     "model": str(parity.path),
-                    "largest difference [m/s]": parity.largest,
+                    "largest difference [mm/s]": 1e3 * parity.largest,
                     "time per step [us]": parity.step_us,
                 }
                 for parity in checked.values()
             ],
-            title=f"checked over the {first.samples} samples of mission {first.mission}: at most "
-            f"{TOLERANCE:g} m/s from the trained network",
+            title="what the exported model says beside what the trained network says, over the "
+            f"{first.samples} samples of mission {first.mission}; a difference above "
+            f"{TOLERANCE * 1e3:g} mm/s would have been refused",
             digits=3,
         )
         console.say()

@@ -40,7 +40,7 @@ def test_what_is_a_number():
 @pytest.mark.parametrize("field", ["duration", "sample_period", "timestep", "encoder_zeros"])
 def test_a_scenario_names_the_field(field):
     with pytest.raises(InputError, match=f"scenario: {field}"):
-        Scenario(plan=PLAN, **{field: "x"})
+        Scenario(mission=PLAN, **{field: "x"})
 
 
 @pytest.mark.parametrize("field", ["north", "heading", "v_rel", "rates", "actuators"])

@@ -150,7 +150,7 @@ def fly_both(
     """
     scenario = Scenario(
         vehicle=vehicle,
-        plan=manoeuvre.schedule,
+        mission=manoeuvre.schedule,
         duration=duration,
         start=manoeuvre.start,
         current=manoeuvre.current,

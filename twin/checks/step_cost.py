@@ -53,7 +53,7 @@ def bench(vehicle: Vehicle, *, threads: int, rounds: int = ROUNDS) -> BenchResul
     rng = np.random.default_rng(0)
     command = tuple(part.manoeuvre(rng, 1.0, vehicle) for part in vehicle.parts)
     start = Start(depth=500.0, v_rel=(0.4, 0.0, 0.0), actuators=command)
-    mission = Scenario(vehicle=vehicle, plan=load_mission_for(vehicle))
+    mission = Scenario(vehicle=vehicle, mission=load_mission_for(vehicle))
     wet, dry, guided = _UnderWay(vehicle, start), _UnderWay(vehicle, start), Simulation(mission)
     dry.model.opt.gravity[:] = 0.0  # without water it would fall out of range
     dry.data.xfrc_applied[:] = 0.0

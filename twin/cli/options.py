@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import difflib
 import inspect
 import io
 import re
@@ -13,17 +12,18 @@ import sys
 import textwrap
 import types
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 import tyro
 
-# The structured parse errors and the texts of fields are not in tyro's public face, and
-# pyproject.toml bounds its version for that reason; tests/twin/cli/test_console.py pins what is
-# made from them.
-from tyro import _docstrings as docstrings
+# The structured parse errors and the texts of fields (twin.cli.option_texts) are not in tyro's
+# public face, and pyproject.toml bounds its version for that reason;
+# tests/twin/cli/test_console.py pins what is made from them.
 from tyro import _errors as parse_errors
 
+from twin.cli.mistakes import explain
+from twin.cli.option_texts import option_owner, option_text
 from twin.errors import InputError, TwinError
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def parse_options(command: type[Options], *, prog: str, words: Sequence[str]) ->
         cause = _own_error(sys.exc_info()[1])
         if cause is not None:
             raise cause
-        raise InputError(f"{_explain(event, command)} (see {prog} --help)")
+        raise InputError(f"{explain(event, command, words)} (see {prog} --help)")
 
     _spell_unions_out(command)
     _hide_plain_defaults(command)
@@ -114,18 +114,6 @@ def description(command: type) -> str:
     )
 
 
-def option_names(command: type) -> Iterator[str]:
-    """The option names of a dataclass, those of nested dataclasses with their prefix."""
-    hints = typing.get_type_hints(command)
-    for field in dataclasses.fields(command):
-        kind = hints[field.name]
-        flag = "--" + field.name.replace("_", "-")
-        if isinstance(kind, type) and dataclasses.is_dataclass(kind):
-            yield from (f"{flag}.{inner[2:]}" for inner in option_names(kind))
-        else:
-            yield flag
-
-
 def _spell_unions_out(command: type) -> None:
     """Write `X | None` in the dataclass's annotations as `typing.Union[X, None]`.
 
@@ -159,25 +147,20 @@ def _join_lines(command: type) -> None:
     every line break of the source.
     """
     for field in dataclasses.fields(command):
-        owner = _owner(command, field.name)
+        owner = option_owner(command, field.name)
         notes = getattr(vars(owner)["__annotations__"][field.name], "__metadata__", ())
         if any(getattr(note, "help", None) is not None for note in notes):
             continue
-        text = docstrings.get_field_docstring(owner, field.name, ())
+        text = option_text(command, field.name)
         if text is not None:
-            _annotate(command, field.name, tyro.conf.arg(help=" ".join(text.split())))
+            _annotate(command, field.name, tyro.conf.arg(help=text))
 
 
 def _annotate(command: type, name: str, note: typing.Any) -> None:
     """Add a note for tyro to a field, once."""
-    own = vars(_owner(command, name))["__annotations__"]
+    own = vars(option_owner(command, name))["__annotations__"]
     if note not in getattr(own[name], "__metadata__", ()):
         own[name] = typing.Annotated[own[name], note]
-
-
-def _owner(command: type, name: str) -> type:
-    """The class that declares a field."""
-    return next(c for c in command.__mro__ if name in vars(c).get("__annotations__", {}))
 
 
 def _spelled_out(kind: typing.Any) -> typing.Any:
@@ -196,40 +179,3 @@ def _own_error(error: BaseException | None) -> TwinError | None:
             return error
         error = error.__cause__ or error.__context__
     return None
-
-
-def _explain(event: parse_errors.ParseErrorEvent, command: type) -> str:
-    if isinstance(event, parse_errors.UnrecognizedArgs):
-        return _unknown_option(event.tokens, command)
-    if isinstance(event, parse_errors.MissingArgs):
-        if any(token.startswith("-") for token in event.unrecognized_tokens):
-            return _unknown_option(event.unrecognized_tokens, command)
-        names = ", ".join(missing.arg.display_name() for missing in event.missing_arguments)
-        return f"missing {names}"
-    if isinstance(event, parse_errors.InvalidChoice):
-        allowed = [choice for choice in event.choices if choice != "None"]  # an option left out
-        near = difflib.get_close_matches(event.value, allowed, n=1, cutoff=0.5)
-        hint = f"did you mean {near[0]!r}? " if near else ""
-        return (
-            f"{event.argument.display_name()} cannot be {event.value!r}: "
-            f"{hint}(allowed: {', '.join(allowed)})"
-        )
-    if isinstance(event, parse_errors.BadValue):
-        return f"{event.argument.display_name()} needs a value"
-    if isinstance(event, parse_errors.InstantiationFailure):
-        place = f"{event.argument.display_name()}: " if event.argument is not None else ""
-        return f"{place}{event.message}"
-    return f"these options cannot be used together ({type(event).__name__})"
-
-
-def _unknown_option(tokens: Sequence[str], command: type) -> str:
-    offender = next((token for token in tokens if token.startswith("-")), tokens[0])
-    if not offender.startswith("-"):
-        return f"unexpected argument {offender!r}"
-    known = sorted(option_names(command))
-    given = offender.partition("=")[0]
-    if given in known:
-        return f"{given} is no option: give its value alone, without the name"
-    near = difflib.get_close_matches(given, known, n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]}?" if near else f"allowed: {', '.join(known)}"
-    return f"unknown option {offender}: {hint}"

@@ -147,6 +147,9 @@ class Program:
             )
         by_name = {command.name: command for command in self.commands}
         if first not in by_name:
+            if others := _programs_with(first):
+                ways = " or ".join(f"`{name} {first}`" for name in others)
+                raise InputError(f"{self.name} has no command {first!r}: it is {ways}")
             raise InputError(unknown_name("command", first, by_name))
         from twin.cli.options import parse_options
 
@@ -165,6 +168,22 @@ class Program:
         with aside, warnings.catch_warnings():
             warnings.showwarning = lambda message, *_, **__: console.warn(str(message))
             return options.run(console)
+
+
+PROGRAMS = ("twin", "factory", "learn")
+"""The programs of the installation: packages, each with a `PROGRAM` in `__main__`"""
+
+
+def _programs_with(command: str) -> list[str]:
+    """The programs that have a command of that name."""
+    from importlib import import_module
+
+    found = []
+    for name in PROGRAMS:
+        with contextlib.suppress(ImportError):
+            program: Program = import_module(f"{name}.__main__").PROGRAM
+            found += [name] * any(command == one.name for one in program.commands)
+    return found
 
 
 def _print(text: str) -> None:

@@ -178,7 +178,7 @@ class Simulate(JsonOption):
         scenario = Scenario(
             vehicle=vehicle,
             ballast=ballast,
-            plan=mission,
+            mission=mission,
             navigate=self._navigation(suite),
             duration=self.duration,
             start=None if self.start is None else parse_place(self.start),
@@ -215,14 +215,14 @@ class Simulate(JsonOption):
 
         figures = summarise(trajectory)
         console.answer(
-            mission=getattr(scenario.plan, "name", None),
+            mission=getattr(scenario.mission, "name", None),
             vehicle=scenario.vehicle.name,
             out=self.out,
             plot=self.plot,
             start=_place(scenario),
             **figures,
         )
-        title = f"{scenario.vehicle.name} flew {getattr(scenario.plan, 'name', 'a schedule')!r}"
+        title = f"{scenario.vehicle.name} flew {getattr(scenario.mission, 'name', 'a schedule')!r}"
         console.pairs(
             {
                 **({"start": begun} if (begun := _place(scenario)) else {}),

@@ -176,7 +176,7 @@ class View:
         plan = load_mission_for(vehicle, self.plan)
         scenario = Scenario(
             vehicle=vehicle,
-            plan=plan,
+            mission=plan,
             current=parse_current(self.current or "none"),
             floor=parse_floor(self.floor or "none"),
         )

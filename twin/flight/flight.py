@@ -31,7 +31,7 @@ from twin.flight.track import (
     linear_track,
 )
 from twin.identify.calibration import Calibration, load_calibration
-from twin.identify.logged import load_logs
+from twin.identify.logged import check_channels, load_logs
 from twin.identify.start import start_vehicle
 from twin.records.attributes import DEPLOYMENT
 from twin.records.logs import start_times
@@ -108,12 +108,13 @@ def estimate_flight(
         is of.
     """
     check_correction(track)
+    found = MissionStore(store)
+    check_channels(found, "a flight")
     if isinstance(vehicle, Calibration):
         calibration = vehicle
     else:
         calibration = load_calibration(start_vehicle(store) if vehicle is None else vehicle)
     way = open_estimator(estimator) if isinstance(estimator, str) else estimator
-    found = MissionStore(store)
     chosen = list(range(len(found))) if missions is None else list(missions)
     logs = {log.index: log for log in load_logs(store, chosen, task="a flight")}
     places = places_of(found, chosen)

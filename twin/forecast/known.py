@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
+from twin.cli.text_table import counted
 from twin.errors import InputError, StoreError
 from twin.geodesy import great_circle, position
-from twin.hindcast.legs import MODEL, LoggedLeg, flown_velocities, legs_of
+from twin.hindcast.legs import MODEL, LoggedLeg, flown_velocities, legs_of, why_no_legs
 from twin.navigation.current import CurrentFilter, replay, tune
 from twin.records.logs import LogStore
 
@@ -105,7 +106,7 @@ def known_without_logs(latitude: float, time: float) -> Known:
 
 
 def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
-    """What a store of logs tells, by the deployment that was at sea last.
+    """What a store of logs tells, by the last deployment that has a dive from fix to fix.
 
     Args:
       path: of a store that `factory import` wrote.
@@ -117,16 +118,16 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
       VehicleError: no such vehicle.
     """
     with LogStore(Path(path)) as logs:
-        deployment = _last_deployment(logs)
+        deployment, later = _last_deployment(logs)
         flown = None
         if vehicle is not None:
             flown = flown_velocities(Path(path), vehicle, logs.missions_of(deployment))
         legs = legs_of(logs, deployment, flown)
-    if not legs:
-        raise StoreError(
-            f"store {path}: no dive of deployment {deployment!r} has GPS fixes at both ends and a "
-            "known way through the water: give --from, and leave --logs out"
-        )
+        if not legs:
+            raise StoreError(
+                f"store {path}: {why_no_legs(logs, deployment)}; nothing is known of the current: "
+                "give --from, and leave --logs out"
+            )
     latitude = float(np.median([one.begin[0] for one in legs]))
     tuned = tune([one.leg for one in legs], latitude=latitude)
     filter_ = CurrentFilter(tuned.parameters, latitude=latitude, time=legs[0].leg.start)
@@ -137,15 +138,22 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
         place=_end(last),
         time=last.leg.end,
         last_current=(float(last.leg.current[0]), float(last.leg.current[1])),
-        source=f"{len(legs)} dives of {deployment} (way through the water: {last.method})",
+        source=f"{counted(len(legs), 'dive')} of {deployment} (way through the water: "
+        f"{last.method})" + (f"; no dive of {later} ends with a fix" if later else ""),
         legs=len(legs),
         by_model=vehicle is not None and all(one.method == MODEL for one in legs),
     )
 
 
-def _last_deployment(logs: LogStore) -> str:
+def _last_deployment(logs: LogStore) -> tuple[str, str]:
+    """The deployment that was at sea last and has a dive from fix to fix, if any has one; and the
+    one that was at sea after it, empty if none was."""
     starts = np.where(np.isfinite(logs.starts), logs.starts, -np.inf)
-    return str(logs.deployments[int(np.argmax(starts))])
+    last = int(np.argmax(starts))
+    fixed = np.isfinite(logs.number("displacement_north"))
+    best = int(np.argmax(np.where(fixed, starts, -np.inf))) if fixed.any() else last
+    names = str(logs.deployments[best]), str(logs.deployments[last])
+    return names[0], "" if names[0] == names[1] else names[1]
 
 
 def _end(one: LoggedLeg) -> tuple[float, float]:

@@ -130,7 +130,7 @@ def _scenario(request: Request, mission: Mission) -> Scenario:
     place = request.place
     scenario = Scenario(
         vehicle=request.vehicle,
-        plan=flown,
+        mission=flown,
         duration=duration,
         start={
             "latitude": place.latitude_deg,

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.cli.text_table import counted
 from twin.flight.fixes import fixes_of
 from twin.flight.track import track_velocity
 from twin.navigation.current import Leg
@@ -97,6 +98,28 @@ def legs_of(
             )
         )
     return found
+
+
+def why_no_legs(logs: LogStore, deployment: str) -> str:
+    """What the dives of a deployment without legs lack, in words."""
+    rows = logs.missions_of(deployment)
+    begun = sum(bool(np.isfinite(logs.fixes(row)[0]).all()) for row in rows)
+    ended = sum(bool(np.isfinite(logs.fixes(row)[1]).all()) for row in rows)
+    moved = np.isfinite(logs.number("displacement_north")[rows])
+    if moved.any():
+        return (
+            f"deployment {deployment!r} has {counted(int(moved.sum()), 'dive')} from GPS fix to "
+            "GPS fix, but no way through the water (pitch and heading, a vehicle's own current, or "
+            "--vehicle with a flight model)"
+        )
+    return (
+        f"no dive has GPS fixes at both ends: of {counted(len(rows), 'dive')} of deployment "
+        f"{deployment!r} {begun} {_begin(begun)} with one and {ended} {_begin(ended, 'end')}"
+    )
+
+
+def _begin(count: int, verb: str = "begin") -> str:
+    return f"{verb}s" if count == 1 else verb
 
 
 def _onboard(logs: LogStore, mission: int) -> tuple[float, float] | None:

@@ -71,7 +71,7 @@ class Calibration:
         ]
         if lacks:
             raise VehicleError(
-                f"vehicle {vehicle.name!r} cannot be identified: that needs a glider with the hull "
+                f"vehicle {vehicle.name!r} has no flight model: that is of gliders with the hull "
                 f"law {FlowFrame.kind!r}, one moving battery and a pump, and it lacks "
                 f"{' and '.join(lacks)} (hull law {vehicle.law.kind!r}; parts: "
                 f"{', '.join(vehicle.part_names) or 'none'})"

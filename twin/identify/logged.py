@@ -104,6 +104,25 @@ class Log:
         return hull - REFERENCE_TEMPERATURE
 
 
+def check_channels(store: MissionStore, task: str = "identification") -> None:
+    """Make sure that a store has what a flight model reads.
+
+    Args:
+      task: what it is for, as the error says it.
+
+    Raises:
+      StoreError: a channel is missing.
+    """
+    missing = [name for name in NEEDED if name not in store]
+    if missing:
+        raise StoreError(
+            f"store {store.path} has no channel {missing[0]}"
+            + (f" (nor {', '.join(missing[1:])})" if missing[1:] else "")
+            + f"; {task} needs depth, attitude, heading and pumped volume as buoyancy-driven "
+            "gliders log them, whatever --vehicle is given"
+        )
+
+
 def load_logs(
     store: str | StorePath, rows: Sequence[int] | None = None, *, task: str = "identification"
 ) -> list[Log]:
@@ -121,13 +140,7 @@ def load_logs(
       StoreError: no such store, a missing channel, an unknown row, or no dive in any of them.
     """
     found = MissionStore(store)
-    missing = [name for name in NEEDED if name not in found]
-    if missing:
-        raise StoreError(
-            f"store {store} has no channel {missing[0]}"
-            + (f" (nor {', '.join(missing[1:])})" if missing[1:] else "")
-            + f"; {task} needs depth, attitude, heading and pumped volume"
-        )
+    check_channels(found, task)
     chosen = list(range(len(found))) if rows is None else list(rows)
     for row in chosen:
         if not 0 <= row < len(found):

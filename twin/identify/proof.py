@@ -142,7 +142,7 @@ def _flight(vehicle: Vehicle, phases: Sequence[Phase]) -> list[str]:
         flown = simulate(
             Scenario(
                 vehicle=vehicle,
-                plan=plan,
+                mission=plan,
                 density=DensityProfile(depth=depth, values=density),
                 sample_period=SAMPLE,
                 timestep=largest_step(vehicle),

@@ -260,7 +260,7 @@ def _scenario(window: _Window, calibration: Calibration) -> Scenario:
     }
     return Scenario(
         vehicle=vehicle.replace(**prompt),
-        plan=Schedule(times=times, commands=commands),
+        mission=Schedule(times=times, commands=commands),
         duration=log.period * (last - first),
         sample_period=log.period,
         density=window.density,

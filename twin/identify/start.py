@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from twin.errors import InputError
+from twin.identify.logged import check_channels
 from twin.records.attributes import PLATFORM, SOURCE_FORMAT
 from twin.records.reader import MissionStore
 from twin.records.store_path import StorePath
@@ -24,7 +25,7 @@ def start_vehicle(store: str | StorePath) -> Vehicle:
     """The vehicle file that suits a store: a simulated one's own, else that of the log's kind.
 
     Raises:
-      StoreError: no such store.
+      StoreError: no such store, or a log of an unknown kind that no flight model can read.
       InputError: the log does not say which kind of glider it is of.
     """
     with MissionStore(store) as found:
@@ -33,6 +34,7 @@ def start_vehicle(store: str | StorePath) -> Vehicle:
             return parse_vehicle(flown.xml, flown.path)
         kind = _kind(found)
         if kind is None:
+            check_channels(found, "a flight model")  # no --vehicle helps a log without them
             said = [str(found.attributes.get(name, "")) for name in (SOURCE_FORMAT, PLATFORM)]
             raise InputError(
                 f"store {store} does not say which glider it is of "

@@ -185,9 +185,9 @@ def guidance_of(scenario: Scenario) -> MissionController | None:
             "a navigated run has a compass with errors of its own: leave compass_offset out, or "
             "give it to the sensors (Compass(offset_deg=...))"
         )
-    if isinstance(scenario.plan, Mission):
+    if isinstance(scenario.mission, Mission):
         return MissionController(scenario.mission_in_metres(), scenario.believed_vehicle)
-    if scenario.plan is not None:
+    if scenario.mission is not None:
         raise InputError("a schedule sees no position: leave navigate out, or fly a mission")
     return None
 

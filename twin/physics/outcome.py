@@ -115,7 +115,7 @@ def _ending(scenario: Scenario, ours: Any, failed: bool) -> str:
     """How a run ended: unstable, aborted, flown, or at its duration or time limit."""
     if failed:
         return "unstable"
-    if not isinstance(scenario.plan, Mission):
+    if not isinstance(scenario.mission, Mission):
         return "duration"
     if ours["guidance"][ABORTED]:
         return "aborted"
@@ -126,7 +126,7 @@ def _ending(scenario: Scenario, ours: Any, failed: bool) -> str:
 
 def _label(scenario: Scenario, mission: int | None) -> str:
     """What an error calls a run: its mission's name, its index among others, or both."""
-    plan = scenario.plan
+    plan = scenario.mission
     name = repr(plan.name) if isinstance(plan, Mission) else ""
     if mission is None:
         return f"mission {name}" if name else "the run"

@@ -60,7 +60,7 @@ def _unfinished(run: Trajectory, stronger: str) -> str:
 
 def _stronger_current(simulation: Simulation, run: Trajectory) -> str:
     """That a vehicle that goes to places met a current beyond its speed; empty where not."""
-    plan = simulation.scenario.plan
+    plan = simulation.scenario.mission
     if not any(isinstance(one, Waypoint) for one in getattr(plan, "segments", ())):
         return ""
     figures = summarise(run)
@@ -77,7 +77,7 @@ def _stronger_current(simulation: Simulation, run: Trajectory) -> str:
 def _short_of_target(simulation: Simulation, run: Trajectory) -> str:
     """That a run ended on the way to a place, and how far from it; empty where it did not."""
     scenario = simulation.scenario
-    if not isinstance(scenario.plan, Mission):
+    if not isinstance(scenario.mission, Mission):
         return ""
     flown = [one for part in scenario.mission_in_metres().segments for one in part.flown_as()]
     at = int(run["commanded_segment"][-1])

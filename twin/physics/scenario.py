@@ -28,6 +28,14 @@ if TYPE_CHECKING:
 
 SAMPLE_PERIOD = 0.5
 """[s], the paper's 2 Hz"""
+MAKERS = {
+    "mission": "load_mission",
+    "believed": "load_vehicle",
+    "current": "parse_current",
+    "density": "parse_density",
+    "floor": "parse_floor",
+}
+"""The public function that makes a field's value of a text"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -44,7 +52,7 @@ class Scenario:
     """Position of a part when its encoder says 0, by name and in the part's unit; 0 if left out."""
     compass_offset: float = 0.0
     """What the compass of guidance reads beyond the true heading [rad]."""
-    plan: Mission | Schedule | None = None
+    mission: Mission | Schedule | None = None
     """Closed-loop mission, open-loop schedule, or None (commands come from a controller)."""
     navigate: Navigation | VelocityEstimator | str | None = None
     """What guidance sees: the truth (None or "truth"), or an on-board estimate: "estimate", the
@@ -82,7 +90,7 @@ class Scenario:
             object.__setattr__(self, "start", Start.of(self.start, self.usual_start()))
         for name, kinds in (
             ("vehicle", Vehicle),
-            ("plan", (Mission, Schedule, NoneType)),
+            ("mission", (Mission, Schedule, NoneType)),
             ("believed", (Vehicle, NoneType)),
             ("ballast", (Ballast, NoneType)),
             ("start", (Start, NoneType)),
@@ -93,9 +101,9 @@ class Scenario:
         ):
             value = getattr(self, name)
             if not isinstance(value, kinds):
-                raise InputError(
-                    f"scenario: {name} is {value!r}; give a {name.capitalize()} object"
-                )
+                way = f"twin.{MAKERS[name]}({value!r})" if name in MAKERS else ""
+                wanted = way if isinstance(value, str) and way else _called(kinds)
+                raise InputError(f"scenario: {name} is {value!r}; give {wanted}")
         if not isinstance(self.encoder_zeros, Mapping):
             raise InputError(
                 f"scenario: encoder_zeros is {self.encoder_zeros!r}; give a mapping of parts and "
@@ -112,9 +120,10 @@ class Scenario:
             )
         if not math.isfinite(number(self.compass_offset, "scenario: compass_offset")):
             raise InputError(f"scenario: compass_offset {self.compass_offset} must be finite")
-        if isinstance(self.plan, Mission) and self.plan.needs_place and not self.has_place:
+        flown = self.mission
+        if isinstance(flown, Mission) and flown.needs_place and not self.has_place:
             raise MissionError(
-                f"mission {self.plan.name!r} goes to places on the Earth, and nothing says where "
+                f"mission {flown.name!r} goes to places on the Earth, and nothing says where "
                 "it starts: give --start LAT,LON, or "
                 'start={"latitude": 49.0, "longitude": -16.0}'
             )
@@ -147,11 +156,12 @@ class Scenario:
     def _check_floor(self) -> None:
         """A sea floor on the Earth needs a place, dives that turn above one need a floor."""
         if self.floor is None:
-            if isinstance(self.plan, Mission) and self.plan.needs_floor:
+            flown = self.mission
+            if isinstance(flown, Mission) and flown.needs_floor:
                 raise MissionError(
-                    f"mission {self.plan.name!r} goes by {self.plan.needs_floor}, and the scenario "
-                    "has no sea floor: give one (--floor depth:200, floor=FlatFloor(depth_m=200)), "
-                    f"or leave {self.plan.needs_floor} out"
+                    f"mission {flown.name!r} goes by {flown.needs_floor}, and the scenario has no "
+                    "sea floor: give one (--floor depth:200, floor=FlatFloor(depth_m=200)), "
+                    f"or leave {flown.needs_floor} out"
                 )
         elif self.floor.needs_place and not self.has_place:
             raise FloorError(
@@ -164,8 +174,8 @@ class Scenario:
         """True when the run ends as soon as its mission is flown."""
         return (
             self.duration is None
-            and isinstance(self.plan, Mission)
-            and self.plan.duration_s is None
+            and isinstance(self.mission, Mission)
+            and self.mission.duration_s is None
         )
 
     @property
@@ -182,7 +192,7 @@ class Scenario:
         What starts at the surface floats just immersed, as a neutral glider does: with
         its CB at depth 0 half of the hull would stand out of the water and drop.
         """
-        plan, awash = self.plan, self.vehicle.hull_diameter / 2
+        plan, awash = self.mission, self.vehicle.hull_diameter / 2
         if isinstance(plan, Mission):
             heading = math.radians(plan.start_heading_deg)
             return Start(depth=max(plan.start_depth_m, awash), heading=heading)
@@ -200,11 +210,11 @@ class Scenario:
         """The mission that is flown, its targets in metres from `place`.
 
         Raises:
-          InputError: the plan is not a mission.
+          InputError: a schedule or a controller gives the commands.
         """
-        if not isinstance(self.plan, Mission):
-            raise InputError("the scenario's plan is not a mission")
-        return self.plan.placed(self.place.latitude_deg, self.place.longitude_deg)
+        if not isinstance(self.mission, Mission):
+            raise InputError("the scenario has no mission: a schedule or a controller flies it")
+        return self.mission.placed(self.place.latitude_deg, self.place.longitude_deg)
 
     @property
     def has_place(self) -> bool:
@@ -219,10 +229,10 @@ class Scenario:
     def run_time(self) -> float:
         """Longest duration [s]; raises InputError when neither scenario nor mission gives one."""
         duration = self.duration
-        if duration is None and isinstance(self.plan, Mission):
+        if duration is None and isinstance(self.mission, Mission):
             duration = self.mission_in_metres().time_limit_s(self.believed_vehicle)
         if duration is None:
-            raise InputError("give a duration: neither the scenario nor its plan has one")
+            raise InputError("give a duration: neither the scenario nor its mission has one")
         if not (math.isfinite(duration) and duration > 0):
             raise InputError(f"duration {duration} s must be positive and finite")
         return float(duration)
@@ -240,9 +250,9 @@ class Scenario:
         # a start with a time and no place leaves the origin unsaid
         origin = self.place if self.begin.latitude is not None else self.origin or Origin()
         plan: dict[str, Any] | None = None
-        if self.plan is not None:
-            kind = "mission" if isinstance(self.plan, Mission) else "schedule"
-            plan = {"kind": kind, **self.plan.to_dict()}
+        if self.mission is not None:
+            kind = "mission" if isinstance(self.mission, Mission) else "schedule"
+            plan = {"kind": kind, **self.mission.to_dict()}
         return {
             "vehicle": {
                 "name": self.vehicle.name,
@@ -254,7 +264,7 @@ class Scenario:
             "ballast": None if self.ballast is None else dataclasses.asdict(self.ballast),
             "encoder_zeros": dict(self.encoder_zeros),
             "compass_offset": self.compass_offset,
-            "plan": plan,
+            "plan": plan,  # the name that stores have for the mission
             "navigate": self.navigate.describe() if isinstance(self.navigate, Navigation) else None,
             "duration": self.duration,
             "start": None if self.start is None else dataclasses.asdict(self.begin),
@@ -270,6 +280,12 @@ class Scenario:
             "centred": self.centred,
             "sample_period": self.sample_period,
         }
+
+
+def _called(kinds: type | tuple[type, ...]) -> str:
+    """Classes as a message names them."""
+    known = kinds if isinstance(kinds, tuple) else (kinds,)
+    return " or ".join(f"a {kind.__name__}" for kind in known if kind is not NoneType)
 
 
 def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
@@ -295,7 +311,7 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
         ballast=None if ballast is None else Ballast(**ballast),
         encoder_zeros=data.get("encoder_zeros", {}),
         compass_offset=data.get("compass_offset", 0.0),
-        plan=plan,
+        mission=plan,
         navigate=None if navigate is None else navigation_from_dict(navigate),
         duration=data["duration"],
         start=start,

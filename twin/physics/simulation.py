@@ -212,9 +212,9 @@ class Simulation:
         if self.scenario.navigate is not None:
             self._run_navigated(controller)
         elif controller is not None:
-            if self.scenario.plan is not None:
+            if self.scenario.mission is not None:
                 raise InputError(
-                    "the scenario has a plan and the run a controller: only one of them can "
+                    "the scenario has a mission and the run a controller: only one of them can "
                     "command the vehicle; leave plan out of the scenario (its duration then says "
                     "how long), or call run() without a controller"
                 )
@@ -367,7 +367,7 @@ def simulate_many(
         if not isinstance(scenario, Scenario):
             raise InputError(
                 f"simulate_many: element {index} is {_kind(scenario)}, not a Scenario; make one "
-                "with twin.Scenario(plan=twin.load_mission('default'))"
+                "with twin.Scenario(mission=twin.load_mission('default'))"
             )
     if threads < 1:
         raise InputError(f"simulate_many: threads must be at least 1, not {threads}")

@@ -62,13 +62,13 @@ def tables_of(scenario: Scenario, duration: float) -> Tables:
     plan, control, gains = np.zeros((0, 0)), b.CONTROL_NONE, None
     if scenario.navigate is not None:
         pass  # its guidance sees what Python knows on board
-    elif isinstance(scenario.plan, Mission):
+    elif isinstance(scenario.mission, Mission):
         plan, gains = scenario.mission_in_metres().compile(scenario.believed_vehicle)
         gains[COMPASS_OFFSET] = scenario.compass_offset
         control = b.CONTROL_MISSION
-    elif isinstance(scenario.plan, Schedule):
-        scenario.plan.check(scenario.vehicle)
-        plan, control = scenario.plan.table(), b.CONTROL_SCHEDULE
+    elif isinstance(scenario.mission, Schedule):
+        scenario.mission.check(scenario.vehicle)
+        plan, control = scenario.mission.table(), b.CONTROL_SCHEDULE
     current = density = temperature = _NONE
     if scenario.current is not None:
         current = scenario.current.compile(duration, scenario.place)
@@ -110,7 +110,7 @@ def floor_table(scenario: Scenario, duration: float) -> Array:
             f"{label} at a depth of {start.depth:g} m, where the sea floor is at {bottom:g} m: "
             "start higher up or elsewhere"
         )
-    for segment in getattr(scenario.plan, "segments", ()):
+    for segment in getattr(scenario.mission, "segments", ()):
         above = getattr(segment, "min_altitude_m", None)
         if above is not None and bottom <= segment.min_depth_m + above:
             raise FloorError(

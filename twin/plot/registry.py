@@ -99,12 +99,13 @@ def figure_names() -> tuple[str, ...]:
 
 
 def suited(trajectory: Trajectory, name: str) -> FigureKind:
-    """The figure of that name; `log` for the overview of a mission without truth."""
-    return FIGURES[LOG if name == OVERVIEW and "true_depth" not in trajectory else name]
+    """The figure of that name; `log` for the overview of a mission whose motion is not known."""
+    known = "true_depth" in trajectory and "true_surge" in trajectory
+    return FIGURES[LOG if name == OVERVIEW and not known else name]
 
 
 def figure(trajectory: Trajectory, name: str = OVERVIEW, **options: Any) -> Figure:
-    """A figure of one mission; `overview` of a mission without truth is `log`.
+    """A figure of one mission; `overview` of a mission whose motion is not known is `log`.
 
     Args:
       name: one of `figure_names()`.

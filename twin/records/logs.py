@@ -102,7 +102,8 @@ class LogStore(MissionStore):
         super().__init__(path)
         if not self.logged:
             raise StoreError(
-                f"store {path} was not made by `factory import`: its missions are flown"
+                f"store {path} holds simulated missions; this needs logs of real vehicles, as "
+                "`factory import` stores them"
             )
         for name in (DEPLOYMENT, START_TIME):
             if name not in self.dataset.variables:

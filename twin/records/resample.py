@@ -35,18 +35,17 @@ def resample(series: xr.Dataset, step: str) -> xr.Dataset:
 
     Args:
       series: of samples over `time`, in any order.
-      step: of xarray and pandas: "10min", "1h", "1D".
+      step: a length of time as pandas and xarray write it, "10min", "1h", "1D" or "MS" for months,
+        or in words, "1 hour".
 
     Raises:
-      InputError: no dataset over `time`, or a step that is none.
+      InputError: no dataset over `time`, or a step that is not a length of time.
     """
     if TIME not in getattr(series, "indexes", {}) or series.indexes[TIME].dtype.kind != "M":
         raise InputError("resample: give what twin.timeseries gave, a dataset over UTC `time`")
     whole = series.sortby(TIME)
-    try:
-        means = whole.resample({TIME: step}).mean(keep_attrs=True)
-    except (ValueError, TypeError) as error:
-        raise InputError(f'resample: step {step!r} is none ({error}); "1h" or "1D", say') from error
+    step = _frequency(step)
+    means = whole.resample({TIME: step}).mean(keep_attrs=True)
     names = [str(name) for name in whole.data_vars]
     firsts = [name for name in names if _is_flag(whole[name])]
     if firsts:
@@ -59,6 +58,28 @@ def resample(series: xr.Dataset, step: str) -> xr.Dataset:
             means[name] = mean if longitude else mean % 360.0
             means[name].attrs.update(whole[name].attrs)
     return means[names]
+
+
+def _frequency(step: str) -> str:
+    """The step as xarray takes it.
+
+    Raises:
+      InputError: it is not a length of time.
+    """
+    import pandas as pd
+    from pandas.tseries.frequencies import to_offset
+
+    for read in (to_offset, lambda text: to_offset(pd.Timedelta(text))):
+        try:
+            # a number alone would be nanoseconds
+            offset = read(step) if any(letter.isalpha() for letter in str(step)) else None
+        except (ValueError, TypeError, AttributeError):
+            continue
+        if offset is not None and offset.n > 0:
+            return str(offset.freqstr)
+    raise InputError(
+        f'resample: step {step!r} is not a length of time: give one such as "10min", "1h" or "1D"'
+    )
 
 
 def _circular(angle: xr.DataArray, step: str) -> xr.DataArray:

@@ -124,7 +124,7 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
             f"`factory import KIND FILES --out {path}`"
         )
     if not is_complete(path):
-        raise StoreError(f"{path} is not a zarr v3 store; give the folder that ends in .zarr")
+        raise StoreError(_no_store(path))
     files = files_at(path)
     attributes = read_attributes(path)
     check_version(attributes, path)
@@ -138,6 +138,24 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
     return dataset
 
 
+MAKERS = "`factory generate`, `factory import` and `twin simulate --out` write those"
+"""What makes stores"""
+
+
+def _no_store(path: str | StorePath) -> str:
+    """What something is that is no zarr v3 store."""
+    place = store_path(path)
+    if isinstance(place, Path) and place.is_file():
+        what = "a file; a store of missions is a folder (zarr)"
+    elif isinstance(place, Path) and (place / ".zgroup").exists():
+        what = "a store of zarr's version 2; stores of missions are of version 3"
+    elif isinstance(place, Path) and not any(place.iterdir()):
+        what = "an empty folder, not a store of missions"
+    else:
+        what = "not a zarr v3 store of missions; give the folder itself, such as missions.zarr"
+    return f"{path} is {what}; {MAKERS}"
+
+
 def check_version(attributes: Mapping[str, Any], path: str | StorePath) -> None:
     """Raise StoreError when a newer program wrote a store, or one that is not ours.
 
@@ -148,8 +166,8 @@ def check_version(attributes: Mapping[str, Any], path: str | StorePath) -> None:
         version = int(attributes[VERSION])
     except (KeyError, ValueError, TypeError, OverflowError) as error:
         raise StoreError(
-            f"store {path} does not say its {VERSION}; it is not ours or damaged"
-            f" ({type(error).__name__})"
+            f"store {path} does not say its {VERSION}: it is damaged, or a zarr group of another "
+            f"program, not a store of missions; {MAKERS}"
         ) from error
     if version > SCHEMA_VERSION:
         writer = _writer(attributes)

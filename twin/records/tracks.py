@@ -4,7 +4,8 @@ One file holds any number of named tracks. Formats, told apart by the name's end
 
 - `.nc`, `.zarr`: an xarray dataset with variables `<name>_north` and `<name>_east` [m], dims
   (mission, time) or (time), and a coordinate `time` [s]. `mission` selects the row; a coordinate
-  `mission` is looked up by value when there is one.
+  `mission` is looked up by value when there is one. Of what `twin flight` wrote, the corrected
+  track `north` and `east` is taken.
 - `.npz`: arrays of those names, shapes (time,) or (mission, time), `time` and optionally `mission`.
 - `.csv`: a header with columns `time`, `north`, `east` and optionally `track` (the name) and
   `mission`; one row per sample, in time order within each track.
@@ -28,6 +29,7 @@ from numpy.typing import NDArray
 from twin.bounded import check_archive, check_dataset
 from twin.errors import InputError, unknown_name
 from twin.records.attributes import TITLE, is_missions
+from twin.records.flight_file import FLIGHT_TITLE
 from twin.records.schema import MISSION, TIME
 from twin.records.store import write_netcdf, write_zarr
 
@@ -38,6 +40,8 @@ Array = NDArray[np.float64]
 
 NORTH, EAST = "_north", "_east"
 """Endings of a track's two variables."""
+CORRECTED = "corrected"
+"""Name of the track of a file of `twin flight`"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -134,12 +138,20 @@ def _read_dataset(path: Path, mission: int) -> list[NamedTrack]:
                 f"{path} is a store of missions, not a file of dead-reckoned tracks; `learn "
                 "evaluate --tracks FILE` writes one"
             )
-        names = [str(n) for n in dataset.variables]
+        if TIME in dataset and dataset[TIME].dtype.kind not in "iuf":
+            raise InputError(
+                f"track file {path.name}: its time is of dates; give seconds since the mission's "
+                "start"
+            )
         arrays = {
-            n: np.asarray(dataset[n].values, float)
-            for n in names
-            if n.endswith((NORTH, EAST)) or n in ("time", "mission")
+            str(n): np.asarray(dataset[n].values, float)
+            for n in dataset.variables
+            if n in (TIME, MISSION) or (str(n).endswith((NORTH, EAST)) and TIME in dataset[n].dims)
         }
+        if str(dataset.attrs.get(TITLE, "")).startswith(FLIGHT_TITLE):
+            arrays |= {
+                f"{CORRECTED}_{n}": np.asarray(dataset[n].values, float) for n in ("north", "east")
+            }
     return _collect(arrays, mission, path)
 
 

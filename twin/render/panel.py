@@ -136,9 +136,9 @@ def _draw_legend(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
     rows = np.repeat((255 * colours).astype(np.uint8)[None], bar[1], axis=0)
     image.paste(Image.fromarray(rows), (left, y))
     y += bar[1] + canvas.px(2)
-    low, high = scale.ends
-    draw.text((left, y), low, font=face, anchor="la")
-    draw.text((left + bar[0], y), high, font=face, anchor="ra")
+    least, most = scale.ends
+    draw.text((left, y), least, font=face, anchor="la")
+    draw.text((left + bar[0], y), most, font=face, anchor="ra")
 
 
 def _draw_line_key(draw: ImageDraw.ImageDraw, canvas: Canvas, x: int, y: int, line: Line) -> None:

@@ -150,12 +150,18 @@ class GliderTask(base.Task):
         values: Array = np.asarray(action, float)
         parts = len(self.vehicle.parts)
         shape = (parts,) if self.count is None else (self.count, parts)
-        if values.shape != shape or not np.isfinite(values).all():
+        names = ", ".join(self.vehicle.part_names)
+        if values.shape != shape:
             many = "" if self.count is None else f" for each of {self.count} vehicles"
-            found = values.tolist() if values.size <= parts else f"of shape {values.shape}"
             raise InputError(
-                f"action {found} must be {parts} finite numbers{many}: "
-                f"{', '.join(self.vehicle.part_names)}"
+                f"action of shape {values.shape} must be of shape {shape}: {names}{many}"
+            )
+        if not np.isfinite(values).all():
+            *vehicle, part = np.argwhere(~np.isfinite(values))[0].tolist()
+            whose = f" of vehicle {vehicle[0]}" if vehicle else ""
+            raise InputError(
+                f"action{whose}: {self.vehicle.part_names[part]} is {values[(*vehicle, part)]}: "
+                f"actions must be finite numbers ({names})"
             )
         if not self.normalised:
             return np.clip(values, self._low, self._high)

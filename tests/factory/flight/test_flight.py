@@ -61,7 +61,7 @@ def test_preset_paper_is_the_twin_itself() -> None:
     plain = Mission.from_dict(plan.to_dict())
     speed, toward = made.number("current.speed"), made.number("current.steady_direction_deg")
     current = Uniform.toward(speed, toward)
-    twin = simulate(Scenario(plan=plain, duration=SECONDS, current=current))
+    twin = simulate(Scenario(mission=plain, duration=SECONDS, current=current))
     factory = fly(made, VEHICLE, SensorSuite.preset("ideal"), sensor_seed(5, 0, 0)).trajectory
     np.testing.assert_array_equal(factory.states, twin.states)
 
@@ -71,7 +71,7 @@ def test_the_paper_test_flies_the_shipped_mission() -> None:
     made = dataclasses.replace(recipe.parameters(0, 0), duration_s=4000.0)
     mission = load_mission("spiral-level-spiral")
     current = Uniform(north=-0.05, east=-0.002)
-    twin = simulate(Scenario(plan=mission, duration=4000.0, current=current))
+    twin = simulate(Scenario(mission=mission, duration=4000.0, current=current))
     factory = fly(made, recipe.vehicle, recipe.suite, sensor_seed(0, 0, 0)).trajectory
     # the direction of the current passes through degrees, so the last bits may differ
     np.testing.assert_allclose(factory.position, twin.position, atol=1e-6)

@@ -169,6 +169,21 @@ def test_foreign_damaged_and_newer_stores_are_told(
         GeneratedStore(store)
 
 
+def test_what_is_no_store_is_called_what_it_is(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("time,depth\n")
+    (tmp_path / "old.zarr").mkdir()
+    (tmp_path / "old.zarr" / ".zgroup").write_text("{}")
+    (tmp_path / "empty.zarr").mkdir()
+    for name, told in (
+        ("log.csv", "is a file; a store of missions is a folder"),
+        ("old.zarr", "is a store of zarr's version 2"),
+        ("empty.zarr", "is an empty folder"),
+        ("nothing.zarr", "no store at"),
+    ):
+        with pytest.raises(StoreError, match=f"{told}.*`factory generate"):
+            GeneratedStore(tmp_path / name)
+
+
 def test_a_store_of_another_table_of_parameters_is_told(tmp_path: Path, paper_store: Path) -> None:
     store = tmp_path / "copy.zarr"
     shutil.copytree(paper_store, store)

@@ -86,3 +86,16 @@ def test_a_failed_import_names_what_could_not_be_read(tmp_path: Path) -> None:
     dives.write_text("")
     with pytest.raises(InputError, match=r"magnetic.*left out before: .*_dives\.csv is empty"):
         import_logs("seaglider", sorted(tmp_path.glob("*.csv")))
+
+
+@pytest.mark.parametrize("kind", ["csv", "slocum", "lrauv", "seaglider"])
+def test_a_web_page_and_a_store_are_called_what_they_are(kind, tmp_path):
+    page = tmp_path / "log.csv"
+    page.write_text("\n<!DOCTYPE html><html><body>please log in</body></html>")
+    with pytest.raises(InputError, match=r"log.csv is a web page \(HTML\) and no log"):
+        import_logs(kind, [page])
+    store = tmp_path / "real.zarr"
+    store.mkdir()
+    (store / "zarr.json").write_text("{}")
+    with pytest.raises(InputError, match="is a store already; name the logs"):
+        import_logs(kind, [store])

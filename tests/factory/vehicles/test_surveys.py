@@ -249,7 +249,7 @@ def test_a_kind_of_ones_own_is_drawn_flown_and_read_back(tmp_path: Path) -> None
         segments = [s for m in range(len(run)) for s in run.parameters(m).segments]
         assert {segment["mission.kind"] for segment in segments} == {"shallow", "transect"}
         own = next(m for m in range(len(run)) if "shallow" in kinds_of(run.parameters(m)))
-        plan = build_scenario(run.parameters(own), run.vehicle).plan
+        plan = build_scenario(run.parameters(own), run.vehicle).mission
         assert 20.0 in {getattr(segment, "max_depth_m", None) for segment in plan.segments}
         assert replay_mission(run, own).identical
     finally:

@@ -116,7 +116,7 @@ def test_every_drawn_number_reaches_the_vehicle_and_nothing_else(torpedo: Vehicl
 
 def test_the_guidance_flies_the_drawn_speed(torpedo: Vehicle) -> None:
     recipe = make_recipe(hours=0.2, changes={**SHORT, "mission.speed_m_s": 1.0}, vehicle=str(FILE))
-    plan = build_scenario(recipe.parameters(0, 0), torpedo).plan
+    plan = build_scenario(recipe.parameters(0, 0), torpedo).mission
     assert {segment.speed_m_s for segment in plan.segments} == {1.0}
 
 

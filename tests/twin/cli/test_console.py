@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import os
@@ -9,6 +10,7 @@ import re
 import shlex
 import subprocess
 import sys
+import typing
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +23,9 @@ from factory.__main__ import PROGRAM as FACTORY
 from learn.__main__ import PROGRAM as LEARN
 from twin.__main__ import PROGRAM as TWIN
 from twin.cli.console import Console, JsonOption, to_json
-from twin.cli.options import option_names, parse_options
+from twin.cli.mistakes import number_kind
+from twin.cli.option_texts import option_names
+from twin.cli.options import parse_options
 from twin.cli.program import Command, Program
 from twin.cli.progress import Progress, format_duration
 from twin.cli.text_table import WIDEST, counted, format_number, format_pairs, format_table
@@ -117,11 +121,22 @@ def program(monkeypatch: pytest.MonkeyPatch) -> Program:
         (["glid"], 2, "unknown command 'glid': did you mean 'glide'?"),
         (["--json"], 2, "unknown option '--json' before the command"),
         (["glide"], 2, "missing --net-mass (see swim glide --help)"),
-        (["glide", "--net-mas", "0.3"], 2, "unknown option --net-mas: did you mean --net-mass?"),
+        (
+            ["glide", "--net-mas", "0.3"],
+            2,
+            "option --net-mas: did you mean --net-mass (Net ",
+        ),
         (["glide", "--net-mass=1", "--qqq"], 2, "unknown option --qqq: allowed: --fail, --json"),
         (["glide", "--net-mass", "1", "x"], 2, "unexpected argument 'x'"),
         (["glide", "--net-mass"], 2, "--net-mass"),
-        (["glide", "--net-mass", "much"], 2, "--net-mass: "),
+        (["glide", "--net-mass", "much"], 2, "needs a number, got 'much': Net buoyancy mass [kg]"),
+        (
+            ["glide", "--net-mass", "1", "--json", "yes"],
+            2,
+            "--json takes no value: leave 'yes' out",
+        ),
+        (["render"], 2, "swim has no command 'render': it is `twin render`"),
+        (["plot"], 2, "it is `twin plot` or `factory plot`"),
         (["glide", "--net-mass", "1", "--model", "fosen"], 2, "did you mean 'fossen'?"),
         (["glide", "--net-mass", "11"], 2, "error: net mass 11.0 kg is too large: at most 10 kg"),
         (["glide", "--net-mass", "1", "--fail", "steady"], 1, "error: no steady glide at all"),
@@ -266,6 +281,54 @@ def test_help_of_an_option_is_wrapped_to_its_box_and_not_at_the_lines_of_the_sou
     lines = [line.strip("│ ") for line in capsys.readouterr().out.splitlines()]
     begin = next(i for i, line in enumerate(lines) if line.startswith("--density"))
     assert lines[begin + 1].startswith("hull is), constant, thermocline")
+
+
+@pytest.mark.parametrize("program", [TWIN, FACTORY, LEARN], ids=lambda program: program.name)
+def test_every_number_is_asked_for_in_plain_words(
+    program: Program, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = 0
+    for command in program.commands:
+        chosen = command.load()
+        hints, fields = typing.get_type_hints(chosen), dataclasses.fields(chosen)
+        needed = [
+            word
+            for field in fields
+            if field.default is dataclasses.MISSING
+            for word in ([f"--{field.name}", "x"] if field.name in ("to", "out") else ["x"])
+        ]
+        for field in fields:
+            if number_kind(hints[field.name]) is not None:
+                flag = f"--{field.name.replace('_', '-')}"
+                assert program.main([command.name, *needed, flag, "1h"]) == 2
+                error = capsys.readouterr().err
+                assert f"{flag} needs a " in error
+                assert "number, got '1h'" in error
+                asked += 1
+    assert asked >= 6
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("twin simulate --hours 3", "did you mean --duration (seconds to simulate)?"),
+        ("twin simulate --time 3", "did you mean --duration (seconds"),
+        ("twin simulate --dt 3", "did you mean --timestep"),
+        ("twin forecast --duration 3", "did you mean --hours"),
+        ("factory generate --duration 3", "did you mean --hours"),
+        ("factory generate --jobs 3", "did you mean --workers"),
+        ("factory import slocum a --output b", "did you mean --out"),
+        ("learn fit --optimizer adam", "did you mean --optimiser"),
+        ("learn fit --hours 3", "did you mean --seconds"),
+    ],
+)
+def test_the_word_of_another_command_leads_to_ours(
+    words: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name, *rest = words.split()
+    program = next(one for one in (TWIN, FACTORY, LEARN) if one.name == name)
+    assert program.main(rest) == 2
+    assert message in capsys.readouterr().err
 
 
 def test_option_names_include_nested_ones() -> None:

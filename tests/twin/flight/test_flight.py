@@ -24,6 +24,7 @@ from twin.flight.summary import summarise
 from twin.geodesy import from_tangent_plane
 from twin.identify.speed import motion_of
 from twin.records.store import write_store
+from twin.records.tracks import read_tracks
 
 CURRENT = (0.07, -0.04, -0.01)
 """[m/s] north, east, down: the water rises"""
@@ -158,6 +159,18 @@ def test_the_file_says_what_it_holds(flight, tmp_path: Path) -> None:
         np.testing.assert_allclose(read["w_water"].values, dataset["w_water"].values)
         assert np.issubdtype(read["start_time"].dtype, np.datetime64)
         read.close()
+
+
+@pytest.mark.parametrize("ending", [".nc", ".zarr"])
+def test_its_corrected_track_is_drawn_beside_others(flight, tmp_path: Path, ending: str) -> None:
+    from twin.flight import write_flight
+
+    write_flight(flight, tmp_path / f"flight{ending}")
+    (track,) = read_tracks(tmp_path / f"flight{ending}", 0)
+    position = flight.missions[0].position
+    assert track.title == "corrected"
+    assert track.time[-1] == pytest.approx(flight.store.period * (len(position) - 1))
+    np.testing.assert_allclose(np.stack([track.north, track.east], axis=1), position, atol=0.01)
 
 
 def test_all_figures_have_data(flight, tmp_path: Path) -> None:

@@ -67,7 +67,7 @@ def test_the_mean_comes_first_and_all_members_last(steps) -> None:
 def test_the_first_member_is_the_nominal_flight(steps) -> None:
     run = twin.simulate(
         Scenario(
-            plan=dataclasses.replace(to_north(), duration_s=3600.0),
+            mission=dataclasses.replace(to_north(), duration_s=3600.0),
             start={"latitude": 36.8, "longitude": -122.4, "time": PLACE.time},
             sample_period=10.0,
         )

@@ -150,6 +150,17 @@ def test_a_reached_waypoint_is_replaced_for_that_vehicle_alone():
     assert np.hypot(*env.task.target[1]) > RADIUS
 
 
+def test_an_action_that_is_not_finite_is_named_with_its_vehicle():
+    many = twin.gym.GliderVectorEnv(num_envs=3)
+    many.reset(seed=0)
+    actions = np.zeros((3, 3), np.float32)
+    actions[2, 1] = np.nan
+    with pytest.raises(InputError, match="action of vehicle 2: rotation is nan"):
+        many.step(actions)
+    with pytest.raises(InputError, match=r"shape \(3,\) must be of shape \(3, 3\): shift, rot"):
+        many.step(actions[0])
+
+
 def test_an_unstable_vehicle_ends_alone_and_no_nan_is_shown():
     env = many("depth", 3)
     seen, _ = env.reset(seed=0)

@@ -51,7 +51,7 @@ def flown(vehicle, seed, *, yos=2, max_depth=150.0, pitch=(22.0, 30.0), duration
     trajectory = simulate(
         Scenario(
             vehicle=vehicle,
-            plan=plan,
+            mission=plan,
             density=THERMOCLINE,
             sample_period=PERIOD,
             duration=duration,

@@ -202,7 +202,7 @@ def test_written_vehicle_loads_flies_and_says_where_it_comes_from(tmp_path, name
     model = mujoco.MjModel.from_xml_path(str(path))
     assert mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, "identification") >= 0
     heavy = Schedule(times=[0.0], commands=[[0.01, 0.0, -150.0]])
-    dive = simulate(Scenario(vehicle=again.vehicle, plan=heavy, duration=60.0))
+    dive = simulate(Scenario(vehicle=again.vehicle, mission=heavy, duration=60.0))
     assert dive["true_depth"][-1] > 2.0
     second = vehicle_xml(again, {"store": "another"})
     assert second.count('name="identification"') == second.count('name="sensor_errors"') == 1

@@ -78,7 +78,10 @@ def store(tmp_path_factory, truth):
         )
         plan = Mission(name="turns", segments=segments, duration_s=420.0 * len(HEADINGS))
         scenario = Scenario(
-            vehicle=truth, plan=plan, density=simulated.THERMOCLINE, sample_period=simulated.PERIOD
+            vehicle=truth,
+            mission=plan,
+            density=simulated.THERMOCLINE,
+            sample_period=simulated.PERIOD,
         )
         flown = simulate(scenario)
         measured = simulated.SUITE.measure(

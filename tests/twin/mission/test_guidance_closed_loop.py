@@ -20,7 +20,7 @@ def wrapped(degrees):
 
 def fly(*segments, start=None, **mission):
     return simulate(
-        Scenario(vehicle=VEHICLE, plan=Mission(segments=segments, **mission), start=start)
+        Scenario(vehicle=VEHICLE, mission=Mission(segments=segments, **mission), start=start)
     )
 
 
@@ -115,7 +115,7 @@ def test_errors_of_the_vehicle_are_trimmed_away():
         static_cg=VEHICLE.static_cg + np.array([0.0, 2e-4, 0.0]),
     )
     mission = Mission(segments=[SawTooth(max_depth_m=500, heading_deg=20)], duration_s=1100)
-    run = simulate(Scenario(vehicle=off, plan=mission))
+    run = simulate(Scenario(vehicle=off, mission=mission))
     late = run.time > 900
     assert np.abs(run["true_pitch"] - run["commanded_pitch"])[late].max() < 0.1
     assert np.abs(wrapped(run["true_heading"] - 20))[late].max() < 0.3
@@ -123,7 +123,7 @@ def test_errors_of_the_vehicle_are_trimmed_away():
 
 def test_mission_controller_flies_as_the_native_guidance_does():
     mission = Mission(segments=[SawTooth(max_depth_m=40, heading_deg=50)], duration_s=400)
-    scenario = Scenario(vehicle=VEHICLE, plan=mission)
+    scenario = Scenario(vehicle=VEHICLE, mission=mission)
     native = simulate(scenario)
     python = simulate(
         Scenario(vehicle=VEHICLE, duration=400), controller=MissionController(mission, VEHICLE)
@@ -135,7 +135,7 @@ def test_mission_controller_flies_as_the_native_guidance_does():
 def test_shipped_field_mission_surfaces_three_times():
     mission = load_mission("field")
     limit = mission.time_limit_s(VEHICLE)
-    run = simulate(Scenario(vehicle=VEHICLE, plan=mission, duration=limit))
+    run = simulate(Scenario(vehicle=VEHICLE, mission=mission, duration=limit))
     segment = run["commanded_segment"]
     flown = run.time[np.flatnonzero(segment == len(mission.segments))[0]]
     assert flown < limit

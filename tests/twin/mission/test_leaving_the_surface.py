@@ -25,7 +25,7 @@ def test_pump_and_battery_take_it_under_water(vehicle: str, segment: Segment) ->
     plan = Mission(
         segments=(segment, Surface(duration_s=200.0), segment), duration_s=900.0, at_end="hold"
     )
-    run = Simulation(Scenario(vehicle=vehicle, plan=plan)).run()
+    run = Simulation(Scenario(vehicle=vehicle, mission=plan)).run()
     for part in (0, 2):
         inside = run["commanded_segment"] == part
         time, depth = run.time[inside], run["true_depth"][inside]

@@ -56,7 +56,7 @@ def test_the_heading_is_held_in_both_phases(share):
         segments=(SawTooth(max_depth_m=120, heading_deg=40, pitch_deg=28, yos=2),),
         start_heading_deg=20,
     )
-    run = simulate(Scenario(vehicle=vehicle, plan=mission))
+    run = simulate(Scenario(vehicle=vehicle, mission=mission))
     settled = (run.time > 250.0) & (run["true_depth"] > 8.0)
     climbing = run["true_pitch"] > 10.0
     for phase in (settled & climbing, settled & ~climbing):

@@ -25,7 +25,7 @@ def to_waypoint(target=EAST, **settings):
 
 def fly(*segments, heading=90.0, **scenario):
     mission = Mission(segments=segments, start_heading_deg=heading)
-    return twin.simulate(twin.Scenario(plan=mission, sample_period=5.0, **scenario))
+    return twin.simulate(twin.Scenario(mission=mission, sample_period=5.0, **scenario))
 
 
 def arrival(run, segment=0):
@@ -68,7 +68,7 @@ def test_courses_stem_a_cross_current_once_it_is_known():
 def test_the_first_misclosure_is_the_current():
     mission = Mission(segments=(to_waypoint(surface_after_s=1500.0),), start_heading_deg=90.0)
     water = twin.Uniform(north=0.08, east=-0.05)
-    simulation = Simulation(twin.Scenario(plan=mission, current=water, duration=2400.0))
+    simulation = Simulation(twin.Scenario(mission=mission, current=water, duration=2400.0))
     simulation.run()
     from twin.mission.table import CURRENT_EAST, CURRENT_KNOWN, CURRENT_NORTH
     from twin.physics.model_block import state
@@ -119,12 +119,12 @@ def test_a_list_of_targets_is_flown_in_order_with_degrees_and_metres():
         arrival_radius_m=30.0,
     )
     start = {"latitude": 36.8, "longitude": -122.4}
-    scenario = twin.Scenario(plan=Mission(segments=(segment,)), start=start, sample_period=5.0)
+    scenario = twin.Scenario(mission=Mission(segments=(segment,)), start=start, sample_period=5.0)
     run = twin.simulate(scenario)
     for index, place in enumerate(([600.0, 0.0], [600.0, 600.0])):
         assert np.hypot(*(run.position[arrival(run, index), :2] - place)) < 40.0
     again = scenario_from_dict(scenario.describe())
-    assert again.plan == scenario.plan
+    assert again.mission == scenario.mission
     assert again.run_time() == scenario.run_time()
 
 
@@ -133,7 +133,9 @@ def test_a_held_target_is_a_virtual_mooring():
     segment = to_waypoint({"north_m": 300.0, "east_m": 0.0}, surface_after_yos=2.0)
     mission = Mission(segments=(segment,), at_end="hold", duration_s=9000.0)
     run = twin.simulate(
-        twin.Scenario(plan=mission, current=twin.Uniform(north=0.0, east=0.08), sample_period=5.0)
+        twin.Scenario(
+            mission=mission, current=twin.Uniform(north=0.0, east=0.08), sample_period=5.0
+        )
     )
     late = run.time > 3000.0
     away = np.hypot(*(run.position[late, :2] - [300.0, 0.0]).T)
@@ -146,7 +148,7 @@ def test_a_held_target_is_a_virtual_mooring():
 def test_python_guidance_flies_it_as_the_native_one():
     mission = Mission(segments=(to_waypoint(surface_after_s=900.0),), start_heading_deg=90.0)
     water = twin.Uniform(north=0.05, east=0.0)
-    scenario = twin.Scenario(plan=mission, current=water, duration=1800.0)
+    scenario = twin.Scenario(mission=mission, current=water, duration=1800.0)
     free = twin.Scenario(current=water, duration=1800.0, start=scenario.begin)
     python = twin.simulate(free, controller=MissionController(mission, VEHICLE))
     np.testing.assert_allclose(python.position, twin.simulate(scenario).position, atol=1e-3)
@@ -196,7 +198,7 @@ def test_what_is_no_waypoint_is_refused(settings, words):
 def test_places_on_the_earth_need_a_start_on_it():
     mission = Mission(segments=(to_waypoint({"latitude": 36.9, "longitude": -122.4}),))
     with pytest.raises(MissionError, match="--start LAT,LON"):
-        twin.Scenario(plan=mission)
+        twin.Scenario(mission=mission)
     with pytest.raises(MissionError, match=r"Mission\.placed"):
         MissionController(mission, VEHICLE)
     MissionController(mission.placed(36.8, -122.4), VEHICLE)

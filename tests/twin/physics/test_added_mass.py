@@ -75,7 +75,7 @@ def test_stiff_servos_approach_the_locked_composite(ratio):
     for timestep in (0.1, 0.05, 0.025):
         scenario = Scenario(
             vehicle=vehicle,
-            plan=schedule,
+            mission=schedule,
             duration=4.0,
             start=Start(depth=1000.0, actuators=actuators),
             timestep=timestep,
@@ -134,7 +134,7 @@ def test_added_mass_does_no_net_work():
     energies = {}
     for timestep in (0.02, 0.01):
         scenario = Scenario(
-            vehicle=vehicle, plan=schedule, duration=10.0, start=start, timestep=timestep
+            vehicle=vehicle, mission=schedule, duration=10.0, start=start, timestep=timestep
         )
         energies[timestep] = kinetic_and_potential(vehicle, simulate(scenario))
     coarse, fine = (np.abs(e / e[0] - 1).max() for e in energies.values())

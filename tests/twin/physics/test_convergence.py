@@ -54,7 +54,7 @@ def fly(commands, timestep: float, *, vehicle=VEHICLE, centred=True, duration=DU
     return simulate(
         Scenario(
             vehicle=vehicle,
-            plan=Schedule(times=TIMES[: len(commands)], commands=commands),
+            mission=Schedule(times=TIMES[: len(commands)], commands=commands),
             duration=duration,
             start=start(commands),
             timestep=timestep,

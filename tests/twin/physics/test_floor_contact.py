@@ -72,7 +72,7 @@ def test_a_hull_on_a_slope_touches_the_slope():
 
 
 def test_a_floor_out_of_reach_changes_nothing():
-    scenario = Scenario(plan=yo(heading_deg=40.0), current=Uniform(north=0.1, east=-0.05))
+    scenario = Scenario(mission=yo(heading_deg=40.0), current=Uniform(north=0.1, east=-0.05))
     without = simulate(scenario)
     above = simulate(Scenario(**{**vars(scenario), "floor": FlatFloor(depth_m=90.0)}))
     np.testing.assert_array_equal(without.states, above.states)
@@ -96,7 +96,7 @@ def test_without_anything_to_hit_mujoco_does_not_look_for_contacts():
 
 def test_a_fleet_meets_the_same_floor():
     scenarios = [
-        Scenario(plan=YO, duration=300.0, floor=floor)
+        Scenario(mission=YO, duration=300.0, floor=floor)
         for floor in (SLOPE, FlatFloor(depth_m=25.0), ROUGH)
     ]
     for alone, batched in zip(map(simulate, scenarios), make_batch(scenarios).run(), strict=True):
@@ -133,8 +133,8 @@ def test_a_dive_below_its_altitude_climbs_at_once():
 
 def test_guidance_in_python_turns_at_the_same_altitude():
     mission = yo(min_altitude_m=12.0)
-    native = simulate(Scenario(plan=mission, floor=ROUGH))
-    scenario = Scenario(duration=600.0, floor=ROUGH, start=Scenario(plan=YO).usual_start())
+    native = simulate(Scenario(mission=mission, floor=ROUGH))
+    scenario = Scenario(duration=600.0, floor=ROUGH, start=Scenario(mission=YO).usual_start())
     python = simulate(scenario, MissionController(mission, VEHICLE))
     assert native["true_altitude"].min() == pytest.approx(python["true_altitude"].min(), abs=0.05)
     assert python["true_altitude"].min() > 8.0
@@ -144,34 +144,34 @@ def test_guidance_in_python_turns_at_the_same_altitude():
 
 def test_an_altitude_without_a_floor_is_refused():
     with pytest.raises(MissionError, match="the scenario has no sea floor"):
-        Scenario(plan=yo(min_altitude_m=12.0))
+        Scenario(mission=yo(min_altitude_m=12.0))
     with pytest.raises(MissionError, match="min_altitude_m = 0 is not possible"):
         yo(min_altitude_m=0)
 
 
 def test_a_start_needs_water_under_it():
     with pytest.raises(FloorError, match="at a depth of 300 m, where the sea floor is at 200 m"):
-        simulate(Scenario(plan=YO, floor=FlatFloor(depth_m=200.0), start=Start(depth=300.0)))
+        simulate(Scenario(mission=YO, floor=FlatFloor(depth_m=200.0), start=Start(depth=300.0)))
     land = GridFloor(north_m=AXIS, east_m=AXIS, depth_m=NORTH - 10.0)
     with pytest.raises(FloorError, match="on land, 10 m above the sea"):
-        simulate(Scenario(plan=YO, floor=land))
+        simulate(Scenario(mission=YO, floor=land))
     with pytest.raises(FloorError, match="the sea is 15 m deep"):
-        simulate(Scenario(plan=yo(min_altitude_m=12.0), floor=FlatFloor(depth_m=15.0)))
+        simulate(Scenario(mission=yo(min_altitude_m=12.0), floor=FlatFloor(depth_m=15.0)))
     with pytest.raises(FloorError, match="where the mission starts"):
-        Scenario(plan=YO, floor=Bathymetry(path="gebco.nc"))
+        Scenario(mission=YO, floor=Bathymetry(path="gebco.nc"))
 
 
 def test_contacts_need_the_discrete_integrator():
     implicit = {"integrator": "implicitfast", "timestep": 0.02}
     with pytest.raises(InputError, match="needs integrator discrete"):
-        Simulation(Scenario(plan=YO, floor=FlatFloor(depth_m=30.0), **implicit))
-    Simulation(Scenario(plan=YO, **implicit))
+        Simulation(Scenario(mission=YO, floor=FlatFloor(depth_m=30.0), **implicit))
+    Simulation(Scenario(mission=YO, **implicit))
 
 
 @pytest.mark.parametrize("current", [None, Uniform(north=0.6, east=0.3)])
 def test_a_grounded_glider_stays_sound_in_a_current_and_at_a_short_step(current):
-    scenario = Scenario(plan=YO, floor=ROUGH, current=current, timestep=0.02)
-    for each in (scenario, Scenario(plan=YO, floor=ROUGH, current=current)):
+    scenario = Scenario(mission=YO, floor=ROUGH, current=current, timestep=0.02)
+    for each in (scenario, Scenario(mission=YO, floor=ROUGH, current=current)):
         run = simulate(each)
         assert run.complete
         assert run["true_contact"].any()
@@ -179,7 +179,7 @@ def test_a_grounded_glider_stays_sound_in_a_current_and_at_a_short_step(current)
 
 
 def test_a_described_floor_flies_again():
-    scenario = Scenario(plan=yo(min_altitude_m=12.0), floor=ROUGH, duration=300.0)
+    scenario = Scenario(mission=yo(min_altitude_m=12.0), floor=ROUGH, duration=300.0)
     described = json.loads(json.dumps(scenario.describe()))
     np.testing.assert_array_equal(
         simulate(scenario).states, simulate(scenario_from_dict(described)).states
@@ -197,7 +197,7 @@ def with_obstacle(text: str = TEXT) -> twin.Vehicle:
 
 
 def test_an_obstacle_of_the_file_stays_in_every_run():
-    scenario = Scenario(vehicle=with_obstacle(), plan=YO)
+    scenario = Scenario(vehicle=with_obstacle(), mission=YO)
     alone, full = simulate(scenario), Simulation(scenario, lean=False).run()
     (batched,) = make_batch([scenario]).run()
     for run in (alone, full, batched):
@@ -227,8 +227,8 @@ def test_a_colliding_geom_of_the_vehicle_is_its_shape():
     """A skid 1 m below the hull keeps it that much higher."""
     skid = '<geom name="skid" type="sphere" pos="0.7 0 -1" size="0.05" mass="0"/><site name="cb"'
     text = TEXT.replace('<site name="cb"', skid, 1)
-    higher = simulate(Scenario(vehicle=with_obstacle(text), plan=YO))
-    usual = simulate(Scenario(vehicle=with_obstacle(), plan=YO))
+    higher = simulate(Scenario(vehicle=with_obstacle(text), mission=YO))
+    usual = simulate(Scenario(vehicle=with_obstacle(), mission=YO))
     assert higher["true_depth"].max() < usual["true_depth"].max() - 0.3
 
 

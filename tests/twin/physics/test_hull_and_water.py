@@ -30,7 +30,7 @@ def fly(vehicle, *, duration=900.0, depth=20.0, density=WATER, command=DIVE, bal
     plan = Schedule(times=[0.0], commands=[command])
     return simulate(
         Scenario(
-            vehicle=vehicle, plan=plan, duration=duration, start=start, density=density,
+            vehicle=vehicle, mission=plan, duration=duration, start=start, density=density,
             ballast=ballast,
         )
     )  # fmt: skip
@@ -88,7 +88,7 @@ def test_ballasted_at_a_depth_it_hangs_there(depth):
     plan = Schedule(times=[0.0], commands=[(0.0, 0.0, 0.0)])
     run = simulate(
         Scenario(
-            vehicle=SOFT, plan=plan, duration=600.0, start=start, density=WATER,
+            vehicle=SOFT, mission=plan, duration=600.0, start=start, density=WATER,
             ballast=Ballast(depth=max(depth, 2.0)),
         )
     )  # fmt: skip
@@ -137,10 +137,10 @@ def test_a_compressible_hull_flies_in_water_that_is_compressed_too():
     """A deep glider comes back from 900 m; in water of one density it would sink for good."""
     deep = load_vehicle("slocum-1000")
     scenario = Scenario(
-        vehicle=deep, plan=Schedule(times=[0.0], commands=[deep.rest]), duration=1.0
+        vehicle=deep, mission=Schedule(times=[0.0], commands=[deep.rest]), duration=1.0
     )
     assert scenario.density.density(1000.0) == pytest.approx(1029.5, abs=0.5)
     constant = DensityProfile.constant(deep.reference_density)
-    kept = Scenario(vehicle=deep, density=constant, duration=1.0, plan=scenario.plan)
+    kept = Scenario(vehicle=deep, density=constant, duration=1.0, mission=scenario.mission)
     assert kept.density is constant
-    assert Scenario(vehicle=VEHICLE, duration=1.0, plan=None).density is None
+    assert Scenario(vehicle=VEHICLE, duration=1.0, mission=None).density is None

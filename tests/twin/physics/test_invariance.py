@@ -33,7 +33,7 @@ START = Start(depth=800.0, pitch=-0.4, v_rel=(0.35, 0.01, 0.02), actuators=COMMA
 
 def fly(*, schedule=SCHEDULE, start=START, current=None, duration=220.0):
     return simulate(
-        Scenario(vehicle=VEHICLE, plan=schedule, start=start, current=current, duration=duration)
+        Scenario(vehicle=VEHICLE, mission=schedule, start=start, current=current, duration=duration)
     )
 
 

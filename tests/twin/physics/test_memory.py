@@ -32,7 +32,7 @@ STRATIFIED = DensityProfile(depth=np.array([0.0, 500.0]), values=np.array([1022.
 
 def scenario(seconds=600.0, **changes):
     water = {"current": CURRENT, "density": STRATIFIED, **changes}
-    return Scenario(plan=load_mission("default"), duration=seconds, **water)
+    return Scenario(mission=load_mission("default"), duration=seconds, **water)
 
 def flown(model, data, steps=400):
     mujoco.mj_step(model, data, nstep=steps)
@@ -46,11 +46,11 @@ def litter():
 
 PROGRAMS = {
     "the model of a simulation that is gone": """
-model = Simulation(Scenario(plan=load_mission("default"), duration=600.0)).model
+model = Simulation(Scenario(mission=load_mission("default"), duration=600.0)).model
 held = litter()
 data = mujoco.MjData(model)
 mujoco.mj_step(model, data, nstep=6000)
-kept = Simulation(Scenario(plan=load_mission("default"), duration=600.0))
+kept = Simulation(Scenario(mission=load_mission("default"), duration=600.0))
 other = mujoco.MjData(kept.model)
 mujoco.mj_step(kept.model, other, nstep=6000)
 assert np.isfinite(data.qpos).all()

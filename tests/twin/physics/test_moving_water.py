@@ -80,7 +80,7 @@ def fly_both(vehicle, start, current, duration, command=NEUTRAL, timestep=0.1):
     plan = Schedule(times=[0.0], commands=[command])
     ours = simulate(
         Scenario(
-            vehicle=vehicle, plan=plan, duration=duration, start=start, current=current,
+            vehicle=vehicle, mission=plan, duration=duration, start=start, current=current,
             timestep=timestep,
         )
     )  # fmt: skip
@@ -150,7 +150,7 @@ def test_a_mission_in_a_tide_is_flown_as_in_still_water():
         duration_s=2400.0,
     )
     runs = [
-        simulate(Scenario(vehicle=VEHICLE, plan=mission, current=current))
+        simulate(Scenario(vehicle=VEHICLE, mission=mission, current=current))
         for current in (parse_current("tide:m2=0.5,phase=90"), None)
     ]
     deep = runs[1]["true_depth"] > 3.0  # at the surface a wave of rounding grows

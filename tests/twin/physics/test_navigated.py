@@ -52,7 +52,7 @@ def error(run, at):
 
 def test_the_live_samples_are_those_of_the_log():
     scenario = Scenario(
-        plan=twin.load_mission("default"),
+        mission=twin.load_mission("default"),
         duration=150.0,
         current=twin.parse_current("uniform:0.2,-0.1"),
         floor=twin.parse_floor("depth:90"),
@@ -73,7 +73,7 @@ def test_the_live_samples_are_those_of_the_log():
 @pytest.mark.parametrize(("sensors", "most"), [("ideal", 0.3), ("field", 1.5)])
 def test_a_vehicle_comes_back_by_its_own_dead_reckoning(sensors, most):
     navigate = Navigation(estimator="ekf", sensors=sensors, seed=3)
-    run = Simulation(Scenario(plan=round_trip(), navigate=navigate)).run()
+    run = Simulation(Scenario(mission=round_trip(), navigate=navigate)).run()
     at = arrival(run, 2)
     north, east = run["true_north"][: at + 1], run["true_east"][: at + 1]
     way = np.hypot(np.diff(north), np.diff(east)).sum()
@@ -97,7 +97,7 @@ def test_guidance_sees_the_compass_and_not_the_truth():
         ],
         start_depth_m=12.0,
     )
-    scenario = Scenario(plan=mission, navigate=dataclasses.replace(IDEAL, sensors=sensors))
+    scenario = Scenario(mission=mission, navigate=dataclasses.replace(IDEAL, sensors=sensors))
     simulation = Simulation(scenario)
     draw = SensorSuite.draw
 
@@ -122,7 +122,7 @@ def test_a_fix_at_the_surface_corrects_position_and_current():
         ],
     )
     current = twin.parse_current("uniform:0.05,0.15")
-    run = Simulation(Scenario(plan=mission, current=current, navigate=IDEAL)).run()
+    run = Simulation(Scenario(mission=mission, current=current, navigate=IDEAL)).run()
     fixes = np.isfinite(run["measured_gps_north"])
     under = np.flatnonzero(run["commanded_segment"] == 0)
     assert error(run, under[-1]) > 40.0  # the first dive knows no current
@@ -133,8 +133,8 @@ def test_a_fix_at_the_surface_corrects_position_and_current():
 
 def test_truth_and_the_estimate_of_perfect_sensors_fly_alike():
     plan = twin.load_mission("default")
-    by_truth = Simulation(Scenario(plan=plan, duration=400.0)).run()
-    by_estimate = Simulation(Scenario(plan=plan, duration=400.0, navigate=IDEAL)).run()
+    by_truth = Simulation(Scenario(mission=plan, duration=400.0)).run()
+    by_estimate = Simulation(Scenario(mission=plan, duration=400.0, navigate=IDEAL)).run()
     assert np.abs(by_truth["true_depth"] - by_estimate["true_depth"]).max() < 3.0
     assert np.array_equal(by_truth["commanded_segment"], by_estimate["commanded_segment"])
 
@@ -142,7 +142,7 @@ def test_truth_and_the_estimate_of_perfect_sensors_fly_alike():
 def test_the_same_seed_flies_the_same_and_another_does_not():
     def end(seed):
         navigate = Navigation(estimator="ekf", seed=seed)
-        run = twin.simulate(Scenario(plan=round_trip(), duration=240.0, navigate=navigate))
+        run = twin.simulate(Scenario(mission=round_trip(), duration=240.0, navigate=navigate))
         return run["true_north"][-1], run["measured_heading"][-1]
 
     assert end(1) == end(1)
@@ -219,19 +219,22 @@ def test_a_controller_of_ones_own_sees_the_estimate():
         ({"navigate": "efk"}, "unknown velocity estimator 'efk': did you mean 'ekf'"),
         ({"navigate": 3}, "navigate is 3: give 'truth', 'estimate'"),
         ({"compass_offset": 0.1}, "leave compass_offset out"),
-        ({"plan": twin.Schedule(times=np.zeros(1), commands=np.zeros((1, 3)))}, "a schedule sees"),
-        ({"plan": None}, "the scenario's mission or by a controller"),
+        (
+            {"mission": twin.Schedule(times=np.zeros(1), commands=np.zeros((1, 3)))},
+            "a schedule sees",
+        ),
+        ({"mission": None}, "the scenario's mission or by a controller"),
         ({"navigate": Still(period=0.7)}, r"every 0.7 s, and there is one every 0.5 s"),
     ],
 )
 def test_what_cannot_be_navigated_is_refused(changes, message):
-    settings = {"plan": round_trip(), "duration": 60.0, "navigate": IDEAL, **changes}
+    settings = {"mission": round_trip(), "duration": 60.0, "navigate": IDEAL, **changes}
     with pytest.raises(InputError, match=message):
         Simulation(Scenario(**settings)).run()
 
 
 def test_native_loops_refuse_navigated_scenarios():
-    scenario = Scenario(plan=round_trip(), duration=60.0, navigate=IDEAL)
+    scenario = Scenario(mission=round_trip(), duration=60.0, navigate=IDEAL)
     with pytest.raises(InputError, match="fly navigated scenarios with simulate_many"):
         make_batch([scenario])
     with pytest.raises(InputError, match="leave sensors, seed and bottom_depth out"):
@@ -259,7 +262,7 @@ def test_a_propelled_vehicle_goes_by_its_doppler_log():
     run = Simulation(
         Scenario(
             vehicle=twin.load_vehicle("tethys"),
-            plan=twin.load_mission("transects"),
+            mission=twin.load_mission("transects"),
             floor=twin.parse_floor("depth:60"),
             current=twin.parse_current("uniform:0.1,-0.1"),
             duration=300.0,

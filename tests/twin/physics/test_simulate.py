@@ -33,7 +33,7 @@ def dive(**changes) -> Scenario:
     heavy = (0.02, 0.3, VEHICLE.pump_for_net_mass(0.3))
     fields = {
         "vehicle": VEHICLE,
-        "plan": Schedule(times=[0.0], commands=[heavy]),
+        "mission": Schedule(times=[0.0], commands=[heavy]),
         "duration": 60.0,
         "start": Start(depth=300.0),
     }
@@ -48,7 +48,7 @@ def same(first, second):
 
 def test_a_batch_on_any_threads_equals_one_by_one():
     scenarios = [
-        Scenario(plan=YO, duration=120.0, current=Uniform(north=0.1 * i, east=-0.05), vehicle=v)
+        Scenario(mission=YO, duration=120.0, current=Uniform(north=0.1 * i, east=-0.05), vehicle=v)
         for i, v in enumerate([VEHICLE, VEHICLE.replace(drag=(8.0, 350.0)), VEHICLE])
     ]
     alone = [simulate(s) for s in scenarios]
@@ -74,7 +74,7 @@ def test_lean_and_full_models_fly_alike():
 
 
 def test_python_controller_flies_like_the_native_guidance():
-    scenario = Scenario(vehicle=VEHICLE, plan=YO, duration=300.0)
+    scenario = Scenario(vehicle=VEHICLE, mission=YO, duration=300.0)
     native = simulate(scenario)
     free = Scenario(vehicle=VEHICLE, duration=300.0, start=Simulation(scenario).start())
     python = Simulation(free).run(MissionController(YO, VEHICLE))
@@ -93,7 +93,7 @@ def test_actuators_lag_and_are_rate_limited():
     """Pump 100 cm3/s and 4 s, shift 20 mm/s and 2 s, as the vehicle file says."""
     target = (0.05, 1.2, -400.0)
     schedule = Schedule(times=[0.0], commands=[target])
-    t = simulate(dive(plan=schedule, duration=30.0))
+    t = simulate(dive(mission=schedule, duration=30.0))
     for index, name in enumerate(("shift", "rotation", "pump")):
         rate, lag = VEHICLE.actuator_rate[index], VEHICLE.actuator_lag[index]
         position = t.states[:, 17 + index]
@@ -107,7 +107,7 @@ def test_actuators_lag_and_are_rate_limited():
 
 def test_commands_beyond_the_travel_stop_at_the_ends():
     schedule = Schedule(times=[0.0], commands=[(1.0, 9.0, -9e3)])
-    end = simulate(dive(plan=schedule, duration=60.0)).states[-1, 17:20]
+    end = simulate(dive(mission=schedule, duration=60.0)).states[-1, 17:20]
     np.testing.assert_allclose(end[:2], VEHICLE.actuator_max[:2], rtol=1e-6)
     assert end[2] == pytest.approx(VEHICLE.actuator_min[2])
 
@@ -126,7 +126,7 @@ def test_net_mass_follows_density_and_compressibility():
 
 def test_a_light_glider_floats_and_a_heavy_one_sinks():
     light = Schedule(times=[0.0], commands=[(0.0, 0.0, 400.0)])
-    t = simulate(dive(plan=light, duration=600.0, start=Start(depth=20.0)))
+    t = simulate(dive(mission=light, duration=600.0, start=Start(depth=20.0)))
     assert abs(t["true_depth"][-1]) < 0.5
     assert 0.5 < t["true_immersion"][-1] < 1.0
     assert np.abs(t["true_velocity_down"][-20:]).max() < 1e-3
@@ -138,7 +138,7 @@ def test_a_light_glider_floats_and_a_heavy_one_sinks():
 def test_accelerometer_feels_gravity_at_rest():
     still = Schedule(times=[0.0], commands=[(0.0, 0.0, 0.0)])
     vehicle = VEHICLE.replace(static_cg=np.array([-0.0813889, 0.0, 0.0032]))
-    t = simulate(dive(vehicle=vehicle, plan=still, duration=2.0))
+    t = simulate(dive(vehicle=vehicle, mission=still, duration=2.0))
     force = np.stack([t[f"true_specific_force_{a}"] for a in "xyz"], -1)
     np.testing.assert_allclose(force[0], [0.0, 0.0, -9.81], atol=0.02)
 
@@ -178,7 +178,7 @@ def test_an_unstable_run_names_itself_and_keeps_what_it_had():
 
 
 def test_an_unstable_mission_is_called_by_its_name():
-    wild = Scenario(plan=load_mission("default"), vehicle=WILD, duration=600.0)
+    wild = Scenario(mission=load_mission("default"), vehicle=WILD, duration=600.0)
     with pytest.raises(SimulationUnstable, match=r"mission 'default' went unstable"):
         simulate(wild)
     results = simulate_many([dive(), wild])
@@ -230,7 +230,7 @@ def test_an_unstable_run_does_not_stop_the_others():
 
 
 def test_open_ended_mission_stops_when_it_is_flown():
-    t = simulate(Scenario(vehicle=VEHICLE, plan=YO))
+    t = simulate(Scenario(vehicle=VEHICLE, mission=YO))
     assert t["true_depth"].max() == pytest.approx(42, abs=3)
     assert t["true_depth"][-1] < 2.0
     assert t.time[-1] < YO.time_limit_s(VEHICLE)
@@ -252,7 +252,7 @@ def test_missing_and_impossible_durations_are_refused():
 def test_a_described_scenario_replays_bit_for_bit():
     scenario = Scenario(
         vehicle=VEHICLE.replace(drag=(7.5, 380.0), static_cg=np.array([-0.081, 0.0, 0.003])),
-        plan=load_mission("default"),
+        mission=load_mission("default"),
         duration=200.0,
         current=Uniform(north=0.1, east=0.2),
         density=DensityProfile.thermocline(),
@@ -275,7 +275,7 @@ def test_store_round_trip(tmp_path):
 
 
 def test_repeated_forward_does_not_advance_guidance_or_log():
-    simulation = Simulation(Scenario(vehicle=VEHICLE, plan=YO, duration=60.0))
+    simulation = Simulation(Scenario(vehicle=VEHICLE, mission=YO, duration=60.0))
     mujoco.mj_step(simulation.model, simulation.data, nstep=11)
     ours = state(simulation.data)
     ticks, logged = float(ours["ticks"]), float(ours["logged"])

@@ -33,12 +33,12 @@ YO = Mission(
 
 
 def test_a_mapping_takes_what_it_leaves_out_from_the_mission() -> None:
-    begin = Scenario(plan=YO, start=PLACE).begin
+    begin = Scenario(mission=YO, start=PLACE).begin
     assert begin.depth == 3.0
     assert begin.heading == pytest.approx(np.radians(30.0))
     assert (begin.latitude, begin.longitude, begin.time) == (49.0, -16.0, "2003-08-01T00:00:00")
-    assert Scenario(plan=YO, start={"depth": 7.0}).begin.depth == 7.0
-    assert Scenario(plan=YO, start=Start(latitude=49.0, longitude=-16.0)).begin.depth == 0.0
+    assert Scenario(mission=YO, start={"depth": 7.0}).begin.depth == 7.0
+    assert Scenario(mission=YO, start=Start(latitude=49.0, longitude=-16.0)).begin.depth == 0.0
 
 
 @pytest.mark.parametrize(
@@ -73,18 +73,18 @@ def test_a_time_is_kept_as_utc_text(time: object) -> None:
 )
 def test_what_cannot_be_used_is_refused(start: dict, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        Scenario(plan=YO, start=start)
+        Scenario(mission=YO, start=start)
 
 
 def test_origin_and_start_must_agree() -> None:
     same = Origin(latitude_deg=49.0, longitude_deg=344.0)
-    assert Scenario(plan=YO, start=PLACE, origin=same).place.time == "2003-08-01T00:00:00"
+    assert Scenario(mission=YO, start=PLACE, origin=same).place.time == "2003-08-01T00:00:00"
     with pytest.raises(InputError, match="leave origin out"):
-        Scenario(plan=YO, start=PLACE, origin=Origin(latitude_deg=48.0, longitude_deg=-16.0))
+        Scenario(mission=YO, start=PLACE, origin=Origin(latitude_deg=48.0, longitude_deg=-16.0))
     dated = Origin(latitude_deg=49.0, longitude_deg=-16.0, time="2003-08-02")
     with pytest.raises(InputError, match=r"the origin's 2003-08-02: leave origin"):
-        Scenario(plan=YO, start=PLACE, origin=dated)
-    time_only = Scenario(plan=YO, start={"time": "2003-08-01"}, origin=same).place
+        Scenario(mission=YO, start=PLACE, origin=dated)
+    time_only = Scenario(mission=YO, start={"time": "2003-08-01"}, origin=same).place
     assert (time_only.latitude_deg, time_only.time) == (49.0, "2003-08-01T00:00:00")
 
 
@@ -92,7 +92,7 @@ def test_origin_and_start_must_agree() -> None:
 def test_a_grid_elsewhere_is_refused_before_its_file_is_read(setting: str) -> None:
     current = parse_current(f"uniform:0.1,0+grid:absent.nc,{setting}")
     with pytest.raises(CurrentError, match="is not the mission's start"):
-        Scenario(plan=YO, start=PLACE, current=current)
+        Scenario(mission=YO, start=PLACE, current=current)
 
 
 def test_a_grid_is_read_at_the_start(tmp_path: Path) -> None:
@@ -147,7 +147,7 @@ def test_a_scenario_comes_back_with_its_place() -> None:
         {"origin": Origin(latitude_deg=49.0)},
         {},
     ):
-        scenario = Scenario(plan=YO, **options)
+        scenario = Scenario(mission=YO, **options)
         again = scenario_from_dict(json.loads(json.dumps(scenario.describe())))
         assert (again.place, again.has_place) == (scenario.place, scenario.has_place)
         assert again.describe() == scenario.describe()

@@ -46,7 +46,7 @@ def fly_both(
         actuators=start.actuators,
     )
     scenario = Scenario(
-        vehicle=vehicle, plan=schedule, duration=duration, start=start, current=current,
+        vehicle=vehicle, mission=schedule, duration=duration, start=start, current=current,
         timestep=timestep, sample_period=sample_period,
     )  # fmt: skip
     theirs = FossenModel(vehicle, current_program=program).simulate(
@@ -118,7 +118,9 @@ def test_a_neutral_glider_rises_in_denser_water_and_sinks_in_lighter(density, de
     """Buoyancy is that of the local density: 0.1 % of it is 64 g of a hull of 65.3 kg."""
     start, held = Start(depth=300.0), Schedule(times=[0.0], commands=[NEUTRAL])
     water = DensityProfile.constant(density)
-    ours = simulate(Scenario(vehicle=VEHICLE, plan=held, duration=60.0, start=start, density=water))
+    ours = simulate(
+        Scenario(vehicle=VEHICLE, mission=held, duration=60.0, start=start, density=water)
+    )
     state = FossenState(position_ned=(0.0, 0.0, 300.0))
     theirs = FossenModel(VEHICLE, density=([0.0], [density])).simulate(state, held, 60.0)
     moved = theirs.position_ned[-1, 2] - 300.0
@@ -208,7 +210,7 @@ def test_a_run_that_leaves_physics_but_stays_finite_is_told():
     plan = Schedule(times=[0.0], commands=[(screw.high, 0.0, 0.0)])
     start = Start(depth=300.0)
     with pytest.raises(SimulationUnstable) as ours:
-        simulate(Scenario(vehicle=wild, plan=plan, duration=60.0, start=start))
+        simulate(Scenario(vehicle=wild, mission=plan, duration=60.0, start=start))
     with pytest.raises(SimulationUnstable) as theirs:
         FossenModel(wild).simulate(FossenState(position_ned=(0.0, 0.0, 300.0)), plan, 60.0)
     assert 10.0 < np.linalg.norm(ours.value.partial.v_rel[-1]) < 20.5  # a sample before it
@@ -230,7 +232,9 @@ def test_the_battery_is_where_its_command_has_led_it():
     from twin.physics.simulation import Simulation
 
     plan = Schedule(times=[0.0, 5.0], commands=[NEUTRAL, (0.04, 1.0, 0.0)])
-    run = Simulation(Scenario(vehicle=VEHICLE, plan=plan, duration=20.0, start=Start(depth=300.0)))
+    run = Simulation(
+        Scenario(vehicle=VEHICLE, mission=plan, duration=20.0, start=Start(depth=300.0))
+    )
     moved = 0.0
     for _ in range(150):
         mujoco.mj_step(run.model, run.data)

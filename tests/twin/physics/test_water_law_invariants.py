@@ -118,7 +118,7 @@ def steady(density: float, net_mass: float) -> tuple[float, float, float]:
     plan = Schedule(times=[0.0], commands=[command])
     ours = simulate(
         Scenario(
-            vehicle=VEHICLE, plan=plan, duration=600.0, start=start,
+            vehicle=VEHICLE, mission=plan, duration=600.0, start=start,
             density=DensityProfile.constant(density),
         )
     )  # fmt: skip
@@ -199,7 +199,7 @@ def fly(vehicle: Vehicle):
     commands = [(0.03, 0.5, -300.0), (0.01, -0.3, -400.0)]
     plan = Schedule(times=[0.0, 12.0], commands=commands)
     start = Start(depth=0.3, pitch=-0.3, roll=0.2, v_rel=(0.4, 0.05, 0.05), rates=(0.1, 0.02, 0.05))
-    scenario = Scenario(vehicle=vehicle, plan=plan, duration=30.0, start=start, timestep=0.02)
+    scenario = Scenario(vehicle=vehicle, mission=plan, duration=30.0, start=start, timestep=0.02)
     ours, water = simulate(scenario), scenario.density
     state = FossenState(
         position_ned=(0.0, 0.0, 0.3), attitude=(0.2, -0.3, 0.0), v_rel=start.v_rel,

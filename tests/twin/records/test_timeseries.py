@@ -133,8 +133,10 @@ def test_directions_are_averaged_as_directions() -> None:
     assert float(mean["longitude"][1]) == pytest.approx(10.5)
     np.testing.assert_array_equal(mean["mission"], [3, 4])
     np.testing.assert_allclose(mean["depth"], [2.0, 4.0])
-    with pytest.raises(InputError, match="step 'hourly'"):
-        twin.resample(series, "hourly")
+    np.testing.assert_array_equal(twin.resample(series, "1 hour")["depth"], mean["depth"])
+    for step in ("hourly", "", "0h", "-1h", "30", 3):
+        with pytest.raises(InputError, match=f"step {step!r} is not a length of time"):
+            twin.resample(series, step)
     with pytest.raises(InputError, match="UTC `time`"):
         twin.resample(xr.Dataset(), "1h")
 

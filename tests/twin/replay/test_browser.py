@@ -225,7 +225,7 @@ def test_a_log_shows_its_date_and_dashes_where_nothing_is_known(browser, tmp_pat
 def test_moving_parts_stand_where_mujoco_has_them(browser, tmp_path, name):
     vehicle = load_vehicle(name)
     plan = load_mission_for(vehicle, None)
-    trajectory = simulate(Scenario(vehicle=vehicle, plan=plan, duration=400.0))
+    trajectory = simulate(Scenario(vehicle=vehicle, mission=plan, duration=400.0))
     out = tmp_path / "parts.html"
     out.write_text(page(Subject(trajectory=trajectory, vehicle=vehicle), Shot()), encoding="utf-8")
     browser.open(out)
@@ -296,7 +296,7 @@ def test_a_live_mission_gives_the_samples_of_the_simulation(name):
         mission, expected = live(1e6), simulate(short_scenario())
     else:  # it ends before its longest time
         vehicle = load_vehicle(name)
-        scenario = Scenario(vehicle=vehicle, plan=load_mission_for(vehicle, None))
+        scenario = Scenario(vehicle=vehicle, mission=load_mission_for(vehicle, None))
         expected = simulate(scenario)
         subject = Subject(trajectory=expected, vehicle=vehicle)
         mission = LiveMission(scenario, subject, Shot(), 1e6)

@@ -80,7 +80,7 @@ def simulated(share=1.0, **changes) -> Simulation:
     period = VEHICLE.control_period
     plan = Schedule(times=period * np.arange(TICKS), commands=commands(share=share))
     fields = {"start": PUSHED, "current": SHEARED, "duration": 60.0, **changes}
-    return Simulation(Scenario(vehicle=VEHICLE, plan=plan, **fields))
+    return Simulation(Scenario(vehicle=VEHICLE, mission=plan, **fields))
 
 
 @pytest.mark.parametrize(

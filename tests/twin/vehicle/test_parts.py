@@ -398,7 +398,7 @@ def test_a_dropped_weight_is_gone_for_good_and_the_vehicle_flies_as_without_it()
     ):
         plan = Schedule(times=[0.0, 10.0], commands=[(*steady, held), (*steady, 1.0)])
         scenario = Scenario(
-            vehicle=vehicle, plan=plan, duration=60.0, ballast=ballast,
+            vehicle=vehicle, mission=plan, duration=60.0, ballast=ballast,
             start=Start(**start, actuators={"weight": held}),
         )  # fmt: skip
         flights.append(simulate(scenario))
@@ -424,7 +424,7 @@ def test_a_weight_has_weight_and_a_travel_of_one():
 def test_an_encoders_zero_acts_on_parts_without_a_joint():
     """20 cm3 more than the pump's encoder says: lighter by their water, and nobody knows."""
     plan = Schedule(times=[0.0], commands=[(0.01, 0.0, -200.0)])
-    fields = {"plan": plan, "duration": 30.0, "start": Start(depth=200.0)}
+    fields = {"mission": plan, "duration": 30.0, "start": Start(depth=200.0)}
     exact = simulate(Scenario(vehicle=GLIDER, **fields))
     off = simulate(Scenario(vehicle=GLIDER, encoder_zeros={"pump": 20.0}, **fields))
     np.testing.assert_array_equal(off["true_pump"], exact["true_pump"])
@@ -438,7 +438,7 @@ def test_an_encoders_zero_acts_on_parts_without_a_joint():
 
 def test_a_rudders_zero_turns_the_vehicle():
     plan = Schedule(times=[0.0], commands=[(80.0, 0.0, 0.0)])
-    fields = {"plan": plan, "duration": 20.0, "start": Start(depth=50.0, v_rel=(1.2, 0.0, 0.0))}
+    fields = {"mission": plan, "duration": 20.0, "start": Start(depth=50.0, v_rel=(1.2, 0.0, 0.0))}
     straight, off = (
         Simulation(Scenario(vehicle=TORPEDO, encoder_zeros=zeros, **fields)).run()
         for zeros in ({}, {"rudder": 0.05})

@@ -43,7 +43,7 @@ def fly(duration, *, vehicle=GAZEBO, start=None, current=None, period=0.1, **par
     return simulate(
         Scenario(
             vehicle=vehicle,
-            plan=Schedule(times=[0.0], commands=[command]),
+            mission=Schedule(times=[0.0], commands=[command]),
             duration=duration,
             start=start or Start(depth=10.0),
             timestep=0.02,
@@ -451,7 +451,9 @@ def test_straight_flight_of_mbaris_set_needs_the_rudder():
     for side in (1.0, -1.0):
         kick[MBARI.part_names.index("rudder")] = side * math.radians(3.0)  # + turns to port
         plan = Schedule(times=[0.0, 60.0, 80.0], commands=[command, kick.copy(), command])
-        run = simulate(Scenario(vehicle=MBARI, plan=plan, duration=500.0, start=Start(depth=50.0)))
+        run = simulate(
+            Scenario(vehicle=MBARI, mission=plan, duration=500.0, start=Start(depth=50.0))
+        )
         turns.append(run["true_yaw_rate"][-1])
     assert turns == pytest.approx([-0.0166, 0.0166], abs=5e-5)
 

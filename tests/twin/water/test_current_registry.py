@@ -214,7 +214,9 @@ def test_a_kind_of_ones_own_is_parsed_described_sampled_and_flown(own_kind):
 
     flown = simulate(
         Scenario(
-            plan=Schedule(times=[0.0], commands=[(0.0, 0.0, 0.0)]), duration=30.0, current=current
+            mission=Schedule(times=[0.0], commands=[(0.0, 0.0, 0.0)]),
+            duration=30.0,
+            current=current,
         )
     )
     np.testing.assert_allclose(flown["true_current_east"], 0.3, rtol=1e-6)
@@ -270,7 +272,7 @@ from twin.physics.simulation import simulate
 from twin.water.current import parse_current
 plan = Schedule(times=[0.0], commands=[(0.0, 0.0, 0.0)])
 for text in ("uniform:0.1,0", "mine:north=0.2"):
-    flown = simulate(Scenario(plan=plan, duration=5.0, current=parse_current(text)))
+    flown = simulate(Scenario(mission=plan, duration=5.0, current=parse_current(text)))
     print(flown["true_current_north"][-1])
 """
     out = subprocess.run(

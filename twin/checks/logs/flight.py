@@ -90,7 +90,7 @@ def scenario_of(vehicle: Vehicle, dive: Dive, duration: float, *, plan: bool = T
     timestep = file_timestep(vehicle)
     return Scenario(
         vehicle=vehicle,
-        plan=mission_of(vehicle, dive) if plan else None,
+        mission=mission_of(vehicle, dive) if plan else None,
         duration=duration,
         density=water_of(dive),
         start=Start(

@@ -184,7 +184,7 @@ def test_a_mirrored_flight_has_the_signs_of_the_features():
         rows = [[0.0, 0.01, side * 0.5, -150.0], [150.0, -0.01, side * 0.5, 200.0]]
         table = np.array(rows)
         plan = Schedule(times=table[:, 0], commands=table[:, 1:])
-        flights.append(simulate(Scenario(plan=plan, duration=300.0)).signals)
+        flights.append(simulate(Scenario(mission=plan, duration=300.0)).signals)
     seen, image = (
         feature_matrix(
             {name.replace("true", "measured"): flight[name] for name in flight}, chosen, 0.5, 0
