@@ -1,9 +1,10 @@
 """Frames per second, time to open and size of replay pages, in headless Chromium without a GPU.
 
-    python benchmarks/replay_speed.py                  # an hour, and a made-up month of dives
-    python benchmarks/replay_speed.py real.zarr        # all dives of a log too
+    python -m benchmarks.replay_speed                  # an hour, and a made-up month of dives
+    python -m benchmarks.replay_speed real.zarr        # all dives of a log too
 
-Chromium draws with SwiftShader, on the CPU: a phone or a laptop is faster.
+Chromium draws with SwiftShader, on the CPU: a phone or a laptop is faster. Where pictures come too
+slowly, the page draws them with fewer pixels as long as they move; so it does here.
 """
 
 from __future__ import annotations

@@ -103,6 +103,22 @@ def test_formulas_are_set(site: Path) -> None:
         assert not re.search(r"\$\$|\\[(\[]|\$[^$<\n]+\$", text), page.name
 
 
+LATEX = re.compile(r"\$\$(.+?)\$\$|(?<![\w$`])\$(?! )([^$`\n]+?)\$(?!\w)")
+"""A formula of a page: on lines of its own, or within a sentence"""
+
+
+def test_formulas_are_read_by_other_viewers() -> None:
+    """Markdown of a forge eats a backslash before punctuation, pairs asterisks, ends cells at |."""
+    found = 0
+    code = re.compile(r"^```.*?^```|^ {4}.*?$|`[^`\n]*`", flags=re.DOTALL | re.MULTILINE)
+    for page in sorted((ROOT / "docs").rglob("*.md")):
+        text = code.sub("", page.read_text(encoding="utf-8"))
+        for formula in (own or within for own, within in LATEX.findall(text)):
+            found += 1
+            assert not re.search(r"\\[^A-Za-z]|[*|]", formula), f"{page.name}: {formula}"
+    assert found > 200
+
+
 @pytest.mark.parametrize("latex", [r"\fraction{1}{2}", r"\left( x", "x^"])
 def test_a_wrong_formula_ends_the_build(hooks: ModuleType, latex: str) -> None:
     """With the formula named; a right one becomes MathML, of its own line or within a sentence."""

@@ -116,7 +116,9 @@ class Page {
         const answer = await fetch(`rows?from=${this.recording.times.length}`);
         const { channels, running, problem } = await answer.json();
         if (channels) {
+          const begun = this.recording.times.length > 2;
           this.recording.append(channels);
+          if (!begun && this.behind) this.seek(this.recording.last);  // who comes late joins now
           this.scene.extend();
           this.strip.forget();
         }
@@ -129,6 +131,9 @@ class Page {
       await new Promise(done => setTimeout(done, 500));
     }
   }
+
+  // Whether what is shown was flown some seconds ago.
+  get behind() { return this.recording.last - this.time > 3 * this.speed; }
 
   // --- drawing -------------------------------------------------------------------------------
 
@@ -170,7 +175,8 @@ class Page {
     slider.value = this.time;
     slider.setAttribute("aria-valuetext", `${clock(this.time)}, depth ${plain(state.depth, 1)} metres`);
     $("moment").className = this.live?.running ? "" : "still";
-    $("moment").textContent = this.live ? this.live.state : `of ${clock(this.recording.end)}`;
+    const late = this.live?.running && this.behind ? `, now at ${clock(this.recording.last)} (End)` : "";
+    $("moment").textContent = this.live ? this.live.state + late : `of ${clock(this.recording.end)}`;
   }
 
   // --- choices -------------------------------------------------------------------------------

@@ -106,8 +106,8 @@ class Scene {
 
   // Shares of half the picture, for title, legend, labels and buttons.
   get margin() {
-    return this.shown.wide < 640 ? { left: 0.3, right: 0.1, top: 0.5, bottom: 0.36 }
-      : { left: 0.18, right: 0.14, top: 0.2, bottom: 0.26 };
+    const { wide, high } = this.shown, bottom = clamp(2 * (clearBottom() + 22) / high, 0.26, 0.8);
+    return wide < 640 ? { left: 0.3, right: 0.1, top: 0.5, bottom } : { left: 0.18, right: 0.14, top: 0.2, bottom };
   }
 
   placeAbove() {
@@ -173,7 +173,9 @@ class Scene {
     const px = shown.ratio * clamp(shown.wide / 900, 0.6, 1);  // lines are thinner on a phone
     const here = this.vehiclePlace(state), eye = camera.eye(), { time } = state;
     renderer.begin(camera, this.stretch, open);
-    const look = (one, withFloor) => one.look(camera, this.stretch, this.canvas.height, { open, withFloor });
+    const lost = share < 1 ? 2 * LOST_PIXELS : LOST_PIXELS;
+    const look = (one, withFloor) => one.look(camera, this.stretch, this.canvas.height,
+      { open, withFloor, lost: withFloor ? 2 * lost : lost });
     if (open) water.drawOpenGround();
     else water.drawBehind(name, eye, this.stretch, px);
     if (!open && name !== "map") this.drawShadow(look, px);

@@ -32,29 +32,36 @@ function paintView(page) {
   const when = mission.unix === null ? clock(page.time) : `${moment(mission.unix + page.time)} UTC`;
   const depth = page.recording.at(page.time).depth;
   text(context, `${when} · ${plain(depth, 1)} m deep`, 16, height / ratio - 16, "left", "bold 14px");
-  paintLegend(context, mission, width / ratio - 230, 16);
+  paintLegend(context, mission, width / ratio - 16, 16);
   return canvas;
 }
 
-function paintLegend(context, mission, x, y) {
-  const { scale, tracks, profile } = mission;
-  for (const track of tracks) {
-    context.fillStyle = css(track.colour);
+// The legend, as far left of `right` as its longest line needs.
+function paintLegend(context, { scale, tracks, profile }, right, top) {
+  const rows = tracks.map(({ name, colour }) => [css(colour), name]);
+  if (scale.gaps) rows.push(["#999", "colour not known"]);
+  const lines = [...rows.map(row => row[1]), scale.label, ...(profile ? [`→ ${currentName(profile)}`] : [])];
+  const long = Math.max(180, ...lines.map(words => context.measureText(words).width + 34)), x = right - long;
+  let y = top;
+  context.fillStyle = "#06101c99";
+  context.fillRect(x - 10, y - 6, long + 20, 19 * lines.length + 42);
+  for (const [colour, name] of rows) {
+    context.fillStyle = colour;
     context.fillRect(x, y + 6, 26, 4);
-    text(context, track.name, x + 34, y + 12);
+    text(context, name, x + 34, y + 12);
     y += 19;
   }
   if (profile) {
-    text(context, `→ ${currentName(profile)}`, x, y + 12);
+    text(context, lines.at(-1), x, y + 12);
     y += 19;
   }
   text(context, scale.label, x, y + 12);
-  const shade = context.createLinearGradient(x, 0, x + 210, 0);
+  const shade = context.createLinearGradient(x, 0, right, 0);
   scale.colours.forEach((colour, k) => shade.addColorStop(k / (scale.colours.length - 1), css(colour)));
   context.fillStyle = shade;
-  context.fillRect(x, y + 19, 210, 11);
+  context.fillRect(x, y + 19, long, 11);
   text(context, scale.ends[0], x, y + 45);
-  text(context, scale.ends[1], x + 210, y + 45, "right");
+  text(context, scale.ends[1], right, y + 45, "right");
 }
 
 const currentName = ({ name, strongest }) =>

@@ -174,9 +174,10 @@ class Strip {
     }
     context.stroke();
     context.textBaseline = "alphabetic";
+    context.fillText("depth", GUTTER - 7, high - 2);
     context.textAlign = "center";
     context.beginPath();
-    let free = 0;
+    let free = GUTTER;                                 // what is left of it is taken by words
     for (const [t, words] of timeTicks(this.shown, this.page.mission.unix, (wide - GUTTER) / 62)) {
       const half = context.measureText(words).width / 2, at = x(t);
       context.moveTo(at, high - AXIS);

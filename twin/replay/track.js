@@ -7,7 +7,7 @@
 // out. The track is cut into chunks, so that near ones have more detail than far ones.
 
 const CHUNK = 1024;                                    // points
-const LEVELS = [0, ...Array.from({ length: 9 }, (_, k) => 0.05 * 4 ** k)];  // m of detail; 0 is all
+const LEVELS = [0, ...Array.from({ length: 18 }, (_, k) => 0.05 * 2 ** k)];  // m of detail; 0 is all
 const LOST_PIXELS = 0.5;
 const COLOUR_SHARE = 0.25;  // metres lost by a metre of line whose colour is wrong by the whole scale
 const CLEAR_WATER = 400;    // m, through which a line is still seen in open water
@@ -96,8 +96,9 @@ class Track {
     return this.levels[k] = { kept, starts, path: this.renderer.path(this.points, kept) };
   }
 
-  // Choose what the camera sees, at the level that it needs; a line down at the floor with it.
-  look(camera, stretch, high, { open = false, withFloor = false } = {}) {
+  // Choose what the camera sees, at the level that it needs for so many lost pixels; with the line
+  // down at the floor where asked.
+  look(camera, stretch, high, { open = false, withFloor = false, lost = LOST_PIXELS } = {}) {
     const { forward, up, right } = camera.axes(), eye = camera.eye();
     const sides = [[right, camera.half * camera.aspect], [up, camera.half]];
     this.seen = [];
@@ -116,7 +117,7 @@ class Track {
         if (beyond > 1.02 * radius + 0.02 * half) return;
       }
       const near = camera.parallel ? 1 : Math.max(Vector.length(p) - radius, camera.near);
-      const detail = LOST_PIXELS * 2 * camera.half * near / high;
+      const detail = lost * 2 * camera.half * near / high;
       let level = LEVELS.length - 1;
       while (LEVELS[level] > detail) level--;
       this.seen.push([chunk, level]);

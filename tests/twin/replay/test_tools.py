@@ -217,6 +217,8 @@ def test_help_opens_and_closes_by_keys(browser, short):
     browser.press("?")
     assert browser.run("document.getElementById('helping').open") is True
     assert "next, previous surfacing" in text_of(browser, "help")
+    above = browser.picture()[110:140, 960:1240]  # what Chromium once left black
+    assert (above.max(axis=-1) > 0).mean() > 0.9
     browser.press("Escape")
     assert browser.run("document.getElementById('helping').open") is False
 
