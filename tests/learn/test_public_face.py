@@ -28,9 +28,11 @@ def test_importing_it_costs_nothing():
     program = (
         "import sys, time; start = time.perf_counter(); import learn; "
         "took = time.perf_counter() - start; tops = {m.split('.')[0] for m in sys.modules}; "
-        "print(took < 0.05, sorted(tops & {'torch', 'numpy', 'xarray', 'tyro'}))"
+        "print(took, *sorted(tops & {'torch', 'numpy', 'xarray', 'tyro'}))"
     )
-    assert python(program) == "True []"
+    starts = [python(program).split() for _ in range(5)]
+    assert all(len(words) == 1 for words in starts), starts
+    assert min(float(words[0]) for words in starts) < 0.05
 
 
 def test_every_public_name_is_there_and_documented():
