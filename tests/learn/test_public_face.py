@@ -44,7 +44,7 @@ def test_every_public_name_is_there_and_documented():
         documented = text.partition("Args:")[2]
         for parameter in inspect.signature(getattr(learn, name)).parameters:
             assert f"{parameter}:" in documented, (name, parameter)
-    with pytest.raises(AttributeError, match="no attribute 'fitt'"):
+    with pytest.raises(AttributeError, match="did you mean 'fit'"):
         _ = learn.fitt
 
 
