@@ -110,7 +110,7 @@ class Program:
             return code
         except (KeyboardInterrupt, Exception) as error:
             if (interrupt := interruption(error)) is not None:
-                # the store library leaves a coroutine behind, and Python would say so on the terminal
+                # the store library leaves a coroutine behind, and Python would say so
                 warnings.filterwarnings("ignore", "coroutine .* was never awaited", RuntimeWarning)
                 text = f"{endings.word}: {str(interrupt) or _advice(error)}"
                 return _fail(console, interrupt, text, endings.code)
