@@ -101,6 +101,8 @@ class GliderTask(base.Task):
         super().__init__(random=random)
         if not max_depth > 0:
             raise InputError(f"max_depth {max_depth} m must be positive")
+        if not isinstance(normalised, bool):
+            raise InputError(f"normalised is {normalised!r}: give True or False")
         self.vehicle = vehicle
         self.max_depth = float(max_depth)
         self.normalised = normalised
