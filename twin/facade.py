@@ -125,8 +125,7 @@ def simulate(
         flown, ballast = weighed(
             flown, ballast_at=ballast_at, mass=mass, compressibility=compressibility
         )
-        unsaid = mission is None and controller is None
-        if unsaid or isinstance(mission, str | Path):
+        if isinstance(mission, str | Path) or (mission is None and controller is None):
             mission = load_mission_for(flown, mission, above_floor=floor is not None)
         scenario = Scenario(
             vehicle=flown,

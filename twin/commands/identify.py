@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 UNUSUAL = 2.0
 """Usual spreads away from nominal at which an estimate is remarked on."""
-CLOSE = 0.95
-"""Correlation, as printed, from which on two estimates are said not to be told apart."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +77,7 @@ class Identify(JsonOption):
         from twin.commands.simulate import check_plot_path
         from twin.errors import InputError
         from twin.identify import identify, load_calibration, load_logs
+        from twin.identify.confusion import confused
         from twin.identify.conventions import read_figures, write_figures
         from twin.identify.start import start_vehicle
         from twin.identify.unknowns import with_known
@@ -324,44 +323,6 @@ def _remark(console: Console, found: Identification) -> None:
                 f"{one.nominal:.4g}: the vehicle differs, or the model lacks something that this "
                 f"takes up{known}"
             )
-
-
-def confused(found: Identification) -> list[str]:
-    """One sentence for each group of estimates that the log does not tell apart, and what would."""
-    from twin.identify.pitch import PITCHING
-    from twin.identify.unknowns import NAMES
-
-    names, left = found.determined, set(range(len(found.determined)))
-    close = abs(found.correlation).round(2) >= CLOSE
-    texts = []
-    while left:
-        group: set[int] = set()
-        edge = {min(left)}
-        while edge:
-            group |= edge
-            edge = {j for i in edge for j in left if close[i, j]} - group
-        left -= group
-        if len(group) == 1:
-            continue
-        mine = [names[i] for i in sorted(group)]
-        most = max(abs(found.correlation[i, j]) for i in group for j in group if i != j)
-        knowable = [name for name in mine if name in NAMES]
-        if set(mine) & {p.name for p in PITCHING}:
-            advice = (
-                "dives at other pitches with the same pump, and at other pump volumes, would tell "
-                "them apart"
-            )
-        elif "thermal_expansion" in mine:
-            advice = "dives in water of other temperatures would tell them apart"
-        else:
-            advice = "dives at other pitches, pump volumes and depths would tell them apart"
-        if knowable:
-            advice += f"; or give one that you know, such as --known {knowable[0]}=VALUE"
-        texts.append(
-            f"{', '.join(mine[:-1])} and {mine[-1]} could not be told apart (correlation up to "
-            f"{most:.2f}): together they fit the log, each alone is less sure; {advice}"
-        )
-    return texts
 
 
 def parse_rows(text: str) -> list[int] | None:

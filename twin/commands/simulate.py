@@ -94,7 +94,7 @@ class Simulate(JsonOption):
         """Simulate, store, draw, summarise."""
         from twin.errors import SimulationUnstable
         from twin.navigation.settings import Navigation
-        from twin.physics.ballast import beyond_pump
+        from twin.physics.ballast import out_of_trim
         from twin.physics.quiet import quiet_mujoco
         from twin.physics.remarks import remarks
         from twin.physics.simulation import Simulation
@@ -107,7 +107,7 @@ class Simulate(JsonOption):
         check_plot_path(self.plot)
         if self.out is not None:
             check_target(self.out, overwrite=self.overwrite)
-        if told := beyond_pump(scenario.vehicle, scenario.ballast, scenario.density):
+        if told := out_of_trim(scenario.vehicle, scenario.ballast, scenario.density):
             console.warn(told)
         try:
             with quiet_mujoco():

@@ -91,7 +91,7 @@ def weighed(
     return vehicle, None if mass is None else Ballast(volume=volume)
 
 
-def beyond_pump(vehicle: Vehicle, ballast: Ballast | None, density: DensityProfile | None) -> str:
+def out_of_trim(vehicle: Vehicle, ballast: Ballast | None, density: DensityProfile | None) -> str:
     """That a vehicle is heavier or lighter at the surface than its pump can carry; else empty."""
     pump = vehicle.steered("buoyancy")
     if ballast is None or pump is None:

@@ -12,10 +12,10 @@ import pytest
 import xarray as xr
 
 from twin.__main__ import PROGRAM
-from twin.commands.identify import confused
 from twin.errors import InputError, MissionError
 from twin.identify import identify, load_calibration, load_logs
 from twin.identify.blocks import PRIOR, bootstrap, cut
+from twin.identify.confusion import confused
 from twin.identify.gains import Phase, loop_modes, plane_of, trimmed, with_gains
 from twin.identify.handling import handle, with_usual_glide
 from twin.identify.lateral import Glide, exponential, linearised

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin.mission import Hold, Mission, SawTooth, Waypoint
-from twin.physics.ballast import beyond_pump, weighed
+from twin.physics.ballast import out_of_trim, weighed
 from twin.physics.remarks import remarks
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
@@ -81,8 +81,8 @@ def test_a_vehicle_beyond_its_pump_is_told_before_it_flies(more, water, said):
     column = None
     if water is not None:
         column = DensityProfile(depth=np.array([0.0, 1e3]), values=np.full(2, water))
-    told = beyond_pump(heavy, ballast, column)
+    told = out_of_trim(heavy, ballast, column)
     assert said in told
     assert bool(told) == bool(said)
     neutral, ballast = weighed(vehicle, mass=vehicle.mass + more, ballast_at=0.0)
-    assert beyond_pump(neutral, ballast, column) == ""
+    assert out_of_trim(neutral, ballast, column) == ""
