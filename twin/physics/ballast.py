@@ -93,17 +93,18 @@ def weighed(
 
 def out_of_trim(vehicle: Vehicle, ballast: Ballast | None, density: DensityProfile | None) -> str:
     """That a vehicle is heavier or lighter at the surface than its pump can carry; else empty."""
-    pump = vehicle.steered("buoyancy")
-    if ballast is None or pump is None:
+    part = vehicle.steered("buoyancy")
+    if ballast is None or part is None:
         return ""
     water = vehicle.reference_density if density is None else float(density.density(0.0))
     net = vehicle.mass - water * ballast.neutral_volume(vehicle, density)
-    reach = abs(vehicle.net_mass_for_pump(float(pump.high if net > 0.0 else pump.low)))
+    lightest, heaviest = vehicle.net_mass_range
+    reach = -lightest if net > 0.0 else heaviest
     if abs(net) <= reach:
         return ""
     word, fate = ("heavy", "climb") if net > 0.0 else ("light", "dive")
     return (
         f"vehicle {vehicle.name!r} is {abs(net):.2f} kg {word} at the surface of this water, and "
-        f"its pump carries {reach:.2f} kg: it will not {fate}; --ballast-at 0 makes it neutral "
+        f"its {part.name} carries {reach:.2f} kg: it will not {fate}; --ballast-at 0 makes it neutral "
         "there, as does another --mass"
     )

@@ -205,6 +205,11 @@ class Vehicle:
         return -(pump - self._pump.neutral) * CUBIC_CM * self.reference_density
 
     @property
+    def net_mass_range(self) -> tuple[float, float]:
+        """Lightest (negative) and heaviest net mass [kg] at the ends of the pump's travel."""
+        return self.net_mass_for_pump(self._pump.high), self.net_mass_for_pump(self._pump.low)
+
+    @property
     def _pump(self) -> Pump:
         part = self.steered("buoyancy")
         if not isinstance(part, Pump):
