@@ -1,11 +1,11 @@
 """The suite's tasks as Gymnasium environments of one vehicle."""
 
 # ruff: noqa: E402 - the packages are those of an extra
-# ruff: noqa: E402 - the packages are those of an extra
 from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,6 +38,17 @@ def test_gymnasium_finds_the_tasks_by_the_package_in_the_name():
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=120
     )
     assert done.stdout.split() == ["glider_twin/Depth-v0"], done.stderr
+
+
+def test_the_page_has_the_error_of_a_bare_name_so_that_a_search_finds_it():
+    program = "import gymnasium; gymnasium.make('glider_twin/Depth-v0')"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120
+    )
+    error = done.stderr.strip().splitlines()[-1]
+    assert error.startswith("gymnasium.error.NamespaceNotFound: ")
+    page = Path(__file__).parents[3] / "docs" / "howto" / "dm_control.md"
+    assert error in page.read_text()
 
 
 def test_registering_loads_neither_mujoco_nor_dm_control():
