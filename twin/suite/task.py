@@ -48,8 +48,8 @@ VEHICLE_SCALES = {
     "net_buoyancy": 0.5,  # kg
 }
 """Sizes that the observations of a vehicle usually have, in their units."""
-LARGEST_RATE = 2.0 * math.pi
-"""[rad/s] limit of observed rates: a turn a second"""
+LARGEST_RATE = 8.0 * math.pi
+"""[rad/s] limit of observed rates: four turns a second; a propelled hull can roll at 0.8 of one"""
 FASTEST = 10.0
 """[m/s] least limit of observed speeds"""
 FASTEST_CRUISES = 10.0
