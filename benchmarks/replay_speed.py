@@ -48,8 +48,9 @@ COUNT = """new Promise(done => {
 def hour() -> Subject:
     """An hour of the shipped mission."""
     vehicle = load_vehicle("glider")
-    plan = load_mission_for(vehicle, None)
-    flown = simulate(Scenario(vehicle=vehicle, plan=plan, duration=3600.0))
+    flown = simulate(
+        Scenario(vehicle=vehicle, mission=load_mission_for(vehicle, None), duration=3600.0)
+    )
     return Subject(trajectory=flown, vehicle=vehicle, title="an hour")
 
 

@@ -31,22 +31,25 @@ mission = twin.Mission(
 )
 figure, axes = plt.subplots(figsize=(7, 4.8), layout="constrained")
 thin = slice(None, None, 3)
-axes.quiver(
+arrows = axes.quiver(
     longitude[thin],
     latitude[thin],
     u[thin, thin],
     v[thin, thin],
     color="0.6",
     scale=4,
-    width=0.0025,
+    width=0.004,
 )
-for offset in (-0.06, 0.0, 0.06):
+axes.quiverkey(arrows, 0.9, 0.95, SPEED, f"current of {SPEED} m/s", labelpos="W")
+for offset in (0.06, 0.0, -0.06):
     start = {"latitude": LATITUDE + offset, "longitude": LONGITUDE - 0.17}
     run = twin.simulate(mission=mission, current="grid:eddy.nc", start=start, sample_period=20)
     track = run.geographic_position()
-    axes.plot(track[1], track[0], lw=2)
+    axes.plot(track[1], track[0], lw=2, label=f"from {LATITUDE + offset:.2f}° N")
+    axes.plot(track[1][0], track[0][0], "o", color=axes.lines[-1].get_color())
     bent = run["true_north"][-1]
     print(f"start {offset:+.2f} degree: ends {bent:+6.0f} m north of its course")
+axes.legend(loc="lower right", fontsize="small", title="glider, 14 h")
 axes.set(xlabel="longitude [degree]", ylabel="latitude [degree]", title="Course east, in an eddy")
 axes.set(xlim=(LONGITUDE - 0.22, LONGITUDE + 0.22), ylim=(LATITUDE - 0.16, LATITUDE + 0.16))
 axes.locator_params(nbins=5)

@@ -12,7 +12,7 @@ from factory.generation.generate import Summary
 from factory.generation.generate import generate as _generate
 from factory.recipe.parameter import Parameter
 from factory.recipe.recipe import make_recipe
-from twin.arguments import argument_names, check_names
+from twin.arguments import argument_names, check_names, explained
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -138,6 +138,6 @@ def import_logs(
     check_names(options, argument_names(import_logs, read), "factory.import_logs")
     target = Path(out)
     check_target(target, overwrite=overwrite)  # refuses before anything is read
-    dataset, report = read(kind, files, **options)
+    dataset, report = explained(read, "import_logs", "factory")(kind, files, **options)
     write_store(dataset, target, overwrite=overwrite)
     return report

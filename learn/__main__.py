@@ -25,7 +25,7 @@ PROGRAM = Program(
         ),
         Command(
             name="export",
-            summary="ONNX step models for on-board use, with a parity check",
+            summary="step models for on-board use, ONNX or C99, with a parity check",
             loader="learn.commands.export:Export",
         ),
     ),

@@ -20,7 +20,7 @@ from learn.training.fitting import Watch
 from learn.training.given_settings import fit_settings
 from learn.training.resources import Resources, training_resources
 from learn.training.settings import FitConfig
-from twin.arguments import argument_names, check_names
+from twin.arguments import argument_names, check_names, explained
 from twin.errors import InputError, unknown_name
 from twin.extras import require
 from twin.records.store_path import StorePath
@@ -73,7 +73,8 @@ def fit(
     check_names(settings, argument_names(fit, fit_settings), "learn.fit")
     path = RUNS / free_name() if folder is None else Path(folder)
     place = training_folder(path, replace=overwrite)
-    config = fit_settings(store, resumed=place if resume else None, **settings)
+    read = explained(fit_settings, "fit", "learn")
+    config = read(store, resumed=place if resume else None, **settings)
     return train_and_finish(
         config,
         path,

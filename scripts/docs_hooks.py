@@ -33,6 +33,11 @@ FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>
 """What pymdownx.arithmatex makes of `$...$` and `$$...$$`"""
 
 
+def on_config(config: MkDocsConfig) -> None:
+    """No page 404.html: its links begin at a server's root, and the site opens from a folder."""
+    config.theme.static_templates.discard("404.html")
+
+
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that are made from the code."""
     for place, text in generated_pages().items():

@@ -1,7 +1,8 @@
-"""Pages of the documentation that are made from the code: commands, Python names, signals.
+"""Pages of the documentation that are made from the code: commands, Python names.
 
 `python scripts/docs_reference.py` prints the names of the pages; mkdocs makes them by
-scripts/docs_hooks.py and tests compare them with the programs and the schema.
+scripts/docs_hooks.py and tests compare them with the programs. The data dictionary is made by
+scripts/docs_dictionary.py.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from docs_dictionary import dictionary_page  # noqa: E402
 from docs_examples import examples_page  # noqa: E402
+from docs_markdown import escaped  # noqa: E402
 
 from twin.cli.program import Command, Program  # noqa: E402
-from twin.records import schema  # noqa: E402
-from twin.records.limits import recorded_limits, simulated_limits  # noqa: E402
 
 PROGRAMS = ("twin", "factory", "learn")
 FACES = {
@@ -60,7 +61,7 @@ def generated_pages() -> dict[str, str]:
     """Markdown of every generated page by its place in docs/."""
     pages = {f"reference/commands/{name}.md": command_page(name) for name in PROGRAMS}
     pages |= {f"reference/python/{page}.md": python_page(face) for page, face in FACES.items()}
-    pages["reference/signals.md"] = signal_page()
+    pages["reference/signals.md"] = dictionary_page()
     pages["examples.md"] = examples_page()
     for name in ("CHANGELOG", "CONTRIBUTING"):
         pages[f"project/{name.lower()}.md"] = root_page(name)
@@ -160,14 +161,6 @@ def _usage_word(action: argparse.Action) -> str:
     return f"{action.option_strings[0]} {_values(action)}" if needed else ""
 
 
-def escaped(text: str) -> str:
-    """Plain text as Markdown shows it unchanged; what stands in backticks is left alone."""
-    parts = text.split("`")
-    for k in range(0, len(parts), 2):
-        parts[k] = re.sub(r"([*_\[\]|])", r"\\\1", parts[k].replace("<", "&lt;"))
-    return "`".join(parts)
-
-
 def linked(text: str) -> str:
     """The text with pages that it names as links, from a page in reference/commands/."""
     return re.sub(
@@ -229,120 +222,6 @@ def area(place: str) -> str:
 
 def _directive(face: str, name: str, place: str) -> str:
     return f"::: {place}\n    options:\n      heading: {face}.{name}\n      toc_label: {name}\n"
-
-
-# --- signals ------------------------------------------------------------------------------------
-
-GROUPS = {
-    "true": ("What happened", "Of a simulation, or of a log where a Doppler log or profiler was."),
-    "measured": ("What the sensors said", "With the errors of the sensor suite."),
-    "commanded": ("What was asked for", "By guidance, or as the log has it."),
-}
-BODY = re.compile(r"(surge|sway|heave|_rate|specific_force_[xyz])$")
-EARTH = re.compile(r"(north|east|down|depth|altitude)$")
-ATTITUDE = re.compile(r"(roll|pitch|heading)$")
-
-
-def signal_page() -> str:
-    """The data dictionary: every variable of the schema, and what the vehicle's parts add."""
-    text = (
-        "---\nhide: [toc]\n---\n\n# Data dictionary\n\n"
-        "Every signal that a store of missions can hold. All have the dimensions (mission, time), "
-        "are float32, and are NaN after the mission's end. Limits are the values that a store may "
-        "hold, whatever the vehicle: what lies outside is damage, a sentinel or a wrong unit. "
-        "Simulated missions have closer ones where they are given.\n\n"
-        "Present says which stores have a signal: *all* simulated missions, and logs where the "
-        "vehicle measured it; *logs* alone; simulated missions with a *sea floor*; or *CTD*, in "
-        "water whose temperature and salinity are known. *May be NaN* marks a signal that is "
-        "missing now and then: no fix, no lock, no setpoint.\n\n"
-        "Frames: NED is north, east, down from the mission's start; body is forward, starboard, "
-        "down; attitude turns NED to body by heading, pitch, roll in this order.\n\n"
-        "[The data factory](factory.md#the-store) has the variables with one value a mission, "
-        "[what an import does](import.md#rows-one-dive-each) those of each dive of a log.\n"
-    )
-    for prefix, (title, comment) in GROUPS.items():
-        rows = [
-            signal_row(entry)
-            for name, entry in schema.VARIABLES.items()
-            if name.startswith(f"{prefix}_") and entry.name in shipped_signals()
-        ]
-        text += (
-            f"\n## {title}: `{prefix}_*`\n\n{comment}\n\n"
-            "| signal | unit | meaning | frame | limits | present |\n|---|---|---|---|---|---|\n"
-            + "\n".join(rows)
-            + "\n"
-        )
-    return text + part_section()
-
-
-def shipped_signals() -> frozenset[str]:
-    """Names of the schema's own table, without what kinds of somebody's own have declared."""
-    return frozenset(entry.name for entry in schema.SIGNALS)
-
-
-def signal_row(entry: schema.Variable) -> str:
-    """One row of the dictionary."""
-    meaning = entry.long_name + (f"; {entry.comment}" if entry.comment else "")
-    if entry.standard_name:
-        meaning += f". CF: `{entry.standard_name}`"
-    cells = (
-        f"`{entry.name}`", entry.units, escaped(meaning.replace("|", "/")), frame(entry.name),
-        limits(entry.name), present(entry.name),
-    )  # fmt: skip
-    return f"| {' | '.join(cells)} |"
-
-
-def frame(name: str) -> str:
-    """Axes of a signal; empty for one without."""
-    for title, pattern in (("body", BODY), ("attitude", ATTITUDE), ("NED", EARTH)):
-        if pattern.search(name):
-            return title
-    return ""
-
-
-def limits(name: str) -> str:
-    """Lowest and highest value, in any store and in a simulated one."""
-    recorded, simulated = recorded_limits(name), simulated_limits(name)
-    closer = "" if simulated == recorded else f"; simulated {_range(*simulated)}"
-    return _range(*recorded) + closer
-
-
-def _range(low: float, high: float) -> str:
-    return f"±{high:g}".replace("e+0", "e") if low == -high else f"{low:g} to {high:g}"
-
-
-def present(name: str) -> str:
-    """Which stores hold a signal."""
-    word = "all"
-    if name in schema.LOGGED_ONLY:
-        word = "logs"
-    elif name in schema.HYDROGRAPHY:
-        word = "CTD"
-    elif name in schema.WITH_FLOOR:
-        word = "sea floor"
-    return f"{word}; may be NaN" if schema.VARIABLES[name].gaps else word
-
-
-def part_section() -> str:
-    """What each kind of vehicle part adds, by the unit that its kind has."""
-    from twin.vehicle.parts.registry import PARTS
-
-    rows = "\n".join(
-        f"| `{kind}` | {STORED_UNITS.get(PARTS[kind].unit, PARTS[kind].unit)} |"
-        for kind in PARTS.shipped()
-    )
-    return (
-        "\n## Parts of the vehicle\n\n"
-        "A part gives three signals by its own name: a rudder is `true_rudder`, "
-        "`measured_rudder` (by its encoder) and `commanded_rudder`. `true_energy_rudder` is the "
-        "electrical energy [J] that it has taken since the start, `true_energy_hotel` that of "
-        "electronics and sensors. The unit of a position is that of the kind of part:\n\n"
-        f"| kind of part | unit |\n|---|---|\n{rows}\n"
-    )
-
-
-STORED_UNITS = {"rad": "degree", "rad/s": "rad s-1"}
-"""Units of parts as stores have them, where code has others"""
 
 
 # --- pages beside docs/ -------------------------------------------------------------------------

@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 import sysconfig
+import tarfile
 import tomllib
 import zipfile
 from importlib import metadata
@@ -38,23 +39,64 @@ def _run(command: list[str | Path], cwd: Path) -> str:
     return done.stdout
 
 
+def _tracked(*names: str) -> set[str]:
+    """The files that git tracks under names, or all, that are there."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("what is compared with git's list of files needs a checkout")
+    # not quoted: git writes names with odd letters in octal otherwise
+    listed = _run(["git", "ls-files", "-z", *names], cwd=ROOT).split("\0")
+    return {name for name in listed if name and (ROOT / name).exists()}
+
+
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel, made from the source distribution as an installer without wheels would."""
-    folder = tmp_path_factory.mktemp("dist")
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The source distribution."""
+    folder = tmp_path_factory.mktemp("source")
     _run([sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", folder], cwd=ROOT)
-    (source,) = folder.glob("*.tar.gz")
+    (made,) = folder.glob("*.tar.gz")
+    return made
+
+
+@pytest.fixture(scope="module")
+def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel, made from the source distribution as an installer without wheels would."""
+    folder = tmp_path_factory.mktemp("wheel")
     build = [*PIP, "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", folder, source]
     _run(build, cwd=folder)
     (made,) = folder.glob("*.whl")
     return made
 
 
+def test_source_distribution_holds_every_tracked_file_and_its_tests_can_be_collected(
+    source: Path, tmp_path: Path
+) -> None:
+    with tarfile.open(source) as archive:
+        archive.extractall(tmp_path, filter="data")
+    unpacked = tmp_path / f"glider_twin-{__version__}"
+    # The tests that read what is no package: documents, examples, scripts, the recipe, the paper.
+    beside = ["tests/docs", *(str(path.relative_to(ROOT)) for path in ROOT.glob("tests/test_*.py"))]
+    collect = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "--collect-only",
+        "-q",
+        "-n0",
+        "-p",
+        "no:cacheprovider",
+    ]
+    said = _run([*collect, *beside], cwd=unpacked)
+    assert re.search(r"^\d{2,} tests collected", said, re.MULTILINE)
+    for page in unpacked.glob("*.md"):
+        assert _dead_links(page) == []
+    made = {name for name in _files(unpacked) if "__pycache__" not in name}
+    assert made == {*_tracked(), "PKG-INFO"}
+
+
 def test_wheel_holds_every_file_of_the_packages_and_nothing_else(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         shipped = {name for name in archive.namelist() if ".dist-info/" not in name}
-    tracked = _run(["git", "ls-files", *PACKAGES, "assets"], cwd=ROOT).splitlines()
-    present = {name for name in tracked if (ROOT / name).exists()}
+    present = _tracked(*PACKAGES, "assets")
     assert shipped == {f"twin/{n}" if n.startswith("assets/") else n for n in present}
     # what is read from beside the code, by kind
     for name in ("twin/plot/coast.npz", "twin/assets/glider.xml", "twin/replay/page.html"):
@@ -101,12 +143,12 @@ def test_assets_are_found_and_a_wrong_name_is_explained() -> None:
 
 def test_versions_agree() -> None:
     assert metadata.version("glider-twin") == __version__
-    newest = re.search(r"^## \[(\d[^\]]*)\]", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    changes = (ROOT / "CHANGELOG.md").read_text()
+    newest = re.search(r"^## \[(\d[^\]]*)\] - (\S+)$", changes, re.MULTILINE)
     assert newest is not None
     assert newest[1] == __version__
-    cited = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
-    assert cited is not None
-    assert cited[1] == __version__
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert (cited["version"], str(cited["date-released"])) == newest.groups()
 
 
 def test_import_factory_is_this_package() -> None:
@@ -234,9 +276,14 @@ def test_commands_in_the_documents_exist() -> None:
 
 def test_links_in_the_documents_lead_somewhere() -> None:
     for page in ROOT.glob("*.md"):  # tests/docs/test_site.py builds docs/, where links are errors
-        for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text()):
-            if "://" not in target and not target.startswith("mailto:"):
-                assert (page.parent / target).exists(), f"{page.name}: {target}"
+        assert _dead_links(page) == []
+
+
+def _dead_links(page: Path) -> list[str]:
+    """What a page leads to beside itself and what is not there."""
+    targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text())
+    here = [one for one in targets if "://" not in one and not one.startswith("mailto:")]
+    return [f"{page.name}: {one}" for one in here if not (page.parent / one).exists()]
 
 
 def _modules_with_examples() -> list[str]:

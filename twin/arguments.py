@@ -13,6 +13,7 @@ import inspect
 import numbers
 import os
 import pathlib
+import sys
 import types
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -24,17 +25,30 @@ BY_NAME = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ON
 BY_PLACE = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
 FROM_INSIDE = (TypeError, ValueError, AttributeError)
 """Errors of Python's own that a value of a wrong kind ends in"""
-KINDS: dict[Any, tuple[tuple[type, ...], str]] = {
-    float: ((numbers.Real,), "a number"),
-    int: ((numbers.Integral,), "a whole number"),
-    bool: ((bool,), "True or False"),
-    str: ((str,), "a text"),
-    pathlib.Path: ((str, os.PathLike), "a path"),
-    Mapping: ((Mapping,), "a mapping"),
-    Sequence: ((Sequence,), "a list"),
-    Callable: ((Callable,), "a function"),  # type: ignore[dict-item]
+
+
+def _listed(value: Any) -> bool:
+    """Whether a value is a list, an array or alike; a text is not, though Python thinks so."""
+    return isinstance(value, Iterable) and not isinstance(
+        value, str | bytes | Mapping | os.PathLike
+    )
+
+
+Takes = tuple[Callable[[Any], bool], str]
+KINDS: dict[Any, Takes] = {
+    float: (lambda value: isinstance(value, numbers.Real), "a number"),
+    int: (lambda value: isinstance(value, numbers.Integral), "a whole number"),
+    bool: (lambda value: isinstance(value, bool), "True or False"),
+    str: (lambda value: isinstance(value, str), "a text"),
+    pathlib.Path: (lambda value: isinstance(value, str | os.PathLike), "a path"),
+    Mapping: (lambda value: isinstance(value, Mapping), "a mapping"),
+    Sequence: (_listed, "a list"),
+    Iterable: (_listed, "a list"),
+    list: (_listed, "a list"),
+    tuple: (_listed, "a list"),
+    Callable: (callable, "a function"),
 }
-"""What an annotation takes, and how it is called"""
+"""Whether a value is what an annotation takes, and how that is called"""
 
 
 def explained(value: Any, name: str, package: str) -> Any:
@@ -83,10 +97,11 @@ def _explained(function: Callable[..., Any], where: str) -> Callable[..., Any]:
         try:
             return function(*given, **named)
         except FROM_INSIDE as error:
-            if isinstance(error, TwinError):
-                raise
+            ours = isinstance(error, TwinError)
+            if ours and function.__name__ == "__init__":
+                raise  # classes check their fields themselves
             try:
-                _check_call(function, given, named, where)
+                _check_call(function, given, named, where, letters=ours)
             except ArgumentError as misfit:
                 raise misfit from error
             raise
@@ -96,9 +111,17 @@ def _explained(function: Callable[..., Any], where: str) -> Callable[..., Any]:
 
 
 def _check_call(
-    function: Callable[..., Any], given: Sequence[Any], named: Mapping[str, Any], where: str
+    function: Callable[..., Any],
+    given: Sequence[Any],
+    named: Mapping[str, Any],
+    where: str,
+    *,
+    letters: bool,
 ) -> None:
-    """Raise ArgumentError when a call does not fit a function or a value not its annotation."""
+    """Raise ArgumentError when a call does not fit a function or a value not its annotation.
+
+    With `letters` only for a text in place of a list, whose letters an error of ours is about.
+    """
     signature = inspect.signature(function)
     try:
         bound = signature.bind(*given, **named)
@@ -106,9 +129,13 @@ def _check_call(
         _check_fit(function, given, named, where)
         raise ArgumentError(f"{where}: {error}") from None
     for name, value in bound.arguments.items():
-        annotation = signature.parameters[name].annotation
-        if signature.parameters[name].kind in (*BY_NAME, *BY_PLACE):
-            _check_kind(value, _evaluated(annotation, function), f"{where}: {name}")
+        parameter = signature.parameters[name]
+        if parameter.kind not in (*BY_NAME, *BY_PLACE) or (letters and not isinstance(value, str)):
+            continue
+        wanted = list(_kinds(_evaluated(parameter.annotation, function)))
+        if letters and not any(takes is _listed for takes, _ in wanted):
+            continue
+        _check_kind(value, wanted, f"{where}: {name}")
 
 
 def _check_fit(
@@ -139,10 +166,9 @@ def _check_fit(
         raise ArgumentError(f"{where} needs {', '.join(needed)}")
 
 
-def _check_kind(value: Any, annotation: Any, what: str) -> None:
-    """Raise ArgumentError when a value is of a kind that the annotation does not name."""
-    wanted = list(_kinds(annotation))
-    if not wanted or any(isinstance(value, kinds) for kinds, _ in wanted):
+def _check_kind(value: Any, wanted: Sequence[Takes], what: str) -> None:
+    """Raise ArgumentError when a value is of none of the kinds."""
+    if not wanted or any(takes(value) for takes, _ in wanted):
         return
     words = list(dict.fromkeys(word for _, word in wanted))
     shown = repr(value)
@@ -150,8 +176,8 @@ def _check_kind(value: Any, annotation: Any, what: str) -> None:
     raise ArgumentError(f"{what} is {shown}: give {' or '.join(words)}")
 
 
-def _kinds(annotation: Any) -> Iterator[tuple[tuple[type, ...], str]]:
-    """The classes that an annotation takes, each with its name; nothing where one is unknown."""
+def _kinds(annotation: Any) -> Iterator[Takes]:
+    """What an annotation takes, each kind with its name; nothing where one is unknown."""
     if isinstance(annotation, types.UnionType) or typing.get_origin(annotation) is typing.Union:
         found = [list(_kinds(one)) for one in typing.get_args(annotation)]
         if all(found):
@@ -159,11 +185,12 @@ def _kinds(annotation: Any) -> Iterator[tuple[tuple[type, ...], str]]:
         return
     annotation = typing.get_origin(annotation) or annotation
     if annotation in (None, types.NoneType):
-        yield (types.NoneType,), "None"
+        yield (lambda value: value is None), "None"
     elif annotation in KINDS:
         yield KINDS[annotation]
     elif inspect.isclass(annotation) and not _lenient(annotation):
-        yield (annotation,), f"a {annotation.__name__}"
+        article = "an" if annotation.__name__[0] in "AEIOU" else "a"
+        yield (lambda value: isinstance(value, annotation)), f"{article} {annotation.__name__}"
 
 
 def _lenient(kind: type) -> bool:
@@ -173,10 +200,20 @@ def _lenient(kind: type) -> bool:
 
 
 def _evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
-    """An annotation as an object; Any where only type checkers import its names."""
+    """An annotation as an object; Any where only type checkers know its names."""
     if not isinstance(annotation, str):
         return annotation
     try:
-        return eval(annotation, inspect.unwrap(function).__globals__)  # our own source's text
+        return eval(annotation, inspect.unwrap(function).__globals__, _Public())  # our own text
     except (NameError, TypeError):
         return Any
+
+
+class _Public(dict[str, Any]):
+    """Public names of `twin`, for annotations that a module imports for type checkers only."""
+
+    def __missing__(self, name: str) -> Any:
+        twin = sys.modules.get("twin")
+        if twin is None or name not in twin.__all__:
+            raise KeyError(name)
+        return getattr(twin, name)

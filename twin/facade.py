@@ -104,6 +104,10 @@ def simulate(
       SimulationUnstable: with the trajectory up to that time as `partial`.
     """
     suite = _suite(sensors)
+    if controller is not None and not callable(controller):
+        raise InputError(f"controller is {controller!r}: give a function of an Observation")
+    if isinstance(seed, int) and seed < 0:
+        raise InputError(f"seed {seed} must be at least 0")
     navigation = None
     if scenario is None:
         navigation = Navigation.of(navigate)

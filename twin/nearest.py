@@ -18,6 +18,8 @@ SAME_MEANING = (
     ("density", "water stratification ctd"),
     ("floor", "bathymetry bottom seabed terrain"),
     ("start from", "position origin at lat lon latitude longitude"),
+    ("latitude", "lat"),
+    ("longitude", "lon lng long"),
     ("sensors", "noise suite devices"),
     ("timestep", "dt step time_step"),
     ("sample_period period", "rate sampling frequency hz"),
@@ -62,7 +64,9 @@ def nearest(name: str, names: Iterable[str], *, close: float = CLOSE) -> str | N
                 if word in known:
                     return known[word]
     near = difflib.get_close_matches(given, known, n=1, cutoff=close)
-    return known[near[0]] if near else None
+    part = [one for one in known if given and f"_{given}_" in f"_{one.replace('.', '_')}_"]
+    found = [*near, *sorted(part, key=len)]
+    return known[found[0]] if found else None
 
 
 def _plain(name: str) -> str:

@@ -105,7 +105,10 @@ class Info(JsonOption):
             }
         )
         console.table(splits, title="\nsplits")
-        console.table(drawn, title="\ndrawn")
+        for title, key in (("drawn numbers", "n"), ("drawn words", "drawn")):
+            rows = [row for row in drawn if key in row]
+            if rows:
+                console.table(rows, title=f"\n{title}")
         failures = run.failures()
         if failures:
             rows = [

@@ -27,6 +27,8 @@ from twin.records.sharded import flag_attributes
 UNUSED_CODE = -1
 """Stands in integer parameters where NaN stands in the others."""
 SENSOR_PREFIX = "sensor_"
+LENGTH = "mission.duration_h"
+"""The parameter that has no array of its own: `duration` has it"""
 SEGMENT = "segment"
 """Dimension of the parameters that are drawn for every segment."""
 """By name of the array: (mission,) or (mission, segment)."""
@@ -63,20 +65,13 @@ def columns(recipe: Recipe) -> list[Column]:
     found = [
         Column(
             name=names.N_SAMPLES,
-            attributes={
-                "units": "1",
-                "long_name": "number of samples of the mission",
-                "comment": "later ones are padding",
-            },
+            attributes=names.OF_MISSIONS[names.N_SAMPLES],
             dtype="int32",
             empty=0,
         ),
         Column(
             name=names.ATTEMPT,
-            attributes={
-                "units": "1",
-                "long_name": "number of attempts that failed before this one",
-            },
+            attributes=names.OF_MISSIONS[names.ATTEMPT],
             dtype="int16",
             empty=0,
         ),
@@ -86,16 +81,21 @@ def columns(recipe: Recipe) -> list[Column]:
     for name in _parameters(recipe):
         found.append(_parameter_column(recipe, name))
     for name, unit in recipe.suite.drawn_units().items():
-        text = "constant of this mission's sensors: " + name.replace("_", " ")
         found.append(
             Column(
                 name=SENSOR_PREFIX + name,
-                attributes={"units": unit, "long_name": text},
+                attributes=constant_attributes(name, unit),
                 empty=0.0,
                 usual=0.0,
             )
         )
     return found
+
+
+def constant_attributes(name: str, unit: str) -> dict[str, Any]:
+    """CF attributes of a constant that a sensor draws for a mission."""
+    text = "constant of this mission's sensors: " + name.replace("_", " ")
+    return {"units": unit, "long_name": text}
 
 
 def rows(recipe: Recipe, missions: Sequence[FlownMission]) -> dict[str, NDArray[Any]]:
@@ -149,8 +149,7 @@ def _parameters(recipe: Recipe) -> list[str]:
     return [
         name
         for name in recipe.table
-        if name != "mission.duration_h"  # the array `duration` has it
-        and (option_names(recipe, name) or not is_word(name))
+        if name != LENGTH and (option_names(recipe, name) or not is_word(name))
     ]
 
 

@@ -37,6 +37,25 @@ FAILURE = "failure"
 """Dimension of the attempts that failed and were replaced."""
 FAILED_MISSION, FAILED_ATTEMPT = "failure_mission", "failure_attempt"
 FAILED_TIME, FAILED_REASON = "failure_time", "failure_reason"
+PLANNED: Mapping[str, Mapping[str, Any]] = {
+    SEGMENT: {"long_name": "place of a segment in its mission"},
+    names.SPLIT: {
+        **flag_attributes("part of the data set", SPLITS),
+        "comment": "missions are split, never samples",
+    },
+}
+"""CF attributes of what the plan says, beside those of every store"""
+FAILED: Mapping[str, Mapping[str, Any]] = {
+    FAILED_MISSION: {"long_name": "mission that the attempt was for"},
+    FAILED_ATTEMPT: {"long_name": "number of the attempt"},
+    FAILED_TIME: {
+        "units": "s",
+        "long_name": "time at which the simulation left the finite numbers",
+        "comment": "NaN where it never started",
+    },
+    FAILED_REASON: {"long_name": "why the attempt failed"},
+}
+"""CF attributes of the arrays over attempts that failed; a store without any has none of them"""
 Part = tuple[str, int, NDArray[Any], ArrayMeta]
 """Name of an array, number and values of a chunk, and the array's metadata."""
 
@@ -112,21 +131,17 @@ def _plan_arrays(recipe: Recipe, job: Job, found: Found) -> Iterator[Part]:
     """Coordinates, and what the plan says of each mission."""
     plan, size = recipe.plan, job.layout.row_missions
     time = np.arange(plan.samples) * SAMPLE_PERIOD
-    said = {"units": "s", "long_name": "time since the start of the mission"}
-    yield TIME, 0, time, ArrayMeta(time.shape, time.dtype, (TIME,), said)
+    yield TIME, 0, time, ArrayMeta(time.shape, time.dtype, (TIME,), names.AXES[TIME])
     places = np.arange(found.segments)
-    said = {"long_name": "place of a segment in its mission"}
-    yield SEGMENT, 0, places, ArrayMeta(places.shape, places.dtype, (SEGMENT,), said)
-    split = flag_attributes("part of the data set", SPLITS)
-    split["comment"] = "missions are split, never samples"
-    whole: dict[str, tuple[NDArray[Any], dict[str, Any]]] = {
-        MISSION: (np.arange(len(plan)), {"long_name": "mission index"}),
-        names.DURATION: (
-            np.array(plan.durations_s), {"units": "s", "long_name": "mission length"}
-        ),
-        names.SPLIT: (np.array(plan.splits, np.int8), split),
-    }  # fmt: skip
-    for name, (values, attributes) in whole.items():
+    yield SEGMENT, 0, places, ArrayMeta(places.shape, places.dtype, (SEGMENT,), PLANNED[SEGMENT])
+    whole: dict[str, NDArray[Any]] = {
+        MISSION: np.arange(len(plan)),
+        names.DURATION: np.array(plan.durations_s),
+        names.SPLIT: np.array(plan.splits, np.int8),
+    }
+    described = {**names.AXES, **names.OF_MISSIONS, **PLANNED}
+    for name, values in whole.items():
+        attributes = described[name]
         meta = ArrayMeta(values.shape, values.dtype, (MISSION,), attributes)
         for number, first in enumerate(range(0, len(plan), size)):
             yield name, number, values[first : first + size], meta
@@ -155,23 +170,14 @@ def _failures(job: Job, found: Found) -> Iterator[Part]:
         return
     every = [item for number in job.layout.shards for item in ShardRows(job, number).failures]
     mission, attempt, reason, time = zip(*every, strict=True)
-    whole: dict[str, tuple[NDArray[Any], dict[str, Any]]] = {
-        FAILED_MISSION: (np.array(mission), {"long_name": "mission that the attempt was for"}),
-        FAILED_ATTEMPT: (np.array(attempt, np.int16), {"long_name": "number of the attempt"}),
-        FAILED_TIME: (
-            np.array([np.nan if t is None else t for t in time]),
-            {
-                "units": "s",
-                "long_name": "time at which the simulation left the finite numbers",
-                "comment": "NaN where it never started",
-            },
-        ),
-        FAILED_REASON: (
-            np.array(reason, np.dtypes.StringDType()), {"long_name": "why the attempt failed"}
-        ),
-    }  # fmt: skip
-    for name, (values, attributes) in whole.items():
-        yield name, 0, values, ArrayMeta(values.shape, values.dtype, (FAILURE,), attributes)
+    whole: dict[str, NDArray[Any]] = {
+        FAILED_MISSION: np.array(mission),
+        FAILED_ATTEMPT: np.array(attempt, np.int16),
+        FAILED_TIME: np.array([np.nan if t is None else t for t in time]),
+        FAILED_REASON: np.array(reason, np.dtypes.StringDType()),
+    }
+    for name, values in whole.items():
+        yield name, 0, values, ArrayMeta(values.shape, values.dtype, (FAILURE,), FAILED[name])
 
 
 def store_attributes(recipe: Recipe) -> dict[str, Any]:

@@ -25,7 +25,7 @@ from twin.records.presence import (
     read_attributes,
 )
 from twin.records.sharded import METADATA
-from twin.records.store import check_version
+from twin.records.store import check_ending, check_version
 from twin.records.store_path import StorePath
 from twin.records.whole import take_place
 
@@ -45,6 +45,7 @@ def check_target(
     Raises:
       StoreError: something is in the way, or another recipe is to be resumed.
     """
+    check_ending(store)
     local = isinstance(store, Path)
     if isinstance(store, Path) and store.is_symlink() and not store.exists():
         raise StoreError(f"{store} is a link to nothing; choose another --out")

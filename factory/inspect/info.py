@@ -105,7 +105,7 @@ def deployment_rows(logs: LogStore) -> list[dict[str, object]]:
                 "latitude": f"{np.mean([fix[0] for fix in fixed]):.3f}" if fixed else None,
                 "longitude": f"{np.mean([fix[1] for fix in fixed]):.3f}" if fixed else None,
                 "deepest [m]": deepest,
-                "/".join(SPLITS): "/".join(str(splits.count(name)) for name in SPLITS),
+                " / ".join(SPLITS): "/".join(str(splits.count(name)) for name in SPLITS),
             }
         )
     return rows

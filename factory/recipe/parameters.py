@@ -13,7 +13,6 @@ Rows of the group `mission` that are marked per segment are drawn for every segm
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Mapping
 
 from factory.recipe.distribution import Distribution, parse_distribution
@@ -22,6 +21,7 @@ from factory.recipe.parameter import Parameter
 from factory.recipe.survey_parameters import FLOOR, as_survey, survey_rows
 from factory.recipe.vehicle_parameters import motion_rows, vehicle_rows
 from twin.errors import InputError, VehicleError, unknown_name
+from twin.nearest import nearest
 from twin.vehicle.vehicle import SPREAD, Vehicle
 
 FLOWN_BY_TEST_LEVEL = "(28, 32)"
@@ -226,8 +226,8 @@ def override(
     result = dict(distributions)
     for name, text in changes.items():
         if name not in distributions:
-            near = difflib.get_close_matches(name, distributions, n=1, cutoff=0.5)
-            hint = f": did you mean {near[0]!r}?" if near else ""
+            near = nearest(name, distributions, close=0.5)
+            hint = f": did you mean {near!r}?" if near else ""
             raise InputError(
                 f"unknown parameter {name!r}{hint} (`factory distributions` lists them all)"
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import pickle
 
+import numpy as np
 import pytest
 
 import factory
@@ -57,6 +58,11 @@ def test_an_unknown_argument_of_any_public_name_is_named(face, name):
         (lambda: twin.simulate(None, "default"), "takes only scenario without a name; by name: v"),
         (lambda: factory.generate("m.zarr", hours="x"), "hours is 'x': give a number or None"),
         (lambda: factory.generate("m.zarr", hours=1, seed="a"), "seed is 'a': give a whole number"),
+        (lambda: twin.timeseries("no.zarr", "all"), "missions is 'all': give a list or None"),
+        (lambda: factory.import_logs("og1", "og1", "x.zarr"), "files is 'og1': give a list"),
+        (lambda: factory.import_logs("og1", [], "x.zarr", period="x"), "period is 'x': give a num"),
+        (lambda: learn.fit("m.zarr", features="depth"), "features is 'depth': give a list"),
+        (lambda: twin.figure("run.zarr"), "trajectory is 'run.zarr': give a Trajectory"),
         (lambda: twin.simulate_many([], threads="x"), "threads is 'x': give a whole number"),
         (lambda: twin.simulate(duration=3.0, sensors="field", seed="x"), "seed is 'x': give a who"),
     ],
@@ -73,12 +79,34 @@ def test_values_that_are_given_as_texts_lead_to_what_reads_them():
         twin.Scenario(mission="default")
     with pytest.raises(InputError, match=r"give twin.parse_current\('uniform:0.1,0'\)"):
         twin.Scenario(current="uniform:0.1,0")
-    with pytest.raises(InputError, match="mission is 3; give a Mission or a Schedule"):
+    with pytest.raises(
+        InputError, match=r"mission is 3; give a Mission or a Schedule, as twin\.load"
+    ):
         twin.Scenario(mission=3)
     with pytest.raises(InputError, match="--hours -1 must be above 0"):
         factory.generate("m.zarr", hours=-1)
     with pytest.raises(InputError, match="element 0 is a value of type dict, not a Scenario"):
         twin.simulate_many([{"mission": "default"}])
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: twin.simulate(seed=-1, sensors="ideal"), "seed -1 must be at least 0"),
+        (lambda: twin.simulate(controller="x", duration=5.0), "give a function of an Observation"),
+        (lambda: twin.parse_current("0.1,0.2"), "write uniform:0.1,0.2 for a velocity north, east"),
+        (lambda: twin.simulate(start={"lat": 49.0}), "did you mean 'latitude'"),
+        (lambda: factory.generate("m.nc", hours=1), "is a zarr folder, not a .nc file: name it m"),
+        (lambda: factory.generate("m.zarr", changes={"pitch": 3}), "did you mean 'mission.pitch_d"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_value_is_said(call, message):
+    with pytest.raises(InputError, match=message):
+        call()
+
+
+def test_numbers_of_numpy_are_numbers():
+    assert twin.simulate(duration=np.float32(5.0)).time[-1] == 5.0
 
 
 def test_an_error_from_inside_stays_as_it_is():

@@ -18,6 +18,29 @@ WORDS = {
 }
 
 
+def interruption(error: BaseException) -> KeyboardInterrupt | None:
+    """The interruption that an error hides, or None.
+
+    A signal that arrives while compiled code calls Python leaves its exception set behind a result.
+    Python then raises a SystemError with the interruption as its cause, and another one at each
+    caller that is compiled too.
+
+    Args:
+      error: what ended a command. Only behind a SystemError does an interruption count: an error of
+        what tidies up after one is told as itself.
+    """
+    one: BaseException | None = error
+    compiled = False
+    seen: set[int] = set()
+    while one is not None and id(one) not in seen:
+        if isinstance(one, KeyboardInterrupt):
+            return one if compiled or one is error else None
+        seen.add(id(one))
+        compiled = compiled or isinstance(one, SystemError)
+        one = one.__cause__ or one.__context__
+    return None
+
+
 class Endings:
     """A context in which SIGTERM and SIGHUP end the program as Ctrl-C does.
 

@@ -43,6 +43,6 @@ def option_meaning(command: type, flag: str) -> str:
     """The first clause of an option's text, such as its unit; empty where there is none."""
     name = option_field(command, flag)
     text = (option_text(command, name) or "") if name is not None else ""
-    for end in (";", ". ", ": "):
+    for end in (";", ". ", ": ", " [default"):
         text = text.partition(end)[0]
     return text.rstrip(".")

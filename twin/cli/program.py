@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from twin.cli.console import Console, discard, one_line
-from twin.cli.endings import Endings
+from twin.cli.endings import Endings, interruption
 from twin.cli.runnable import Runnable
 from twin.errors import InputError, TwinError, unknown_name
 from twin.version import __version__
@@ -108,25 +108,14 @@ class Program:
                 return EXIT_OK
             console.finish()
             return code
-        except KeyboardInterrupt as interrupt:
-            advice = "nothing half-written is left; give the command again"
-            text = f"{endings.word}: {str(interrupt) or advice}"
-            # the store library leaves a coroutine behind, and Python would say so on the terminal
-            warnings.filterwarnings("ignore", "coroutine .* was never awaited", RuntimeWarning)
-            return _fail(console, interrupt, text, endings.code)
-        except TwinError as error:
-            return _fail(console, error, str(error), error.exit_code)
-        except SystemError as error:
-            # compiled code that Ctrl-C interrupts reports it as the cause of a SystemError
-            if isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
-                return _fail(console, error, endings.word, endings.code)
-            return _fail(console, error, f"SystemError: {error}", EXIT_FAILED)
-        except OSError as error:
-            return _fail(console, error, _describe_os_error(error), _os_error_code(error))
-        except Exception as error:  # the last resort: a user gets one line, never a traceback
-            hint = f"this is a bug; set {TRACEBACK_VARIABLE}=1 for the traceback and report it"
-            text = f"{type(error).__name__}: {error} ({hint})"
-            return _fail(console, error, text, EXIT_FAILED)
+        except (KeyboardInterrupt, Exception) as error:
+            if (interrupt := interruption(error)) is not None:
+                # the store library leaves a coroutine behind, and Python would say so
+                warnings.filterwarnings("ignore", "coroutine .* was never awaited", RuntimeWarning)
+                text = f"{endings.word}: {str(interrupt) or _advice(error)}"
+                return _fail(console, interrupt, text, endings.code)
+            text, code = _describe(error)
+            return _fail(console, error, text, code)
 
     def _dispatch(self, words: list[str], console: Console) -> int | None:
         """Exit code of the subcommand, or None when a text was printed instead of running one."""
@@ -202,6 +191,23 @@ def _fail(console: Console, error: BaseException, text: str, code: int) -> int:
     failure: Mapping[str, object] = {"error": one_line(text), "error_kind": type(error).__name__}
     console.finish(failure)
     return code
+
+
+def _advice(error: BaseException) -> str:
+    """What follows from an interruption that has no words of its own."""
+    if isinstance(error, KeyboardInterrupt):
+        return "nothing half-written is left; give the command again"
+    return "it came in compiled code; give the command again"
+
+
+def _describe(error: BaseException) -> tuple[str, int]:
+    """One line and the exit code: a user never gets a traceback."""
+    if isinstance(error, TwinError):
+        return str(error), error.exit_code
+    if isinstance(error, OSError):
+        return _describe_os_error(error), _os_error_code(error)
+    hint = f"this is a bug; set {TRACEBACK_VARIABLE}=1 for the traceback and report it"
+    return f"{type(error).__name__}: {error} ({hint})", EXIT_FAILED
 
 
 def _describe_os_error(error: OSError) -> str:

@@ -67,7 +67,8 @@ def format_table(rows: Sequence[Mapping[str, object]], *, digits: int = 4) -> st
     """Rows under a header line; numbers flush right, text flush left.
 
     The columns are the keys in order of first appearance; a row without a key shows `MISSING`.
-    What is wider than `WIDEST` is folded: first the titles, then the widest columns of text.
+    What is wider than `WIDEST` is folded: first the titles, then the widest columns of text, and
+    last the names in them.
     """
     columns = list(dict.fromkeys(key for row in rows for key in row))
     cells = [[format_number(row.get(column), digits) for column in columns] for row in rows]
@@ -113,17 +114,29 @@ def _column_widths(
         foldable = [
             (width, i) for i, width in enumerate(widths) if not right[i] and width > least[i]
         ]
-        if not foldable:
-            break
+        if not foldable:  # names longer than there is room for are broken
+            least = [min(word, NARROWEST_TEXT) for word in least]
+            if not any(w > s and not r for w, s, r in zip(widths, least, right, strict=True)):
+                break
+            continue
         widths[max(foldable)[1]] -= 1
     return widths
 
 
 def _folded(text: str, width: int) -> list[str]:
-    """The text in lines of `width`; a word that is longer stands alone."""
+    """The text in lines of `width`; a name that is longer is broken, after an underscore if one is
+    near its end."""
     if len(text) <= width:
         return [text]
-    return textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False) or [""]
+    pieces: list[str] = []
+    for word in text.split():
+        while len(word) > width:
+            cut = word.rfind("_", 0, width) + 1
+            cut = cut if cut > width // 3 else width
+            pieces.append(word[:cut])
+            word = word[cut:]
+        pieces.append(word)
+    return textwrap.wrap(" ".join(pieces), width, break_on_hyphens=False) or [""]
 
 
 def format_paragraph(text: str, *, indent: str = "") -> str:

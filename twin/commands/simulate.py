@@ -306,12 +306,17 @@ def _place(scenario: Scenario) -> str | None:
 
 def _energy(figures: dict[str, Any]) -> str:
     """Energy in all, per way over ground, and of each part."""
-    shares = ", ".join(f"{name} {kilo:.3g}" for name, kilo in figures["energy_kJ"].items())
+    shares = ", ".join(
+        f"{name} {kilo if kilo > LEAST_ENERGY else 0.0:.3g}"
+        for name, kilo in figures["energy_kJ"].items()
+    )
     total, per_km = figures["total_energy_kJ"], figures["energy_per_km_kJ"]
     way = f", {per_km:.3g} kJ per km over ground" if math.isfinite(per_km) else ""
     return f"{total:.3g} kJ{way} ({shares})"
 
 
+LEAST_ENERGY = 1e-6
+"""[kJ] below which a part's energy is rounding noise"""
 PLOT_FORMATS = (".png", ".pdf", ".svg")
 
 

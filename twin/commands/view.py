@@ -62,7 +62,7 @@ class View:
     web: bool = False
     """without a screen: a page for the browser, served to this machine alone until Ctrl-C"""
     port: int | None = None
-    """of --web; default: 8080; 0 takes any free one"""
+    """of --web; default: 8080, or the next free one; 0 takes any free one"""
 
     def run(self, console: Console) -> int:
         """Open the window, or serve the page; returns when it is closed."""
@@ -112,11 +112,13 @@ class View:
 
         from twin.replay.live import LiveMission
         from twin.replay.page import assemble, page
-        from twin.replay.server import PageServer
+        from twin.replay.server import PORT, PageServer
 
         shot, live = self._shot(), None
         # the port first: a taken one is told before the mission is read or flown
-        with PageServer(WEB_PORT if self.port is None else self.port) as server:
+        with PageServer(self.port) as server:
+            if self.port is None and server.port != PORT:
+                console.note(f"port {PORT} is taken: this page is served at {server.port}")
             if self.store is None:
                 subject, scenario = self._live()
                 live = LiveMission(scenario, subject, shot, self._speed)
@@ -193,4 +195,3 @@ class View:
 
 SPEED_UP, CHASE_SPEED_UP = 60.0, 5.0
 """Mission seconds per second when none are asked for"""
-WEB_PORT = 8080

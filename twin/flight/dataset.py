@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -111,6 +112,29 @@ PER_DIVE: dict[str, tuple[str, str, str | None]] = {
 }  # fmt: skip
 """The same of each dive between two fixes, (dac,)"""
 DAC, DAC_MISSION, DAC_TIME = "dac", "dac_mission", "dac_time"
+EPOCH = {"units": "seconds since 1970-01-01T00:00:00", "calendar": "standard",
+         "standard_name": "time"}  # fmt: skip
+OF_FLIGHTS: Mapping[str, Mapping[str, str]] = {
+    MISSION: {"long_name": "row of the store"},
+    TIME: {"units": "s", "long_name": "time since the start of the mission"},
+    N_SAMPLES: {"units": "1", "long_name": "samples; later ones are padding"},
+    DEPLOYMENT: {"long_name": "deployment that the mission belongs to"},
+    DIVE: {"long_name": "number of the dive: the vehicle's own, or counted from 0"},
+    START_TIME: {**EPOCH, "long_name": "UTC time of the mission's first sample"},
+}
+"""CF attributes of the axes and of what there is one of for each mission"""
+OF_DIVES: Mapping[str, Mapping[str, str]] = {
+    DAC_MISSION: {"long_name": "row of the store that the dive is in"},
+    DAC_TIME: {**EPOCH, "long_name": "UTC time of the middle between the two fixes"},
+    **{
+        f"{DAC}_{name}": {
+            "units": units, "standard_name": name,
+            "long_name": f"{name} of the corrected track in the middle of the dive",
+        }
+        for name, units in (("latitude", "degree_north"), ("longitude", "degree_east"))
+    },
+}  # fmt: skip
+"""CF attributes of the moment and place of each dive"""
 
 
 def flight_dataset(flight: Flight) -> xr.Dataset:
@@ -158,26 +182,22 @@ def flight_dataset(flight: Flight) -> xr.Dataset:
         kind = np.float64 if name in POSITIONS else np.float32
         variables[name] = ((MISSION, TIME), values.astype(kind), _attributes(flight, name))
     variables |= _per_dive(flight)
-    variables[N_SAMPLES] = (
-        MISSION, lengths, {"units": "1", "long_name": "samples; later ones are padding"}
-    )  # fmt: skip
+    variables[N_SAMPLES] = (MISSION, lengths, dict(OF_FLIGHTS[N_SAMPLES]))
     for name in (DEPLOYMENT, DIVE):
         if name in store:
             values = np.asarray(store.array(name))[chosen]
             values = values.astype(object) if name == DEPLOYMENT else values
-            variables[name] = (MISSION, values, {"long_name": _BESIDE[name]})
+            variables[name] = (MISSION, values, dict(OF_FLIGHTS[name]))
     starts = start_times(store)[chosen]
     if np.isfinite(starts).any():
-        attributes = {"units": EPOCH, "calendar": "standard", "standard_name": "time",
-                      "long_name": "UTC time of the mission's first sample"}  # fmt: skip
-        variables[START_TIME] = (MISSION, starts, attributes)
+        variables[START_TIME] = (MISSION, starts, dict(OF_FLIGHTS[START_TIME]))
     period = store.period
     coordinates: dict[str, Any] = {
-        MISSION: (MISSION, np.array(chosen), {"long_name": "row of the store"}),
+        MISSION: (MISSION, np.array(chosen), dict(OF_FLIGHTS[MISSION])),
         TIME: (
             TIME,
             period * np.arange(longest),
-            {"units": "s", "long_name": "time since the start of the mission"},
+            dict(OF_FLIGHTS[TIME]),
         ),
     }
     if np.isfinite(starts).any():
@@ -192,11 +212,6 @@ def flight_dataset(flight: Flight) -> xr.Dataset:
 
 LEAST_SPEED = 0.05
 """[m/s] below which an angle of attack means nothing"""
-EPOCH = "seconds since 1970-01-01T00:00:00"
-_BESIDE = {
-    DEPLOYMENT: "deployment that the mission belongs to",
-    DIVE: "number of the dive: the vehicle's own, or counted from 0",
-}
 
 
 def write_flight(flight: Flight, path: Path, *, overwrite: bool = False) -> None:
@@ -269,7 +284,7 @@ def _per_dive(flight: Flight) -> dict[str, Any]:
             attributes["comment"] = "mean over the dive, from fix to fix"
         arrays[name] = (DAC, np.array(values[name]), attributes)
     mission = np.array([one.mission for one in found], np.int32)
-    arrays[DAC_MISSION] = (DAC, mission, {"long_name": "row of the store that the dive is in"})
+    arrays[DAC_MISSION] = (DAC, mission, dict(OF_DIVES[DAC_MISSION]))
     return arrays | _dac_places(flight)
 
 
@@ -285,21 +300,11 @@ def _dac_places(flight: Flight) -> dict[str, Any]:
         where.append(flown.place.degrees(np.array(north), np.array(east)))
     arrays: dict[str, Any] = {}
     if np.isfinite(middle).any():
-        arrays[DAC_TIME] = (
-            DAC, middle,
-            {"units": EPOCH, "calendar": "standard", "standard_name": "time",
-             "long_name": "UTC time of the middle between the two fixes"},
-        )  # fmt: skip
+        arrays[DAC_TIME] = (DAC, middle, dict(OF_DIVES[DAC_TIME]))
     if any(one.place.known for one in flight.missions):
-        for k, (name, units) in enumerate(
-            (("latitude", "degree_north"), ("longitude", "degree_east"))
-        ):
+        for k, name in enumerate((f"{DAC}_latitude", f"{DAC}_longitude")):
             values = np.array([float(place[k]) for place in where])
-            arrays[f"dac_{name}"] = (
-                DAC, values,
-                {"units": units, "standard_name": name,
-                 "long_name": f"{name} of the corrected track in the middle of the dive"},
-            )  # fmt: skip
+            arrays[name] = (DAC, values, dict(OF_DIVES[name]))
     return arrays
 
 

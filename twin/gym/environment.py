@@ -14,6 +14,7 @@ from twin.errors import InputError, UnknownName, unknown_name
 from twin.gym.episodes import LARGEST_SEED, episode_random
 from twin.gym.noise import Noise
 from twin.gym.observations import FLAT, Observations, Observed
+from twin.numbers import numbers
 from twin.suite.environment import Environment
 from twin.suite.loader import load, task_arguments
 
@@ -129,7 +130,13 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode."""
+        """Begin an episode.
+
+        Raises:
+          InputError: an option; there is none.
+        """
+        for name in options or {}:
+            raise InputError(f"option {name!r} of reset: a single environment has none")
         super().reset(seed=seed)
         if seed is not None or self._seed is None:
             self._seed = int(self.np_random.integers(LARGEST_SEED)) if seed is None else seed
@@ -141,11 +148,17 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
-        """Advance by one control period."""
+        """Advance by one control period.
+
+        Raises:
+          InputError: no episode has begun or it is over, or an action that cannot be used.
+        """
+        if self._seed is None:
+            raise InputError("no episode has begun: call reset first")
         self._step = self._environment._step_count + 1
-        time_step = self._environment.step(np.asarray(action, float))
+        time_step = self._environment.step(numbers(action, "action"))
         if time_step.first():
-            raise InputError("this episode is over, or none has begun: call reset first")
+            raise InputError("this episode is over: call reset first")
         over = time_step.last()
         terminated = over and time_step.discount == 0.0
         reward = float(time_step.reward)

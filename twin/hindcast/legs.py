@@ -103,8 +103,8 @@ def legs_of(
 def why_no_legs(logs: LogStore, deployment: str) -> str:
     """What the dives of a deployment without legs lack, in words."""
     rows = logs.missions_of(deployment)
-    begun = sum(bool(np.isfinite(logs.fixes(row)[0]).all()) for row in rows)
-    ended = sum(bool(np.isfinite(logs.fixes(row)[1]).all()) for row in rows)
+    fixes = [np.isfinite(logs.fixes(row)).all(axis=1).tolist() for row in rows]
+    begun, ended = (sum(each) for each in zip(*fixes, strict=True))
     moved = np.isfinite(logs.number("displacement_north")[rows])
     if moved.any():
         return (

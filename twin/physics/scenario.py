@@ -102,7 +102,8 @@ class Scenario:
             value = getattr(self, name)
             if not isinstance(value, kinds):
                 way = f"twin.{MAKERS[name]}({value!r})" if name in MAKERS else ""
-                wanted = way if isinstance(value, str) and way else _called(kinds)
+                made = f", as twin.{MAKERS[name]} makes" if way else ""
+                wanted = way if isinstance(value, str) and way else f"{_called(kinds)}{made}"
                 raise InputError(f"scenario: {name} is {value!r}; give {wanted}")
         if not isinstance(self.encoder_zeros, Mapping):
             raise InputError(
@@ -143,7 +144,10 @@ class Scenario:
             value = getattr(self, name)
             if name == "duration" and value is None:
                 continue
-            value = number(value, f"scenario: {name}")
+            figure = number(value, f"scenario: {name}")
+            if not isinstance(value, int | float):  # a number of numpy's, say
+                object.__setattr__(self, name, figure)
+            value = figure
             if not (math.isfinite(value) and value > 0):
                 raise InputError(f"{what} {value} s must be positive and finite")
         if self.timestep is not None:
@@ -285,7 +289,8 @@ class Scenario:
 def _called(kinds: type | tuple[type, ...]) -> str:
     """Classes as a message names them."""
     known = kinds if isinstance(kinds, tuple) else (kinds,)
-    return " or ".join(f"a {kind.__name__}" for kind in known if kind is not NoneType)
+    names = [kind.__name__ for kind in known if kind is not NoneType]
+    return " or ".join(f"{'an' if name[0] in 'AEIOU' else 'a'} {name}" for name in names)
 
 
 def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from twin.records.schema import SCHEMA_VERSION
+from twin.records.schema import MISSION, SCHEMA_VERSION, TIME
 
 SCHEMA, VERSION = "schema", "schema_version"
 """Whose layout a store has, and which version of it."""
@@ -38,6 +38,21 @@ PROGRAM_VERSION = "glider_twin_version"
 
 N_SAMPLES, SPLIT, DURATION, ATTEMPT = "n_samples", "split", "duration", "attempt"
 """Arrays over missions."""
+AXES: Mapping[str, Mapping[str, Any]] = {
+    MISSION: {"long_name": "mission index"},
+    TIME: {"units": "s", "long_name": "time since the start of the mission"},
+}
+"""CF attributes of the coordinates of a store of simulated missions"""
+OF_MISSIONS: Mapping[str, Mapping[str, Any]] = {
+    N_SAMPLES: {
+        "units": "1",
+        "long_name": "number of samples of the mission",
+        "comment": "later ones are padding",
+    },
+    DURATION: {"units": "s", "long_name": "mission length"},
+    ATTEMPT: {"units": "1", "long_name": "number of attempts that failed before this one"},
+}
+"""CF attributes of its arrays over missions"""
 DEPLOYMENT, START_TIME, DIVE_DURATION, DIVE = "deployment", "start_time", "dive_duration", "dive"
 """Arrays over the dives of a store of logs."""
 

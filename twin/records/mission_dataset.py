@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import StoreError
-from twin.records.attributes import N_SAMPLES, SIMULATED_ATTRIBUTES
+from twin.records.attributes import AXES, N_SAMPLES, OF_MISSIONS, SIMULATED_ATTRIBUTES
 from twin.records.place import (
     COORDINATES,
     FLOWN,
@@ -35,6 +35,7 @@ STATE, STATES = "state", "simulation_state"
 COLUMNS = "columns"
 """Attribute of `simulation_state` that names its columns: qpos, qvel, act, ctrl (x north, y west, z
 up; SI, rad, cm3)."""
+STATE_ATTRIBUTES = {"units": "1", "long_name": "exact MuJoCo state, for replay and rendering"}
 
 
 def mission_dataset(
@@ -49,22 +50,18 @@ def mission_dataset(
     longest = max(len(t.time) for t in trajectories)
     provenances = [t.provenance for t in trajectories]
     coordinates: dict[str, Any] = {
-        MISSION: (MISSION, np.arange(len(trajectories)), {"long_name": "mission index"}),
+        MISSION: (MISSION, np.arange(len(trajectories)), dict(AXES[MISSION])),
         TIME: (
             TIME,
             max((t.time for t in trajectories), key=len),
-            {"units": "s", "long_name": "time since the start of the mission"},
+            dict(AXES[TIME]),
         ),
     }
     variables: dict[str, Any] = {
         N_SAMPLES: (
             MISSION,
             np.array([len(t.time) for t in trajectories], np.int32),
-            {
-                "units": "1",
-                "long_name": "number of samples of the mission",
-                "comment": "later ones are padding",
-            },
+            dict(OF_MISSIONS[N_SAMPLES]),
         )
     }
     variables |= nominal_array(provenances)
@@ -89,11 +86,7 @@ def mission_dataset(
     variables[STATES] = (
         (MISSION, TIME, STATE),
         states,
-        {
-            "units": "1",
-            "long_name": "exact MuJoCo state, for replay and rendering",
-            COLUMNS: " ".join(trajectories[0].state_columns),
-        },
+        {**STATE_ATTRIBUTES, COLUMNS: " ".join(trajectories[0].state_columns)},
     )
     said = {n: value for n, value in (attributes or {}).items() if n not in (*PLACE, NOMINAL)}
     dataset = xr.Dataset(variables, coordinates, {**SIMULATED_ATTRIBUTES, **said})

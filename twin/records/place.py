@@ -32,6 +32,12 @@ NOMINAL = "start_nominal"
 in a store an array (mission) of flags; left out where all is said"""
 NOMINAL_WORDS = ("none", "place", "date", "place and date")
 """By flag"""
+NOMINAL_ATTRIBUTES: Mapping[str, Any] = {
+    "long_name": "default of the start that stands",
+    "comment": "what nobody said of the start of the mission is a default",
+    "flag_values": np.arange(len(NOMINAL_WORDS), dtype=np.int8),
+    "flag_meanings": " ".join(word.replace(" ", "_") for word in NOMINAL_WORDS),
+}
 
 _EPOCH = np.datetime64("1970-01-01T00:00:00", "ms")
 NO_TIME = np.int64(np.iinfo(np.int64).min)
@@ -50,6 +56,12 @@ METHODS: Mapping[str, str] = {
     "GPS fixes",
 }
 """What the flags of it mean, in their order"""
+METHOD_ATTRIBUTES: Mapping[str, Any] = {
+    "long_name": "method of the positions",
+    "comment": "; ".join(f"{word}: {meaning}" for word, meaning in METHODS.items()),
+    "flag_values": np.arange(len(METHODS), dtype=np.int8),
+    "flag_meanings": " ".join(METHODS),
+}
 LOGGED = {
     "comment": f"found as {METHOD} says; the misclosure at the GPS fixes is spread linearly in time"
 }
@@ -207,24 +219,13 @@ def nominal_array(provenances: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     if not any(NOMINAL in one for one in provenances):
         return {}
     flags = [NOMINAL_WORDS.index(one.get(NOMINAL, NOMINAL_WORDS[0])) for one in provenances]
-    attributes = {
-        "long_name": "default of the start that stands",
-        "comment": "what nobody said of the start of the mission is a default",
-        "flag_values": np.arange(len(NOMINAL_WORDS), dtype=np.int8),
-        "flag_meanings": " ".join(word.replace(" ", "_") for word in NOMINAL_WORDS),
-    }
-    return {NOMINAL: (MISSION, np.array(flags, np.int8), attributes)}
+    return {NOMINAL: (MISSION, np.array(flags, np.int8), dict(NOMINAL_ATTRIBUTES))}
 
 
 def method_array(methods: Sequence[str]) -> Any:
     """The array (mission) of the words of METHODS."""
-    attributes = {
-        "long_name": "method of the positions",
-        "comment": "; ".join(f"{word}: {meaning}" for word, meaning in METHODS.items()),
-        "flag_values": np.arange(len(METHODS), dtype=np.int8),
-        "flag_meanings": " ".join(METHODS),
-    }
-    return MISSION, np.array([[*METHODS].index(word) for word in methods], np.int8), attributes
+    flags = np.array([[*METHODS].index(word) for word in methods], np.int8)
+    return MISSION, flags, dict(METHOD_ATTRIBUTES)
 
 
 def read_place(one: xr.Dataset) -> dict[str, float | str]:

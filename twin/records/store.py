@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.bounded import check_dataset
-from twin.errors import StoreError
+from twin.errors import StoreError, WriteError
 from twin.records.attributes import PROGRAM_VERSION, SETTINGS, VERSION
 from twin.records.flight_file import flight_message, is_flight
 from twin.records.mission_dataset import STATES, signal_names, stored_columns
@@ -86,12 +86,32 @@ def write_netcdf(
         raise OSError(errno.EIO, " ".join(str(error).split()), str(path)) from error
 
 
+OTHER_FORMATS = (".nc", ".csv", ".txt", ".mat", ".h5", ".json", ".npz", ".parquet", ".mcap")
+"""Endings that would promise a file of another format"""
+
+
+def check_ending(path: str | StorePath) -> None:
+    """Refuse a store's name that ends as a file of another format does.
+
+    Raises:
+      WriteError: it does.
+    """
+    stem, dot, ending = str(path).rpartition(".")
+    if f"{dot}{ending}".lower() in OTHER_FORMATS:
+        raise WriteError(
+            f"{path}: a store is a zarr folder, not a .{ending} file: name it {stem}.zarr; "
+            "`factory export` makes other formats of it"
+        )
+
+
 def check_target(path: str | Path, *, overwrite: bool) -> None:
     """Refuse what `write_store` would refuse, before long work.
 
     Raises:
-      WriteError: something else than a store is in the way, or it exists and `overwrite` is False.
+      WriteError: the name ends as that of another format, something else than a store is in the
+        way, or it exists and `overwrite` is False.
     """
+    check_ending(path)
     check_folder_target(path, overwrite=overwrite, ours=is_store)
 
 

@@ -64,6 +64,7 @@ def whole_folder(
         yield content
         write_checksums(content)
         sync_tree(content)
+        check_folder_target(path, overwrite=overwrite, ours=ours)  # another writer may have ended
         take_place(content, target, hidden / REPLACED)
 
 
@@ -85,6 +86,7 @@ def whole_file(path: str | Path, *, overwrite: bool = True) -> Iterator[Path]:
         if target.exists():
             content.chmod(stat.S_IMODE(target.stat().st_mode))
         sync_file(content)
+        check_file_target(path, overwrite=overwrite)  # another writer may have ended
         content.replace(target)
         sync_folder(target.parent)
 

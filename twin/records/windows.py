@@ -122,6 +122,12 @@ class Windows:
     def __len__(self) -> int:
         return len(self.missions)
 
+    def __repr__(self) -> str:
+        return (
+            f"<Windows: {len(self)} of {self.length} samples every {self.period:g} s, "
+            f"{len(self._samples)} missions of {self.path}: {', '.join(self.channels)}>"
+        )
+
     def __getitem__(self, number: int | slice) -> Floats:
         """One window, (length, channels), or those of a slice, (windows, length, channels)."""
         if isinstance(number, slice):

@@ -118,7 +118,8 @@ class Page {
         if (channels) {
           const begun = this.recording.times.length > 2;
           this.recording.append(channels);
-          if (!begun && this.behind) this.seek(this.recording.last);  // who comes late joins now
+          // Who comes more than a second late joins the mission where it is.
+          if (!begun && this.recording.last - this.time > this.speed) this.seek(this.recording.last);
           this.scene.extend();
           this.strip.forget();
         }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import sys
 import threading
@@ -16,27 +17,26 @@ from twin.replay.live import LiveMission
 HOST = "127.0.0.1"
 """This machine only: whoever reaches the port reads the mission"""
 NAMES = (HOST, "localhost")
+PORT = 8080
+"""That is taken when none is asked for, or the next free one"""
+PORTS = 100
+"""So many are tried then"""
 
 
 class PageServer:
     """Has its port from the beginning, and serves a page from `show` until the context ends."""
 
-    def __init__(self, port: int):
+    def __init__(self, port: int | None = None):
         """
         Args:
-          port: 0 takes any free one.
+          port: 0 takes any free one; None the first free one from `PORT` on.
 
         Raises:
           InputError: the port is taken, or not allowed.
         """
-        if not 0 <= port <= 65535:
+        if port is not None and not 0 <= port <= 65535:
             raise InputError(f"--port {port} must be 0 to 65535; 0 takes any free one")
-        try:
-            self._server = _Server((HOST, port), BaseHTTPRequestHandler)
-        except OSError as error:
-            raise InputError(
-                f"--port {port}: {error.strerror or error}; give another one, or 0 for any free one"
-            ) from error
+        self._server = _first_free() if port is None else _bound(port)
         self._thread: threading.Thread | None = None
 
     def show(self, text: str, live: LiveMission | None = None) -> None:
@@ -83,6 +83,27 @@ class _Server(ThreadingHTTPServer):
     def handle_error(self, request: object, client_address: object) -> None:
         if not isinstance(sys.exception(), ConnectionError):
             super().handle_error(request, client_address)  # type: ignore[arg-type]
+
+
+def _bound(port: int) -> _Server:
+    try:
+        return _Server((HOST, port), BaseHTTPRequestHandler)
+    except OSError as error:
+        raise InputError(
+            f"--port {port}: {error.strerror or error}; give another one, or 0 for any free one"
+        ) from error
+
+
+def _first_free() -> _Server:
+    for port in range(PORT, PORT + PORTS):
+        try:
+            return _Server((HOST, port), BaseHTTPRequestHandler)
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE:
+                raise
+    raise InputError(
+        f"the ports {PORT} to {PORT + PORTS - 1} are taken: --port 0 takes any free one"
+    )
 
 
 def _handler(page: bytes, live: LiveMission | None) -> type[BaseHTTPRequestHandler]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,6 +13,7 @@ from dm_control.rl import control
 from twin.errors import InputError
 from twin.navigation.estimator import VelocityEstimator
 from twin.navigation.settings import Navigation
+from twin.numbers import number
 from twin.suite.believed import Believed
 from twin.suite.conditions import Randomiser, conditions_of
 from twin.suite.physics import Physics
@@ -114,11 +116,25 @@ def build(
       settings: the caller's `environment_kwargs`.
 
     Raises:
-      InputError: an impossible time limit.
+      InputError: an impossible time limit or control timestep.
     """
+    time_limit = number(time_limit, "time_limit")
     if not time_limit > 0:
         raise InputError(f"time_limit {time_limit} s must be positive (float('inf') for none)")
     chosen = dict(settings or {})
     if "n_sub_steps" not in chosen:
         chosen.setdefault("control_timestep", task.vehicle.control_period)
+        _check_period(chosen["control_timestep"], physics.timestep())
     return Environment(physics, task, time_limit=time_limit, **chosen)
+
+
+def _check_period(period: object, step: float) -> None:
+    """Refuse a control timestep that is not a whole number of steps of the physics [s]."""
+    asked = number(period, "control_timestep")
+    steps = round(asked / step) if math.isfinite(asked) else 0
+    if steps < 1 or not math.isclose(steps * step, asked, rel_tol=1e-9):
+        nearest = max(1, steps) * step
+        raise InputError(
+            f"control_timestep is {asked:g} s: it must be a whole number of the physics' steps of "
+            f"{step:g} s, such as {nearest:g} s"
+        )

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from twin.errors import InputError, VehicleError
 from twin.mission.way import Way
 from twin.mission.way import way as steady_way
+from twin.numbers import numbers
 from twin.physics.start import Start
 from twin.suite.believed import Believed
 from twin.suite.conditions import Conditions, Randomiser
@@ -112,6 +113,8 @@ class GliderTask(base.Task):
         super().__init__(random=random)
         if not max_depth > 0:
             raise InputError(f"max_depth {max_depth} m must be positive")
+        if not isinstance(normalised, bool):
+            raise InputError(f"normalised is {normalised!r}: give True or False")
         self.vehicle = vehicle
         self.max_depth = float(max_depth)
         self.normalised = normalised
@@ -163,7 +166,7 @@ class GliderTask(base.Task):
         Raises:
           InputError: another shape, or a value that is not finite.
         """
-        values: Array = np.asarray(action, float)
+        values: Array = numbers(action, "action")
         parts = len(self.vehicle.parts)
         shape = (parts,) if self.count is None else (self.count, parts)
         names = ", ".join(self.vehicle.part_names)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -87,6 +87,23 @@ NUMBERS: dict[str, tuple[str, str]] = {
     "thruster_fraction": ("1", "part of the row's time with the thruster on"),
 }
 """Units and meaning of the per-row numbers."""
+OF_ROWS: Mapping[str, Mapping[str, Any]] = {
+    MISSION: {"long_name": "row of the store"},
+    TIME: {"units": "s", "long_name": "time since the start of the row"},
+    N_SAMPLES: {
+        "units": "1",
+        "long_name": "number of samples of the row",
+        "comment": "later ones are padding",
+    },
+    DIVE: {"units": "1", "long_name": "number of the dive: the vehicle's own, or counted from 0"},
+    DEPLOYMENT: {"long_name": "deployment that the row belongs to"},
+    SPLIT: {
+        "flag_values": np.arange(len(SPLITS), dtype=np.int8),
+        "flag_meanings": " ".join(SPLITS),
+        "long_name": "part of the data set, by dive in blocks of time",
+    },
+}
+"""CF attributes of the axes and of what else there is one of for each row"""
 
 
 _STANDARD_NAMES = {
@@ -107,11 +124,7 @@ def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, A
         N_SAMPLES: (
             MISSION,
             lengths,
-            {
-                "units": "1",
-                "long_name": "number of samples of the row",
-                "comment": "later ones are padding",
-            },
+            dict(OF_ROWS[N_SAMPLES]),
         )
     }
     for name in names:
@@ -129,11 +142,11 @@ def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, A
     coordinates: dict[str, Any] = {
         **_start(rows),
         **_where_and_when(rows, longest, period),
-        MISSION: (MISSION, np.arange(len(rows)), {"long_name": "row of the store"}),
+        MISSION: (MISSION, np.arange(len(rows)), dict(OF_ROWS[MISSION])),
         TIME: (
             TIME,
             period * np.arange(longest),
-            {"units": "s", "long_name": "time since the start of the row"},
+            dict(OF_ROWS[TIME]),
         ),
     }
     common = {
@@ -248,20 +261,16 @@ def _per_row(rows: Sequence[DiveRow]) -> dict[str, Any]:
     variables[DIVE] = (
         MISSION,
         np.array([int(entry["dive"]) for entry in numbers], np.int32),
-        {"units": "1", "long_name": "number of the dive: the vehicle's own, or counted from 0"},
+        dict(OF_ROWS[DIVE]),
     )
     variables[DEPLOYMENT] = (
         MISSION,
         np.array([row.log.deployment for row in rows], dtype=object),  # a fixed width warns
-        {"long_name": "deployment that the row belongs to"},
+        dict(OF_ROWS[DEPLOYMENT]),
     )
     variables[SPLIT] = (
         MISSION,
         split_rows(rows),
-        {
-            "flag_values": np.arange(len(SPLITS), dtype=np.int8),
-            "flag_meanings": " ".join(SPLITS),
-            "long_name": "part of the data set, by dive in blocks of time",
-        },
+        dict(OF_ROWS[SPLIT]),
     )
     return variables

@@ -199,5 +199,5 @@ def test_missing_stores_are_told(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="no store at"):
         GeneratedStore(tmp_path / "none.zarr")
     (tmp_path / "file.zarr").write_text("")
-    with pytest.raises(StoreError, match="not a zarr v3 store"):
+    with pytest.raises(StoreError, match="is a file; a store of missions is a folder"):
         GeneratedStore(tmp_path / "file.zarr")

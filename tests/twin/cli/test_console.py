@@ -331,6 +331,14 @@ def test_the_word_of_another_command_leads_to_ours(
     assert message in capsys.readouterr().err
 
 
+def test_names_that_leave_no_room_are_broken_and_nothing_is_lost() -> None:
+    row = {f"{letter}_of_a_long_name": f"{letter}_{'x' * 28}_end" for letter in "abcd"}
+    lines = format_table([row]).splitlines()
+    assert max(map(len, lines)) <= WIDEST
+    assert "".join(lines).count("x") == 4 * 28
+    assert "".join(lines).count("end") == 4
+
+
 def test_option_names_include_nested_ones() -> None:
     assert list(option_names(Glide)) == [
         "--json",

@@ -9,7 +9,9 @@ import sys
 
 import pytest
 
-from twin.cli.endings import Endings
+from twin.cli.endings import Endings, interruption
+from twin.cli.program import Command, Program
+from twin.errors import WriteError
 
 COMMAND = """
 import os, sys, time
@@ -108,3 +110,53 @@ def test_handlers_of_others_are_left_alone(handled):
         assert signal.getsignal(signal.SIGTERM) is handled
         assert signal.getsignal(signal.SIGHUP) is not signal.SIG_DFL
     assert signal.getsignal(signal.SIGHUP) is signal.SIG_DFL
+
+
+def raised(first, *later):
+    """An error raised from another one, and so on: the last of them."""
+    for one in later:
+        one.__cause__ = first
+        first = one
+    return first
+
+
+RESULT = "<function _filter> returned a result with an exception set"
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "told"),
+    [
+        (raised(KeyboardInterrupt(), SystemError(RESULT)), 143, "ended by SIGTERM: it came in"),
+        (
+            raised(KeyboardInterrupt(), SystemError(RESULT), SystemError(RESULT)),
+            143,
+            "ended by SIGTERM: it came in compiled code; give the command again",
+        ),
+        (
+            raised(KeyboardInterrupt("--resume goes on"), SystemError(RESULT), ValueError("cut")),
+            143,
+            "ended by SIGTERM: --resume goes on",
+        ),
+        (raised(KeyboardInterrupt(), WriteError("the disk is full")), 2, "the disk is full"),
+        (SystemError("of its own"), 1, "SystemError: of its own (this is a bug; "),
+    ],
+)
+def test_an_interruption_in_compiled_code_is_told_as_one(monkeypatch, capsys, error, code, told):
+    class Fly:
+        def run(self, console):
+            with pytest.raises(KeyboardInterrupt):  # the signal itself, which the error hides
+                signal.raise_signal(signal.SIGTERM)
+            raise error
+
+    monkeypatch.setattr("twin.cli.options.parse_options", lambda *_, **__: Fly())
+    command = Command(name="fly", summary="", loader="builtins:object")
+    assert Program(name="twin", summary="", commands=(command,)).main(["fly"]) == code
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith(f"twin: error: {told}")
+
+
+def test_errors_in_a_circle_hide_no_interruption():
+    first, second = SystemError("one"), SystemError("two")
+    first.__context__, second.__context__ = second, first
+    assert interruption(first) is None

@@ -21,18 +21,18 @@ def told(**fields) -> list[str]:
 
 
 def test_nothing_is_said_of_a_mission_that_was_flown():
-    assert told(plan=DIVES) == []
+    assert told(mission=DIVES) == []
 
 
 def test_a_run_that_ends_before_its_target_says_how_far():
-    (text,) = told(plan=Mission(segments=(AWAY,)), duration=300.0)
+    (text,) = told(mission=Mission(segments=(AWAY,)), duration=300.0)
     assert text.startswith("the run ended 1.8")
     assert text.endswith(" km short of target 1 of 1, at 300 s")
 
 
 def test_a_current_beyond_the_vehicle_comes_before_the_target_that_it_costs():
     stronger, short = told(
-        plan=Mission(segments=(AWAY,)), duration=300.0, current=Uniform(north=-2.0)
+        mission=Mission(segments=(AWAY,)), duration=300.0, current=Uniform(north=-2.0)
     )
     assert stronger.startswith("the current of 2.00 m/s is stronger than the vehicle")
     assert "km short of target 1 of 1" in short
@@ -40,7 +40,7 @@ def test_a_current_beyond_the_vehicle_comes_before_the_target_that_it_costs():
 
 def test_a_dive_beyond_the_largest_depth_is_aborted():
     sinks = Hold(shift_m=0.02, rotation_deg=0, net_mass_kg=0.3, duration_s=600)
-    (text,) = told(plan=Mission(segments=(sinks,), max_depth_m=15.0))
+    (text,) = told(mission=Mission(segments=(sinks,), max_depth_m=15.0))
     assert text == (
         "the mission was not flown to its end: it went deeper than max_depth_m and climbed to the "
         "surface"
@@ -48,7 +48,7 @@ def test_a_dive_beyond_the_largest_depth_is_aborted():
 
 
 def test_ground_that_is_touched_is_said_with_the_way_out():
-    unfinished, text = told(plan=DIVES, floor=FlatFloor(depth_m=12.0))
+    unfinished, text = told(mission=DIVES, floor=FlatFloor(depth_m=12.0))
     assert unfinished.startswith("the mission was not flown to its end: its segments took more")
     assert text.startswith("the vehicle touched the sea floor or an obstacle at ")
     assert "min_altitude_m" in text
@@ -56,6 +56,6 @@ def test_ground_that_is_touched_is_said_with_the_way_out():
 
 def test_a_track_beyond_the_bathymetry_says_when():
     small = GridFloor(north_m=[-5.0, 5.0], east_m=[-5.0, 5.0], depth_m=np.full((2, 2), 200.0))
-    (text,) = told(plan=DIVES, floor=small)
+    (text,) = told(mission=DIVES, floor=small)
     assert text.startswith("the vehicle left the bathymetry's area at ")
     assert text.endswith(" s; from there on the depth at its edge was used")

@@ -263,7 +263,7 @@ def test_nothing_outside_the_physics_writes_to_a_compiled_block() -> None:
             continue
         nodes = list(ast.walk(ast.parse(path.read_text())))
         if not any(
-            isinstance(n, ast.ImportFrom) and n.module == "twin.physics.mujoco_model" for n in nodes
+            isinstance(n, ast.ImportFrom) and n.module == "twin.physics.model_block" for n in nodes
         ):
             assert "numeric_data" not in path.read_text(), path
             continue

@@ -242,6 +242,32 @@ def test_small_files_are_whole_and_their_left_overs_are_swept(tmp_path):
     assert names(tmp_path / "deep") == ["living"]
 
 
+@pytest.mark.parametrize("writer", [whole_folder, whole_file])
+def test_of_two_writers_at_once_the_second_to_end_is_refused(tmp_path, writer):
+    """What the first one wrote stays: neither was told to overwrite."""
+    target = tmp_path / "run"
+
+    def both():
+        with writer(target, overwrite=False) as late:
+            _fill(late, "late")
+            with writer(target, overwrite=False) as first:
+                _fill(first, "first")
+
+    with pytest.raises(WriteError, match="already exists"):
+        both()
+    assert _content(target) == "first"
+    assert names(tmp_path) == ["run"]
+
+
+def _fill(place, text):
+    """A file's text, in a folder that is there or as the file."""
+    (place / "content" if place.is_dir() else place).write_text(text)
+
+
+def _content(place):
+    return (place / "content" if place.is_dir() else place).read_text()
+
+
 def test_many_writers_at_once_leave_one_whole_folder(tmp_path):
     target = tmp_path / "target"
     write(target, "old")

@@ -336,6 +336,22 @@ def test_the_server_is_for_this_machine_and_knows_its_pages():
         PageServer(70000)
 
 
+def test_without_a_port_the_next_free_one_is_taken(monkeypatch, tmp_path, capsys):
+    store = write_short_store(tmp_path / "short.zarr")
+    with PageServer(0) as first:
+        monkeypatch.setattr("twin.replay.server.PORT", first.port)
+        with PageServer() as second:
+            assert first.port < second.port < first.port + 100
+        assert PROGRAM.main(["view", str(store), "--web", "--seconds", "0.1"]) == 0
+        said = capsys.readouterr()
+        told = re.search(rf"port {first.port} is taken: this page is served at (\d+)\n", said.err)
+        assert told is not None
+        assert f"open http://127.0.0.1:{told[1]}/ in a browser" in said.out
+        monkeypatch.setattr("twin.replay.server.PORTS", 1)
+        with pytest.raises(InputError, match="are taken: --port 0 takes any free one"):
+            PageServer()
+
+
 @needs_browser
 def test_a_browser_follows_a_live_mission(browser):
     mission = live(40.0)
@@ -346,10 +362,11 @@ def test_a_browser_follows_a_live_mission(browser):
         browser.until("page.time > 20")
         assert browser.run("page.recording.last") < 300.0
         assert browser.run("document.getElementById('moment').textContent") == "live"
+        browser.until("page.recording.last > 60")
         with Browser(900, 600) as late:  # joins where the mission is now
             late.open(server.address)
             late.until("page.recording.times.length > 2")
-            assert late.run("page.time") > 20.0
+            assert late.run("page.time") > 60.0
             assert complaints(late) == []
         browser.run("page.setPlaying(false)")
         browser.until("!page.live.running")
@@ -367,6 +384,7 @@ def test_view_without_a_window_serves_a_stored_mission(tmp_path, capsys):
     assert PROGRAM.main(words) == 0
     said = capsys.readouterr()
     assert re.search(r"open http://127\.0\.0\.1:\d+/ in a browser", said.out)
+    assert "is taken" not in said.err
     assert "ssh -L" in said.err
     assert PROGRAM.main(["view", "--port", "0"]) == 2
     assert "--port is of --web" in capsys.readouterr().err

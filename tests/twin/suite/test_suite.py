@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -241,6 +242,21 @@ def test_unknown_names_are_refused_with_the_nearest():
         suite.load("hold", task_kwargs={"randm": 1})
     with pytest.raises(InputError, match="time_limit 0"):
         suite.load("hold", task_kwargs={"time_limit": 0.0})
+
+
+@pytest.mark.parametrize(
+    ("task", "environment", "told"),
+    [
+        ({"normalised": "no"}, {}, "normalised is 'no': give True or False"),
+        ({"time_limit": "x"}, {}, "time_limit"),
+        ({}, {"control_timestep": 0.33}, "steps of 0.1 s, such as 0.3 s"),
+        ({}, {"control_timestep": -1}, "such as 0.1 s"),
+        ({}, {"control_timestep": float("nan")}, "such as 0.1 s"),
+    ],
+)
+def test_a_setting_that_cannot_be_is_refused(task, environment, told):
+    with pytest.raises(InputError, match=re.escape(told)):
+        suite.load("depth", task_kwargs=task, environment_kwargs=environment)
 
 
 @pytest.mark.parametrize(("angle", "wrapped"), [(0.1, 0.1), (4.0, 4.0 - math.tau), (-7.0, -0.7168)])

@@ -167,7 +167,7 @@ def test_a_bad_description_is_named():
         current_from_dict({"kind": "uniform", "nord": 1.0})
     with pytest.raises(CurrentError, match="needs 'kind'"):
         current_from_dict({"north": 1.0})
-    with pytest.raises(CurrentError, match=r"ekman: .*missing"):
+    with pytest.raises(CurrentError, match=r"ekman: .*stress.*direction_deg"):
         current_from_dict({"kind": "ekman"})
 
 

@@ -93,7 +93,10 @@ def names() -> list[str]:
 
 def unknown(name: str, *also: str) -> CurrentError:
     """The error for a name that no kind has; `also` are other words allowed in its place."""
-    return CurrentError(unknown_name("current", name, [*names(), *also]))
+    hint = ""
+    if name[:1].isdigit() or name[:1] in "+-.":  # velocities alone
+        hint = f"; write uniform:{name} for a velocity north, east in m/s"
+    return CurrentError(unknown_name("current", name, [*names(), *also]) + hint)
 
 
 def _points() -> EntryPoints:
