@@ -26,7 +26,9 @@ from factory.generation.bookkeeping import (  # noqa: E402
 from factory.generation.completion import FAILED, FAILURE, PLANNED  # noqa: E402
 from factory.importing.dives.dive_rows import NUMBERS, OF_ROWS  # noqa: E402
 from factory.importing.reading.payload import KNOWN  # noqa: E402
+from factory.recipe.distribution import Choice, parse_distribution  # noqa: E402
 from factory.recipe.kinds.base import propelled  # noqa: E402
+from factory.recipe.parameter import Parameter  # noqa: E402
 from factory.recipe.parameters import parameter_table  # noqa: E402
 from twin.flight.dataset import COPIED, DAC, FLOWN, OF_DIVES, OF_FLIGHTS, PER_DIVE  # noqa: E402
 from twin.physics.part_signals import energy_variables, part_variables  # noqa: E402
@@ -304,7 +306,7 @@ def mission_section() -> str:
 
 def draw_section(vehicles: Mapping[str, Vehicle]) -> str:
     """Every parameter that `factory generate` draws, by group."""
-    by_name: dict[str, dict[str, Any]] = {}
+    by_name: dict[str, dict[str, Parameter]] = {}
     for name, vehicle in vehicles.items():
         for parameter in parameter_table(vehicle).values():
             if parameter.name != LENGTH:
@@ -314,7 +316,8 @@ def draw_section(vehicles: Mapping[str, Vehicle]) -> str:
         "What `factory generate` drew for each mission, or for each of its segments. The attribute "
         "`distribution` of a variable says from what; `factory distributions` prints the table of "
         "a preset and a vehicle. A parameter that is the same for all missions is no variable: "
-        "`distributions` in the store's settings has it. What is not used is NaN, a flag -1.\n"
+        "`distributions` in the store's settings has it. What is not used is NaN, a flag -1. "
+        "The attribute `flag_meanings` has the words of flags.\n"
     )
     for prefix, comment in DRAWN.items():
         rows = []
@@ -328,11 +331,25 @@ def draw_section(vehicles: Mapping[str, Vehicle]) -> str:
             if len(reasons) == 1 and every[0].why:
                 said += f"; {every[0].why}"
             dimensions = OF_SEGMENT if every[0].per_segment else OF_MISSION
+            units = "flag" if any(map(_is_word, every)) else every[0].unit
             rows.append(
-                (f"`{name}`", dimensions, every[0].unit, escaped(said), whose(by_vehicle, vehicles))
+                (f"`{name}`", dimensions, units, escaped(said), whose(by_vehicle, vehicles))
             )
         text += f"\n### `{prefix}_*`\n\n{comment}\n\n{table(FROM_DRAWS, rows)}"
     return text
+
+
+def _is_word(parameter: Parameter) -> bool:
+    """Whether one of several words is drawn, whose positions stores keep."""
+    drawn = (
+        parse_distribution(text, parameter.name) for text in (parameter.paper, parameter.field)
+    )
+    return any(
+        isinstance(option, str)
+        for distribution in drawn
+        if isinstance(distribution, Choice)
+        for option in distribution.options
+    )
 
 
 def sensor_section() -> str:

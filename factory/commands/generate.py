@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.cli.console import Console, JsonOption
+from twin.cli.endings import interruption
 from twin.cli.store_argument import StoreArgument
 
 if TYPE_CHECKING:
@@ -84,7 +85,9 @@ class Generate(JsonOption):
             if part is not None:
                 return self._part(recipe, part, history, console)
             summary = self._all(recipe, history, console)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, SystemError) as error:
+            if interruption(error) is None:
+                raise
             raise KeyboardInterrupt(
                 f"finished blocks of missions are kept beside {self.out}; the same command with "
                 "--resume goes on from there"

@@ -40,6 +40,7 @@ from learn.training.settings import FitConfig, Job
 from learn.training.trainer import Report, pick_device
 from learn.training.workers import Task, train_tasks
 from twin.cli.console import to_json
+from twin.cli.endings import interruption
 from twin.errors import InputError, WriteError
 from twin.navigation.estimated_channels import sources
 from twin.navigation.features import channels_of
@@ -148,7 +149,9 @@ def fit_each(
             _train(begun, resources, watch, resident=resident)
             for one in begun:
                 one.place.complete()
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemError) as error:
+        if interruption(error) is None:
+            raise
         raise KeyboardInterrupt(begun[0].place.outcome()) from None
     except OSError as error:
         at = Path(error.filename) if error.filename is not None else begun[0].folder

@@ -64,9 +64,11 @@ def check(rows: dict[str, list[str]], dataset: xr.Dataset) -> None:
     for name, variable in dataset.variables.items():
         said = {**variable.encoding, **variable.attrs}  # xarray has units of moments there
         words = [str(said.get("long_name"))]
-        if "flag_meanings" not in said and "units" in said:
+        if "units" in said:
             moment = " since " in said["units"]  # xarray may choose other units for these
             words.append(" since 1970-01-01" if moment else f"| {said['units']} |")
+        elif "flag_meanings" in said:
+            words.append("| flag |")
         texts = [f"| {text} |".replace("\\", "") for text in rows.get(str(name), [])]
         if not any(all(word in text for word in words) for text in texts):
             wrong.append((name, words, texts))

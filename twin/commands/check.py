@@ -99,30 +99,34 @@ class Check(JsonOption):
             raise InputError(f"--seed must be 0 or more, not {seed}")
         vehicle = load_vehicle(VEHICLE if self.vehicle is None else self.vehicle)
         rows, broken = [], []
+        sources: dict[str, int] = {}
         published = check.check_published(None if self.vehicle is None else vehicle)
         for motion, model, trim in published:
             violations = motion.violations(trim)
             broken += [f"{motion.vehicle}, {motion.source}, {model}: {v}" for v in violations]
             found = motion.differences(trim)
+            angle = max((found[n] for n in ANGLES if n in found), key=abs, default=None)
             rows.append(
                 {
                     "vehicle": motion.vehicle,
-                    "published in": motion.source,
+                    "source": sources.setdefault(motion.source, len(sources) + 1),
                     "model": model,
                     "speed m/s": trim.speed_m_s,
-                    "off by": found.get("speed"),
-                    "pitch deg": trim.pitch_deg,
-                    "off by deg": max(
-                        (found[n] for n in ANGLES if n in found), key=abs, default=None
-                    ),
-                    "rad/s off by": found.get("turn_rate"),
-                    "down m/s": trim.vertical_speed_m_s,
-                    "down off by": found.get("vertical_speed"),
+                    "off mm/s": _thousandths(found.get("speed")),
+                    "pitch deg": round(trim.pitch_deg, 3),
+                    "off deg": None if angle is None else round(angle, 3),
+                    "off mrad/s": _thousandths(found.get("turn_rate")),
+                    "down m/s": round(trim.vertical_speed_m_s, 6),
+                    "off mm/s ": _thousandths(found.get("vertical_speed")),
                     "ok": "no" if violations else "yes",
                 }
             )
         if rows:
-            console.table(rows, title="Published motions (largest angle difference of each)")
+            console.table(
+                rows, title="Published motions (largest angle difference of each)", digits=3
+            )
+            for source, number in sources.items():
+                console.item(f"source {number}: {source}")
         else:
             console.say(f"no published motion of {vehicle.name!r} is on record")
         differences = check.check_manoeuvres(
@@ -158,6 +162,11 @@ class Check(JsonOption):
             ok=not broken,
         )
         return _verdict(console, broken)
+
+
+def _thousandths(value: float | None) -> float | None:
+    """Metres as millimetres, to the nanometre: what is below is rounding of the solver."""
+    return None if value is None else round(1e3 * value, 6)
 
 
 def _verdict(console: Console, broken: Sequence[str]) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, SupportsFloat
 
 import gymnasium
@@ -10,31 +10,46 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from twin.errors import InputError, unknown_name
+from twin.errors import InputError, UnknownName, unknown_name
 from twin.gym.episodes import LARGEST_SEED, episode_random
 from twin.gym.noise import Noise
 from twin.gym.observations import FLAT, Observations, Observed
 from twin.numbers import numbers
 from twin.suite.environment import Environment
-from twin.suite.loader import load
+from twin.suite.loader import load, task_arguments
 
 SETTINGS = ("control_timestep", "n_sub_steps", "navigate", "randomise", "current")
 """Arguments that `twin.suite.load` takes as `environment_kwargs`; all others are the task's"""
+OWN = ("observation", "noise", "render_mode", "render_kwargs")
+"""Arguments of `GliderEnv` itself"""
+SUITES = ("random", "environment_kwargs", "task_kwargs")
+"""Arguments of `twin.suite.load` that have another form here"""
 RENDER_MODES = ("rgb_array",)
 
 
-def load_task(task: str, settings: Mapping[str, Any]) -> Environment:
+def load_task(
+    task: str, settings: Mapping[str, Any], own: Iterable[str], refused: Iterable[str] = ()
+) -> Environment:
     """The dm_env environment behind one of Gymnasium's.
+
+    Args:
+      own: arguments that the environment of Gymnasium takes itself, for the message of a wrong one.
+      refused: those of SETTINGS that it refuses.
 
     Raises:
       InputError: an argument belongs to another interface; and what `twin.suite.load` raises.
+      UnknownName: there is no such task or argument.
     """
-    for name in ("random", "environment_kwargs", "task_kwargs"):
-        if name in settings:
+    taken = {*task_arguments(task), *SETTINGS}
+    for name in settings:
+        if name in SUITES:
             raise InputError(
                 f"{name} is an argument of twin.suite.load: here reset(seed=...) gives the random "
                 "numbers, and everything else is an argument of its own"
             )
+        if name not in taken:
+            allowed = (taken | set(own)) - {*SUITES, *refused}
+            raise UnknownName(f"argument of task {task!r}", name, allowed)
     ours = {name: settings[name] for name in SETTINGS if name in settings}
     others = {name: value for name, value in settings.items() if name not in ours}
     return load(task, others, ours)
@@ -71,7 +86,8 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
         Args:
           task: one of `twin.suite.TASKS`.
           observation: "flat", one Box of numbers of order 1; or "dict", by name in SI units.
-          noise: standard deviation of white noise by name of the observation, in its unit.
+          noise: standard deviation of white noise by name of the observation, in its unit, and of
+            the heading [rad] and position [m] that goals are made of; see `Noise`.
           render_mode: None or "rgb_array".
           render_kwargs: height, width, camera_id of `dm_control`'s `render`.
           settings: the task's arguments (vehicle, time_limit [s], normalised, hydrodynamics) and
@@ -82,7 +98,7 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
         """
         if render_mode not in (None, *RENDER_MODES):
             raise InputError(unknown_name("render_mode", str(render_mode), RENDER_MODES))
-        self._environment = load_task(task, settings)
+        self._environment = load_task(task, settings, OWN)
         self.render_mode, self._render_kwargs = render_mode, dict(render_kwargs or {})
         self._render_kwargs.setdefault("camera_id", "chase")
         self.metadata = {
@@ -90,8 +106,12 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
             "render_fps": 1.0 / self._environment.control_timestep(),
         }
         found = self._environment.reset().observation
-        self._observations = Observations(self.task, found, observation)
-        self._noise = Noise(noise, self._observations.widths)
+        widths = {name: int(np.size(value)) for name, value in found.items()}
+        self._noise = Noise(noise, self.task, widths)
+        self._observations = Observations(
+            self.task, widths, observation, deviations=self._noise.deviations
+        )
+        self.task.noise = self._errors if self._noise.deviations else None
         self.observation_space = self._observations.space
         self.action_space = action_space(self._environment)
         self._seed: int | None = None
@@ -123,7 +143,7 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
             self._episode = 0
         self.task.set_generator(episode_random(self._seed, self._episode))
         self._episode, self._step = self._episode + 1, 0
-        return self._show(self._environment.reset().observation), {}
+        return self._observations.show(self._environment.reset().observation), {}
 
     def step(
         self, action: NDArray[np.float32]
@@ -135,19 +155,21 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
         """
         if self._seed is None:
             raise InputError("no episode has begun: call reset first")
+        self._step = self._environment._step_count + 1
         time_step = self._environment.step(numbers(action, "action"))
         if time_step.first():
             raise InputError("this episode is over: call reset first")
-        self._step += 1
         over = time_step.last()
         terminated = over and time_step.discount == 0.0
         reward = float(time_step.reward)
-        return self._show(time_step.observation), reward, terminated, over and not terminated, {}
+        shown = self._observations.show(time_step.observation)
+        return shown, reward, terminated, over and not terminated, {}
 
-    def _show(self, found: Mapping[str, Any]) -> Any:
+    def _errors(self) -> dict[str, NDArray[np.float64]]:
+        """Of the observation that is being made, by name."""
         assert self._seed is not None
         key = np.array([self._seed]), np.array([self._episode]), np.array([self._step])
-        return self._observations.show(self._noise.add(found, *key))
+        return {name: error[0] for name, error in self._noise.draw(*key).items()}
 
     def render(self) -> NDArray[np.uint8] | None:
         """The picture, shape (height, width, 3), in the render mode "rgb_array"."""

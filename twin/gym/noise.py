@@ -8,12 +8,13 @@ generators, OOPSLA), and shaped by Box and Muller's transform.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
+from twin.suite.noisy import UNSHOWN
+from twin.suite.task import GliderTask
 
 Array = NDArray[np.float64]
 Words = NDArray[np.uint64]
@@ -29,6 +30,11 @@ def _mixed(words: Words) -> Words:
     words = (words ^ (words >> np.uint64(30))) * _ONE
     words = (words ^ (words >> np.uint64(27))) * _TWO
     return words ^ (words >> np.uint64(31))
+
+
+LARGEST = 13.0
+"""Deviations that an error never reaches: radii end at sqrt(108 ln 2) = 8.7 of them, and a pair of
+numbers, turned into other axes, at sqrt(2) times that."""
 
 
 def normal(seed: Counts, episode: Counts, step: Counts, width: int) -> Array:
@@ -49,39 +55,43 @@ def normal(seed: Counts, episode: Counts, step: Counts, width: int) -> Array:
 
 
 class Noise:
-    """White noise of some of a task's observations."""
+    """White noise of what a task's observations are made of.
 
-    def __init__(self, noise: Mapping[str, float] | None, widths: Mapping[str, int]):
-        """Standard deviations by name of the observation, in its unit.
+    The vehicle's own observations get it where they are measured, so goals made of them follow:
+    with noise of the depth, the depth shown and the metres to go add up to the target. Heading and
+    position, which goals are made of and no observation shows, have noise by these names. Noise of
+    a goal's own name is added to the goal. Rewards and ends of episodes keep to the truth.
+    """
+
+    def __init__(
+        self, noise: Mapping[str, float] | None, task: GliderTask, widths: Mapping[str, int]
+    ):
+        """Standard deviations by name, in its unit.
 
         Args:
+          task: whose goals say what they are made of.
           widths: numbers of each observation, by name.
 
         Raises:
           InputError: no such observation, or a deviation that is negative or not finite.
         """
-        self._deviations = dict(noise or {})
-        self._width = sum(widths.values())
+        behind = {name for made_of in task.goals_from.values() for name in made_of}
+        unshown = {name: width for name, width in UNSHOWN.items() if name in behind}
+        self.deviations = dict(noise or {})
         self._first: dict[str, slice] = {}
-        end = 0
-        for name, width in widths.items():
-            self._first[name] = slice(end, end + width)
-            end += width
-        for name, deviation in self._deviations.items():
-            if name not in widths:
-                raise InputError(unknown_name("observation of this task", name, widths))
+        self._width = 0
+        for name, width in {**widths, **unshown}.items():
+            self._first[name] = slice(self._width, self._width + width)
+            self._width += width
+        for name, deviation in self.deviations.items():
+            if name not in self._first:
+                raise InputError(unknown_name("observation of this task", name, self._first))
             if not (np.isfinite(deviation) and deviation >= 0.0):
                 raise InputError(f"noise of {name} is {deviation!r}: give 0 or more")
 
-    def add(
-        self, found: Mapping[str, Any], seed: Counts, episode: Counts, step: Counts
-    ) -> Mapping[str, Any]:
-        """Observations of one vehicle or of many, with their noise."""
-        if not self._deviations:
-            return found
+    def draw(self, seed: Counts, episode: Counts, step: Counts) -> dict[str, Array]:
+        """Errors by name, each of shape (vehicles, numbers)."""
         drawn = normal(seed, episode, step, self._width)
-        noisy = dict(found)
-        for name, deviation in self._deviations.items():
-            own = drawn[:, self._first[name]].reshape(np.shape(found[name]))
-            noisy[name] = found[name] + deviation * own
-        return noisy
+        return {
+            name: sigma * drawn[:, self._first[name]] for name, sigma in self.deviations.items()
+        }

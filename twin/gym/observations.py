@@ -2,7 +2,8 @@
 
 Flat ones are one vector of 32-bit numbers: each observation over the size that it usually has
 (`GliderTask.scale`), cut off at `LIMIT` of them, in the task's order. So a network gets numbers of
-order 1 without a running mean. By name they are 64-bit numbers in the suite's units.
+order 1 without a running mean. By name they are 64-bit numbers in the suite's units, cut off at the
+task's generous limits (`GliderTask.limits`), which noise widens.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
+from twin.gym.noise import LARGEST
 from twin.suite.task import GliderTask
 
 Array = NDArray[np.float64]
@@ -29,8 +31,20 @@ LIMIT = 10.0
 class Observations:
     """How the observations of a task are shown."""
 
-    def __init__(self, task: GliderTask, example: Mapping[str, Array], kind: str):
-        """For a task and one vehicle's observation of it.
+    def __init__(
+        self,
+        task: GliderTask,
+        widths: Mapping[str, int],
+        kind: str,
+        *,
+        deviations: Mapping[str, float],
+    ):
+        """For a task.
+
+        Args:
+          widths: numbers of each observation of one vehicle, by name.
+          kind: one of KINDS.
+          deviations: of noise, by name; see `twin.gym.noise.Noise`.
 
         Raises:
           InputError: an unknown kind.
@@ -38,7 +52,7 @@ class Observations:
         if kind not in KINDS:
             raise InputError(unknown_name("observation", str(kind), KINDS))
         self.kind = kind
-        self.widths = {name: int(np.size(value)) for name, value in example.items()}
+        self.widths = dict(widths)
         ends = np.cumsum([0, *self.widths.values()]).tolist()
         self.columns = {
             name: slice(first, last)
@@ -47,6 +61,14 @@ class Observations:
         """Where each observation stands in a flat one."""
         self.scale = np.concatenate([np.full(n, task.scale(k)) for k, n in self.widths.items()])
         """Unit of each number of a flat observation, shape (width,)."""
+        limits, everywhere = task.limits(), (-np.inf, np.inf)
+        self.limits: dict[str, tuple[float, float]] = {}
+        """Of each observation by name, in its unit."""
+        for name in widths:
+            made_of = {name, *task.goals_from.get(name, ())}
+            room = LARGEST * sum(deviations.get(source, 0.0) for source in made_of)
+            low, high = limits.get(name, everywhere)
+            self.limits[name] = low - room, high + room
 
     @property
     def space(self) -> gymnasium.Space[Any]:
@@ -55,7 +77,7 @@ class Observations:
             return spaces.Box(-LIMIT, LIMIT, (len(self.scale),), np.float32)
         return spaces.Dict(
             {
-                name: spaces.Box(-np.inf, np.inf, (width,), np.float64)
+                name: spaces.Box(*self.limits[name], (width,), np.float64)
                 for name, width in self.widths.items()
             }
         )
@@ -63,7 +85,7 @@ class Observations:
     def show(self, found: Mapping[str, Array]) -> Any:
         """A task's observation, of one vehicle or of many, in this space."""
         if self.kind == DICT:
-            return {name: np.array(value, np.float64) for name, value in found.items()}
+            return {name: np.clip(value, *self.limits[name]) for name, value in found.items()}
         values = np.concatenate(list(found.values()), axis=-1) / self.scale
         return np.clip(values, -LIMIT, LIMIT).astype(np.float32)
 

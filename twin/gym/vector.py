@@ -27,6 +27,8 @@ from twin.suite.physics import ROOM
 
 SMALL_ROOM = 64
 """Numbers of a task's own current that fit each vehicle's copy of the parameter block"""
+OWN = ("num_envs", "observation", "noise", "autoreset_mode", "threads")
+"""Arguments of `GliderVectorEnv` itself"""
 AUTORESET = {mode.name.lower(): mode for mode in AutoresetMode}
 Mask = NDArray[np.bool_]
 
@@ -59,7 +61,7 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
           task: one of `twin.suite.TASKS`.
           num_envs: vehicles.
           observation: "flat" or "dict", as in `GliderEnv`.
-          noise: standard deviation of white noise by name of the observation, in its unit.
+          noise: standard deviations of white noise, as in `GliderEnv`.
           autoreset_mode: next_step, same_step or disabled.
           threads: that step the vehicles, 0 takes every core. Results do not depend on them.
           render_mode: None: pictures are drawn by the single environment.
@@ -84,14 +86,19 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         if named not in AUTORESET:
             raise InputError(unknown_name("autoreset_mode", named, AUTORESET))
         self._mode = AUTORESET[named]
-        one = load_task(task, settings)
+        one = load_task(task, settings, OWN, ("navigate",))
         self.metadata = {
             "render_modes": [],
             "render_fps": 1.0 / one.control_timestep(),
             "autoreset_mode": self._mode,
         }
-        self._observations = Observations(one.task, one.reset().observation, observation)
-        self._noise = Noise(noise, self._observations.widths)
+        found = one.reset().observation
+        widths = {name: int(np.size(value)) for name, value in found.items()}
+        self._noise = Noise(noise, one.task, widths)
+        self._observations = Observations(
+            one.task, widths, observation, deviations=self._noise.deviations
+        )
+        one.task.noise = self._errors if self._noise.deviations else None
         self.num_envs = num_envs
         self.single_observation_space = self._observations.space
         self.single_action_space = action_space(one)
@@ -233,15 +240,16 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
 
     def _show(self, found: Mapping[str, Any]) -> Any:
         self._last = dict(found)
-        return self._observations.show(self._noisy(found))
+        return self._observations.show(found)
 
-    def _noisy(self, found: Mapping[str, Any]) -> Mapping[str, Any]:
+    def _errors(self) -> dict[str, NDArray[np.float64]]:
+        """Of the observations that are being made, by name, shape (num_envs, numbers)."""
         assert self._seeds is not None
-        return self._noise.add(found, self._seeds, self._episodes, self._steps)
+        return self._noise.draw(self._seeds, self._episodes, self._steps)
 
     def _final(self, over: Mask, found: Mapping[str, Any]) -> dict[str, Any]:
         """The last observations of episodes, as Gymnasium's vector environments give them."""
-        shown = self._observations.show(self._noisy(found))
+        shown = self._observations.show(found)
         final = np.full(self.num_envs, None, dtype=object)
         for index in np.flatnonzero(over).tolist():
             final[index] = (

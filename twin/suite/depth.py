@@ -64,6 +64,7 @@ class Depth(GliderTask):
 
     goals = MappingProxyType({"target_depth": ()})
     goal_scales = MappingProxyType({"to_target": 50.0})
+    goals_from = MappingProxyType({"to_target": ("depth",)})
     target_depth: Any = 0.0
     """[m]"""
 
@@ -84,6 +85,11 @@ class Depth(GliderTask):
     def observe_goal(self, physics: Physics) -> dict[str, Array]:
         """`to_target`: wanted minus present depth [m]."""
         return {"to_target": row(self.error(physics))}
+
+    def goal_limits(self) -> dict[str, tuple[float, float]]:
+        """Target and vehicle are above the depth limit, but for the last step."""
+        farthest = self.max_depth + self.fastest * self.period
+        return {"to_target": (-farthest, farthest)}
 
     def get_reward(self, physics: Physics) -> Any:
         """1 at rest at the wanted depth."""

@@ -41,6 +41,8 @@ SETTLING = 30.0
 TURN_DEPTHS = (15.0, 185.0)
 """[m] where the reference turns: deep yos pump seldom"""
 KILO = 1e3
+MOST_POWER = 2000.0
+"""[W] that the parts take at most on an average: limit of the observed energy"""
 
 
 def energy(
@@ -71,6 +73,7 @@ class Energy(GliderTask):
 
     goals = MappingProxyType({"course": (), "spent": (), "counted": ()})
     goal_scales = MappingProxyType({"distance": 500.0, "spent": 5.0})
+    goals_from = MappingProxyType({"to_course": ("heading",), "distance": ("position",)})
     course: Any = 0.0
     """[rad]"""
     spent: Any = 0.0
@@ -131,6 +134,16 @@ class Energy(GliderTask):
             "to_course": as_direction(self.heading_error(physics)),
             "distance": row(self.distance(physics)),
             "spent": row(self.spent / KILO),
+        }
+
+    def goal_limits(self) -> dict[str, tuple[float, float]]:
+        """How far an episode leads, and MOST_POWER of moves beside the electronics all along."""
+        farthest = self.fastest * self.duration
+        power = self.consumption.hotel_power + MOST_POWER
+        return {
+            "to_course": (-1.0, 1.0),
+            "distance": (-farthest, farthest),
+            "spent": (0.0, power * self.duration / KILO),
         }
 
     def get_reward(self, physics: Physics) -> Any:

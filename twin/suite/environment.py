@@ -57,7 +57,8 @@ class Environment(control.Environment):
         """
         navigation = Navigation.of(navigate)
         super().__init__(physics, task, **settings)
-        task.duration = self._step_limit * self._n_sub_steps * physics.timestep()
+        task.period = self._n_sub_steps * physics.timestep()
+        task.duration = self._step_limit * task.period
         task.conditions = conditions_of(
             current, randomise, vehicle=task.vehicle, depth=task.max_depth, duration=task.duration
         )
@@ -71,7 +72,7 @@ class Environment(control.Environment):
             task.believed = Believed(
                 task.vehicle,
                 navigation,
-                period=self._n_sub_steps * physics.timestep(),
+                period=task.period,
                 samples=int(self._step_limit) + 2,
             )
         self._believed = task.believed

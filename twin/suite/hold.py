@@ -56,6 +56,7 @@ class Hold(GliderTask):
     """Reward: product of how well pitch and heading are held and of flying fast enough to steer."""
 
     goals = MappingProxyType({"target_pitch": (), "target_heading": ()})
+    goals_from = MappingProxyType({"to_target": ("attitude", "heading")})
     target_pitch: Any = 0.0
     """[rad]"""
     target_heading: Any = 0.0
@@ -89,6 +90,10 @@ class Hold(GliderTask):
         """`to_target`: pitch error [rad], sine and cosine of the heading error."""
         error = self.heading_error(physics)
         return {"to_target": row(self.pitch_error(physics), np.sin(error), np.cos(error))}
+
+    def goal_limits(self) -> dict[str, tuple[float, float]]:
+        """Pitches are within a quarter turn."""
+        return {"to_target": (-math.pi, math.pi)}
 
     def get_reward(self, physics: Physics) -> Any:
         """1 on pitch and heading at half the cruise speed or more."""

@@ -15,6 +15,16 @@ ALL_TASKS = TASKS.shipped()
 _OWN_ARGUMENTS = ("environment_kwargs",)
 
 
+def task_arguments(task_name: str) -> list[str]:
+    """Names of what `task_kwargs` of a task takes.
+
+    Raises:
+      UnknownName: there is no such task.
+    """
+    parameters = inspect.signature(TASKS[task_name]).parameters
+    return [name for name in parameters if name not in _OWN_ARGUMENTS]
+
+
 def load(
     task_name: str,
     task_kwargs: Mapping[str, Any] | None = None,
@@ -35,7 +45,7 @@ def load(
       InputError: unknown task or argument; and what vehicle and task raise.
     """
     maker = TASKS[task_name]
-    allowed = [name for name in inspect.signature(maker).parameters if name not in _OWN_ARGUMENTS]
+    allowed = task_arguments(task_name)
     for name in task_kwargs or {}:
         if name not in allowed:
             raise UnknownName(f"argument of task {task_name!r}", name, allowed)

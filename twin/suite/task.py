@@ -5,7 +5,7 @@ from __future__ import annotations
 import collections
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 from xml.etree import ElementTree
 
@@ -22,6 +22,7 @@ from twin.physics.start import Start
 from twin.suite.believed import Believed
 from twin.suite.conditions import Conditions, Randomiser
 from twin.suite.episode import Episode
+from twin.suite.noisy import UNSHOWN, Noisy
 from twin.suite.physics import Physics
 from twin.vehicle.vehicle import Vehicle
 
@@ -48,6 +49,14 @@ VEHICLE_SCALES = {
     "net_buoyancy": 0.5,  # kg
 }
 """Sizes that the observations of a vehicle usually have, in their units."""
+LARGEST_RATE = 8.0 * math.pi
+"""[rad/s] limit of observed rates: four turns a second; a propelled hull can roll at 0.8 of one"""
+FASTEST = 10.0
+"""[m/s] least limit of observed speeds"""
+FASTEST_CRUISES = 10.0
+"""Times the speed of the cruise, where that is more"""
+LARGEST_FRACTION = 2.0
+"""Limit of observed positions of parts, whose travel is from -1 to 1: room for a sensor's errors"""
 _HULL = "hull"
 _REWARDED = np.array([0.15, 0.85, 0.35])
 """Colour of the hull at reward 1, when rewards are shown"""
@@ -84,6 +93,9 @@ class GliderTask(base.Task):
     """Attributes that an episode or its course sets for each vehicle, and their shapes."""
     goal_scales: ClassVar[Mapping[str, float]] = {}
     """Usual sizes of what `observe_goal` shows, in their units; others count as 1."""
+    goals_from: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    """Of what `observe_goal` makes each of its own, whose noise it shows: names of the vehicle's
+    observations, `heading` and `position`."""
 
     def __init__(
         self,
@@ -121,12 +133,16 @@ class GliderTask(base.Task):
         """What draws the vehicle's errors and the water of an episode; None: as the files say."""
         self.duration = math.inf
         """[s] of an episode at most"""
+        self.period = math.inf
+        """[s] between two observations"""
         self.count: int | None = None
         """Vehicles that it serves at once; None is one, without an axis for it."""
         self._generators: list[np.random.RandomState] = []
         self._colour: Array | None = None
         self.believed: Believed | None = None
         """What observations are made of in place of the truth, in a navigated environment."""
+        self.noise: Callable[[], Mapping[str, Array]] | None = None
+        """Gives the errors of the observations that are being made, by name; None: no errors."""
 
     # --- actions ------------------------------------------------------------------------------
 
@@ -309,14 +325,48 @@ class GliderTask(base.Task):
 
     def get_observation(self, physics: Physics) -> Observation:
         """The vehicle's state and then what the task asks for; as it is believed on board where the
-        environment is navigated."""
+        environment is navigated, and with errors where there is noise."""
         seen: Any = physics
         if self.believed is not None:
             self.believed.look(physics)
             seen = self.believed
+        errors = {} if self.noise is None else self.noise()
+        if errors:
+            seen = Noisy(seen, errors)
         observation = self.observe_vehicle(seen)
         observation.update(self.observe_goal(seen))
+        for name in errors.keys() & observation.keys() - VEHICLE_SCALES.keys() - UNSHOWN.keys():
+            observation[name] = observation[name] + errors[name]  # the others have theirs by now
         return observation
+
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """What observations stay within, by name, in their units, without their noise.
+
+        `fastest` bounds speeds and how far an episode leads; a depth is beyond its limit by one
+        control period at most; the net buoyancy is less than the vehicle's weight. Not named is
+        what has no limit.
+        """
+        fastest = self.fastest
+        margin = fastest * self.period
+        return {
+            "attitude": (-math.pi, math.pi),
+            "rates": (-LARGEST_RATE, LARGEST_RATE),
+            "velocity": (-fastest, fastest),
+            "depth": (-margin, self.max_depth + margin),
+            "depth_rate": (-fastest, fastest),
+            "actuators": (-LARGEST_FRACTION, LARGEST_FRACTION),
+            "net_buoyancy": (-self.vehicle.mass, self.vehicle.mass),
+            **self.goal_limits(),
+        }
+
+    def goal_limits(self) -> dict[str, tuple[float, float]]:
+        """Likewise of what `observe_goal` shows."""
+        return {}
+
+    @property
+    def fastest(self) -> float:
+        """[m/s] that no vehicle, current or hull adrift comes near."""
+        return max(FASTEST, FASTEST_CRUISES * self.cruise.speed)
 
     def scale(self, name: str) -> float:
         """The size that an observation usually has, in its unit; 1 where nothing is said."""

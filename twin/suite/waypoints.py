@@ -64,6 +64,7 @@ class Waypoints(GliderTask):
 
     goals = MappingProxyType({"target": (2,), "reached": ()})
     goal_scales = MappingProxyType({"to_target": 200.0, "current": 0.2})
+    goals_from = MappingProxyType({"to_target": ("position", "heading"), "current": ("heading",)})
     target: Any = (0.0, 0.0)
     """North and east of the waypoint [m]"""
     reached: Any = 0
@@ -126,6 +127,11 @@ class Waypoints(GliderTask):
             "to_target": ahead_and_starboard(*self.to_target(physics)),
             "current": ahead_and_starboard(current[..., 0], current[..., 1]),
         }
+
+    def goal_limits(self) -> dict[str, tuple[float, float]]:
+        """A leg, and how far an episode leads."""
+        farthest = LEGS[1] + self.fastest * self.duration
+        return {"to_target": (-farthest, farthest), "current": (-self.fastest, self.fastest)}
 
     def get_reward(self, physics: Physics) -> Any:
         """Progress over ground in units of the cruise's, from 0 to 1."""

@@ -168,11 +168,13 @@ def test_a_name_stays_free_when_nothing_was_trained(here, capsys):
         assert not (here / "runs" / "free").exists()
 
 
-def interrupted_in_sway(monkeypatch):
-    """Ends a fit after surge is trained."""
+def interrupted_in_sway(monkeypatch, compiled=False):
+    """Ends a fit after surge is trained, in compiled code by a SystemError."""
     real = learn.training.workers.train
 
     def train(job, folder, report, **options):
+        if job.target == "sway" and compiled:
+            raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
         if job.target == "sway":
             raise KeyboardInterrupt
         return real(job, folder, report, **options)
@@ -180,9 +182,10 @@ def interrupted_in_sway(monkeypatch):
     monkeypatch.setattr("learn.training.workers.train", train)
 
 
-def test_an_interrupt_after_training_began_keeps_what_is_trained(here, monkeypatch):
+@pytest.mark.parametrize("compiled", [False, True])
+def test_an_interrupt_after_training_began_keeps_what_is_trained(here, monkeypatch, compiled):
     with monkeypatch.context() as patch:
-        interrupted_in_sway(patch)
+        interrupted_in_sway(patch, compiled)
         with pytest.raises(KeyboardInterrupt, match="`learn fit --name new --resume`"):
             fit(small_config("s.zarr"), here / "runs" / "new")
     assert (here / "runs" / "new" / "surge-0.json").is_file()

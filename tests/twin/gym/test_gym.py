@@ -1,11 +1,11 @@
 """The suite's tasks as Gymnasium environments of one vehicle."""
 
 # ruff: noqa: E402 - the packages are those of an extra
-# ruff: noqa: E402 - the packages are those of an extra
 from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,6 +40,17 @@ def test_gymnasium_finds_the_tasks_by_the_package_in_the_name():
     assert done.stdout.split() == ["glider_twin/Depth-v0"], done.stderr
 
 
+def test_the_page_has_the_error_of_a_bare_name_so_that_a_search_finds_it():
+    program = "import gymnasium; gymnasium.make('glider_twin/Depth-v0')"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120
+    )
+    error = done.stderr.strip().splitlines()[-1]
+    assert error.startswith("gymnasium.error.NamespaceNotFound: ")
+    page = Path(__file__).parents[3] / "docs" / "howto" / "dm_control.md"
+    assert error in page.read_text()
+
+
 def test_registering_loads_neither_mujoco_nor_dm_control():
     program = (
         "import twin.gym, sys; "
@@ -49,10 +60,11 @@ def test_registering_loads_neither_mujoco_nor_dm_control():
 
 
 @every_task
-def test_gymnasiums_own_checker_finds_nothing(task):
+@pytest.mark.parametrize("observation", ["flat", "dict"])
+def test_gymnasiums_own_checker_finds_nothing(task, observation):
     from gymnasium.utils.env_checker import check_env
 
-    env = make(task)
+    env = make(task, observation=observation)
     check_env(env.unwrapped, skip_render_check=True)  # a warning would be an error here
     assert env.metadata["render_fps"] == pytest.approx(2.0)
 
@@ -121,18 +133,105 @@ def test_both_ends_of_an_episode():
     assert env.step(np.zeros(3, np.float32))[2:4] == (True, False)  # too deep: terminated
 
 
-def test_white_noise_has_its_deviation_and_touches_nothing_else():
+def test_white_noise_has_its_deviation_and_touches_nothing_beside_what_is_made_of_it():
     noisy = make("depth", observation="dict", noise={"depth": 0.5}).unwrapped
     clean = make("depth", observation="dict").unwrapped
     errors, still = [], np.zeros(3, np.float32)
     seen, true = noisy.reset(seed=1)[0], clean.reset(seed=1)[0]
     for _ in range(400):
         errors.append(float(seen["depth"][0] - true["depth"][0]))
-        np.testing.assert_array_equal(seen["to_target"], true["to_target"])
-        seen, true = noisy.step(still)[0], clean.step(still)[0]
+        for name in true.keys() - {"depth", "to_target"}:
+            np.testing.assert_array_equal(seen[name], true[name])
+        (seen, reward, *_), (true, expected, *_) = noisy.step(still), clean.step(still)
+        assert reward == expected  # of the truth
     assert np.std(errors) == pytest.approx(0.5, rel=0.12)
     assert abs(np.mean(errors)) < 0.1
     assert abs(np.corrcoef(errors[1:], errors[:-1])[0, 1]) < 0.15
+
+
+GOALS = {
+    "hold": ({"attitude": 0.02, "heading": 0.1}, ["to_target"]),
+    "depth": ({"depth": 1.0}, ["to_target"]),
+    "waypoints": ({"heading": 0.1, "position": 5.0}, ["to_target", "current"]),
+    "energy": ({"heading": 0.1, "position": 5.0}, ["to_course", "distance"]),
+}
+
+
+@pytest.mark.parametrize("task", GOALS)
+def test_no_goal_tells_the_truth_that_noise_hides(task):
+    noise, goals = GOALS[task]
+    noisy = make(task, observation="dict", noise=noise).unwrapped
+    clean = make(task, observation="dict").unwrapped
+    seen, true = noisy.reset(seed=1)[0], clean.reset(seed=1)[0]
+    action = np.array([0.2, -0.1, -0.3], np.float32)
+    for _ in range(20):
+        own = noisy.task
+        for name in goals:
+            assert np.all(seen[name] != true[name])
+        if task == "depth":
+            assert seen["depth"] + seen["to_target"] == pytest.approx(own.target_depth)
+        elif task == "hold":
+            shown = seen["to_target"][0] + seen["attitude"][1]
+            assert shown == pytest.approx(own.target_pitch)
+            assert np.hypot(*seen["to_target"][1:]) == pytest.approx(1.0)
+        elif task == "waypoints":  # a wrong heading turns the current, and does not change it
+            assert np.hypot(*seen["current"]) == pytest.approx(np.hypot(*true["current"]))
+            assert abs(np.hypot(*seen["to_target"]) - np.hypot(*true["to_target"])) > 1e-3
+        (seen, reward, *_), (true, expected, *_) = noisy.step(action), clean.step(action)
+        assert reward == expected
+
+
+def test_noise_of_a_goals_own_name_is_added_to_it():
+    noisy = make("depth", observation="dict", noise={"to_target": 1.0}).unwrapped
+    seen = noisy.reset(seed=1)[0]
+    assert 0.0 < abs(seen["depth"][0] + seen["to_target"][0] - noisy.task.target_depth) < 5.0
+
+
+def test_noise_of_what_no_goal_is_made_of_is_refused():
+    with pytest.raises(InputError, match="unknown observation of this task 'heading'"):
+        make("depth", noise={"heading": 0.1})
+    with pytest.raises(InputError, match="did you mean 'heading'"):
+        make("hold", noise={"headin": 0.1})
+
+
+def test_a_goal_without_a_noisy_form_is_refused(monkeypatch):
+    kind = type(suite.load("depth").task)
+    monkeypatch.setattr(kind, "observe_goal", lambda self, seen: {"wet": seen.immersion()})
+    env = make("depth", noise={"depth": 0.1})
+    with pytest.raises(InputError, match=r"physics\.immersion, which has no noisy form: .*depth"):
+        env.reset()
+
+
+@every_task
+@pytest.mark.parametrize("disturbed", [False, True])
+def test_named_observations_stay_far_inside_of_finite_limits(task, disturbed):
+    settings = {"noise": {"depth": 1.0, "rates": 0.1}, "current": "uniform:0.5,0.3"}
+    settings = settings | {"randomise": "field"} if disturbed else {}
+    env = make(task, observation="dict", time_limit=300.0, control_timestep=5.0, **settings)
+    space, rng = env.observation_space, np.random.default_rng(0)
+    for box in space.values():
+        assert np.isfinite([box.low, box.high]).all()
+    for seed in range(4):
+        seen, over = env.reset(seed=seed)[0], False
+        action = rng.uniform(-1.0, 1.0, 3).astype(np.float32)
+        while not over:
+            if rng.uniform() < 0.2:
+                action = rng.uniform(-1.0, 1.0, 3).astype(np.float32)
+            for name, value in seen.items():
+                low, high = space[name].low, space[name].high
+                assert space[name].contains(value), name
+                if name != "spent":  # it begins with nothing
+                    assert ((low < value) & (value < high)).all() or name in (
+                        "actuators", "to_course"
+                    ), name  # fmt: skip
+            seen, _, terminated, truncated, _ = env.step(action)
+            over = terminated or truncated
+
+
+def test_without_a_time_limit_a_distance_has_no_limit():
+    env = make("energy", observation="dict", time_limit=float("inf"))
+    assert np.isinf(env.observation_space["distance"].high)
+    assert np.isfinite(env.observation_space["depth"].high)
 
 
 def test_navigation_shows_what_is_known_on_board():
@@ -162,6 +261,8 @@ def test_a_current_carries_the_vehicle():
         ({"render_mode": "human"}, "unknown render_mode 'human'"),
         ({"random": 3}, r"reset\(seed=\.\.\.\)"),
         ({"vehicl": "glider"}, "did you mean 'vehicle'"),
+        ({"nois": {"depth": 0.1}}, r"did you mean 'noise'.*\(allowed: control_timestep, current, "),
+        ({"curent": "uniform:0.1"}, "did you mean 'current'.*hydrodynamics, .*noise, .*vehicle"),
         ({"current": "uniform:north=0.1", "time_limit": float("inf")}, "time limit"),
         ({"randomise": 3}, "a name, a mapping of distributions or an object"),
     ],

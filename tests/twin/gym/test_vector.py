@@ -1,7 +1,6 @@
 """Many vehicles at once: the same episodes, observations and rewards as one at a time."""
 
 # ruff: noqa: E402 - the packages are those of an extra
-# ruff: noqa: E402 - the packages are those of an extra
 from __future__ import annotations
 
 import numpy as np
@@ -58,6 +57,12 @@ def compare(task, *, steps, actions_of=None, **settings):
                 observation, _ = env.reset()
             expected[i] = observation
     return ends
+
+
+@pytest.mark.parametrize("task", ["hold", "waypoints", "energy"])
+def test_noise_behind_goals_is_the_same_for_many_and_for_one(task):
+    noise = {"attitude": 0.02, "heading": 0.1} | ({} if task == "hold" else {"position": 5.0})
+    assert compare(task, steps=50, time_limit=10.0, noise=noise) > 0
 
 
 @every_task
@@ -181,6 +186,7 @@ def test_an_unstable_vehicle_ends_alone_and_no_nan_is_shown():
         ({"navigate": "ekf"}, "only the single environment"),
         ({"render_mode": "rgb_array"}, "draws no pictures"),
         ({"autoreset_mode": "same"}, "did you mean 'same_step'"),
+        ({"thread": 2}, r"did you mean 'threads'.*\(allowed: autoreset_mode, .*noise, .*num_envs"),
         ({"num_envs": 0}, "give at least 1"),
     ],
 )

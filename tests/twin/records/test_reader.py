@@ -99,11 +99,7 @@ def test_what_is_asked_for_and_is_not_there_is_named(tmp_path: Path) -> None:
         store.check_samples([0, 1], least=3)
     with pytest.raises(StoreError, match=r"a\.zarr: its attribute 'settings' cannot be read"):
         store.json("settings")
-<<<<<<< HEAD
-    with pytest.raises(StoreError, match="holds simulated missions"):
-=======
     with pytest.raises(StoreError, match="holds simulated missions; this needs logs"):
->>>>>>> messages
         LogStore(tmp_path / "a.zarr")
 
 
