@@ -105,6 +105,6 @@ def out_of_trim(vehicle: Vehicle, ballast: Ballast | None, density: DensityProfi
     word, fate = ("heavy", "climb") if net > 0.0 else ("light", "dive")
     return (
         f"vehicle {vehicle.name!r} is {abs(net):.2f} kg {word} at the surface of this water, and "
-        f"its {part.name} carries {reach:.2f} kg: it will not {fate}; --ballast-at 0 makes it neutral "
-        "there, as does another --mass"
+        f"its {part.name} carries {reach:.2f} kg: it will not {fate}; --ballast-at 0 makes it "
+        "neutral there, as does another --mass"
     )
