@@ -7,6 +7,8 @@ The command line maps them to exit codes: `InputError` and its kinds to 2, every
 from __future__ import annotations
 
 import difflib
+import os
+import shlex
 from collections.abc import Iterable
 from typing import Any
 
@@ -99,6 +101,11 @@ class SimulationUnstable(TwinError):
         self.mission = mission
         self.time_s = time_s
         self.partial = partial
+
+
+def quoted(path: str | os.PathLike[str]) -> str:
+    """A path or name as a shell takes it, for a command that a message suggests."""
+    return shlex.quote(str(path))
 
 
 def unknown_name(kind: str, name: str, allowed: Iterable[str]) -> str:

@@ -16,7 +16,7 @@ from learn.data.labels import (
     measured,
 )
 from learn.data.logs import SPEED
-from twin.errors import InputError, StoreError
+from twin.errors import InputError, StoreError, quoted
 from twin.records.attributes import SPLIT
 from twin.records.reader import MissionStore
 from twin.records.store_path import StorePath
@@ -65,7 +65,7 @@ def no_truth(store: str | StorePath, target: str) -> StoreError:
     return StoreError(
         f"store {store} has no truth to learn {target} from (neither {TARGETS[target]} nor "
         f"{SPEED}); a run that is trained on another store can be judged on it: "
-        f"`learn evaluate RUN {store}`"
+        f"`learn evaluate RUN {quoted(store)}`"
     )
 
 

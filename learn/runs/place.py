@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 
 from learn.runs.run import DESCRIPTION
-from twin.errors import InputError
+from twin.errors import InputError, quoted
 from twin.records.checksums import LIST
 from twin.records.disk import lock, sync_tree
 from twin.records.whole import whole_folder
@@ -36,7 +36,7 @@ def resume_command(folder: Path) -> str:
       folder: where it is trained.
     """
     replaces = " --overwrite" if folder.parent == _outer(folder.parent.parent / folder.name) else ""
-    return f"`learn fit --name {folder.name}{replaces} --resume`"
+    return f"`learn fit --name {quoted(folder.name)}{replaces} --resume`"
 
 
 def _is_run(folder: Path) -> bool:

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from learn.files import SEAL, check_seal, read_json, read_sealed, write_sealed
-from twin.errors import InputError, StoreError
+from twin.errors import InputError, StoreError, quoted
 from twin.records.attributes import SAMPLE_PERIOD
 from twin.records.store_path import StorePath, store_path
 from twin.records.whole import whole_file
@@ -196,7 +196,7 @@ class Run:
         path = self.folder / name
         if not path.is_file():
             return None
-        remedy = f"`learn fit --name {self.name} --resume` writes it again"
+        remedy = f"`learn fit --name {quoted(self.name)} --resume` writes it again"
         found = read_sealed(path, remedy)
         figures = tuple(summarise_scores(()))
         _need(found, ("store", "split", *figures, "floor", "baselines"), path, remedy)
@@ -218,7 +218,7 @@ class Run:
         except TypeError as error:
             raise StoreError(
                 f"{self.folder / DESCRIPTION} is damaged: its error_model is not one ({error}); "
-                f"`learn fit --name {self.name} --resume` fits it again"
+                f"`learn fit --name {quoted(self.name)} --resume` fits it again"
             ) from error
 
     def remember(self, **entries: object) -> Run:
@@ -249,7 +249,8 @@ def open_run(path: str | Path) -> Run:
     description = read_description(folder)
     if not description.get("complete"):
         raise StoreError(
-            f"run {folder} is not finished; continue with `learn fit --name {folder.name} --resume`"
+            f"run {folder} is not finished; continue with "
+            f"`learn fit --name {quoted(folder.name)} --resume`"
         )
     return Run(folder, description)
 
@@ -263,7 +264,7 @@ def read_description(folder: Path) -> dict[str, Any]:
         if is_complete(folder):
             raise InputError(
                 f"{folder} is a store, not a run; give the run first, then the store, as in "
-                f"`learn evaluate {_example()} {folder}`"
+                f"`learn evaluate {_example()} {quoted(folder)}`"
             )
         raise InputError(
             f"{folder} is not a run (no {DESCRIPTION} there nor in {RUNS / folder}); make one: "

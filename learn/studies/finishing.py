@@ -24,6 +24,7 @@ from learn.runs.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
 from learn.studies.folds import Folds, read_folds
 from learn.studies.run_evaluation import evaluate_run, evaluation_split, is_log_store
 from learn.studies.seeds import read_seeds
+from twin.errors import quoted
 from twin.navigation.baselines.base import Estimate
 from twin.navigation.estimated_channels import ESTIMATED
 from twin.navigation.features import GLIDER_PARTS, channels_of
@@ -123,7 +124,7 @@ def _seeds(run: Run) -> list[Study]:
 def _ablation(run: Run) -> dict[str, Any]:
     """What `ablation.json` holds; empty without one."""
     path = run.folder / ABLATION
-    remedy = f"`learn fit --name {run.name} --resume --ablation` writes it again"
+    remedy = f"`learn fit --name {quoted(run.name)} --resume --ablation` writes it again"
     return read_sealed(path, remedy) if path.is_file() else {}
 
 

@@ -22,7 +22,7 @@ from learn.training.fitting import Start, Watch, fit_each
 from learn.training.resources import Resources
 from learn.training.settings import FitConfig
 from twin.cli.console import to_json
-from twin.errors import InputError
+from twin.errors import InputError, quoted
 from twin.navigation.features import channels_of
 from twin.records.reader import MissionStore
 
@@ -136,7 +136,8 @@ def read_folds(run: Run) -> tuple[Folds, ...]:
         path = run.folder / file_name(unit)
         if not path.is_file():
             continue
-        remedy = f"`learn fit --name {run.name} --resume --leave-out-each-{unit}` writes it again"
+        command = f"learn fit --name {quoted(run.name)} --resume --leave-out-each-{unit}"
+        remedy = f"`{command}` writes it again"
         parts = read_sealed(path, remedy)["folds"]
         found.append(Folds(unit=unit, folds=tuple(map(Fold.of, parts))))
     return tuple(found)

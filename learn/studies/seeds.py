@@ -15,6 +15,7 @@ from learn.training.fitting import Start, Watch, fit_each
 from learn.training.resources import Resources
 from learn.training.settings import FitConfig
 from twin.cli.console import to_json
+from twin.errors import quoted
 
 FIGURES = {
     "surge_mse": "surge MSE [(m/s)²]",
@@ -121,5 +122,5 @@ def read_seeds(run: Run) -> Seeds | None:
     path = run.folder / SEEDS
     if not path.is_file():
         return None
-    remedy = f"`learn fit --name {run.name} --resume --seeds N` writes it again"
+    remedy = f"`learn fit --name {quoted(run.name)} --resume --seeds N` writes it again"
     return Seeds({int(k): v for k, v in read_sealed(path, remedy)["seeds"].items()})

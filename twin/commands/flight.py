@@ -46,7 +46,7 @@ class Flight(JsonOption):
     def run(self, console: Console) -> int:
         """Fly, write, say."""
         from twin.commands.identify import parse_rows
-        from twin.errors import InputError
+        from twin.errors import InputError, quoted
         from twin.flight import estimate_flight, write_flight
         from twin.flight.dataset import check_target
         from twin.records.reader import MissionStore
@@ -95,7 +95,8 @@ class Flight(JsonOption):
                 f"vertical water velocity is {100 * summary.w_mean_dive:.1f} cm/s in dives and "
                 f"{100 * summary.w_mean_climb:.1f} in climbs: the vehicle "
                 f"{found.calibration.vehicle.name} does not fit the log, not the water; identify "
-                f"one with `twin identify {self.store} --out mine.xml` and give --vehicle mine.xml"
+                f"one with `twin identify {quoted(self.store)} --out mine.xml` and give "
+                "--vehicle mine.xml"
             )
         console.say(str(self.out))
         pictures: list[Path] = []

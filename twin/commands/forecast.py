@@ -147,7 +147,12 @@ class Forecast(JsonOption):
                 if self.out is not None and not found.complete:
                     command_shows.write(found)
 
-            found = forecast(request, known, threads=self.threads, refined=refined)
+            try:
+                found = forecast(request, known, threads=self.threads, refined=refined)
+            except KeyboardInterrupt as interrupt:
+                if command_shows.written is None:
+                    raise
+                raise KeyboardInterrupt(command_shows.partial()) from interrupt
         command_shows.all(found)
 
     def _request(self, console: Console, logs: Path | None) -> tuple[Request, Known]:
@@ -160,6 +165,7 @@ class Forecast(JsonOption):
         from twin.water.current.origin import Origin
 
         vehicle = load_vehicle(self.vehicle)
+        mission = self._mission(vehicle)
         known = None
         if logs is not None:
             console.note(f"reading {logs}")
@@ -188,7 +194,7 @@ class Forecast(JsonOption):
             console.warn(stale)
         request = Request(
             vehicle=vehicle,
-            mission=self._mission(vehicle),
+            mission=mission,
             place=Origin(latitude_deg=latitude, longitude_deg=longitude, time=time),
             hours=self.hours,
             members=self.members,
@@ -236,6 +242,8 @@ class _Shows:
     def __init__(self, command: Forecast, console: Console, request: Request):
         self._command, self._console, self._request = command, console, request
         self._said = False
+        self.written: Found | None = None
+        """What --out holds"""
 
     def first(self, found: Found) -> None:
         """The mean of what is known, at once."""
@@ -252,17 +260,30 @@ class _Shows:
                 f"{one.latitude:.4f}, {one.longitude:.4f}"
             )
 
-    def write(self, found: Found) -> Path:
-        """The folder."""
+    def partial(self) -> str:
+        """What --out holds after an interruption, in words; its page stops reading itself again."""
+        assert self.written is not None
+        self.write(self.written, ended=True)
+        return (
+            f"{self._command.out} holds the forecast of {self.written.flown} of "
+            f"{self._request.members} members; give the command again for all"
+        )
+
+    def write(self, found: Found, *, ended: bool = False) -> Path:
+        """The folder; `ended`: no more members follow."""
         from twin.forecast.page import write_forecast
 
         assert self._command.out is not None
         reload_s = None
-        if not found.complete:
+        if ended:
+            pass
+        elif not found.complete:
             reload_s = 5.0
         elif self._command.watch is not None:
             reload_s = 60.0
-        return write_forecast(found, self._command.out, reload_s=reload_s)
+        index = write_forecast(found, self._command.out, reload_s=reload_s)
+        self.written = found
+        return index
 
     def all(self, found: Found) -> None:
         """The answer."""

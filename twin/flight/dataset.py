@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.flight.fixes import fixes_of
 from twin.flight.flight import Flight
 from twin.flight.track import LINEAR, SMOOTHER
 from twin.records.attributes import (
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-W_WATER = "w_water"
+W_WATER, GPS_FIX = "w_water", "gps_fix"
 POSITIONS = ("latitude", "longitude")
 BODY = "forward-starboard-down body axes"
 FLOWN: dict[str, tuple[str, str, str | None]] = {
@@ -181,6 +182,7 @@ def flight_dataset(flight: Flight) -> xr.Dataset:
     for name, values in arrays.items():
         kind = np.float64 if name in POSITIONS else np.float32
         variables[name] = ((MISSION, TIME), values.astype(kind), _attributes(flight, name))
+    variables[GPS_FIX] = ((MISSION, TIME), _fixed(flight, longest), FIX_ATTRIBUTES)
     variables |= _per_dive(flight)
     variables[N_SAMPLES] = (MISSION, lengths, dict(OF_FLIGHTS[N_SAMPLES]))
     for name in (DEPLOYMENT, DIVE):
@@ -210,6 +212,20 @@ def flight_dataset(flight: Flight) -> xr.Dataset:
     return xr.Dataset(variables, coordinates, _about(flight))
 
 
+def _fixed(flight: Flight, longest: int) -> NDArray[np.int8]:
+    """1 at the samples with a fix, (mission, time)."""
+    fixed = np.zeros((len(flight.missions), longest), np.int8)
+    for k, one in enumerate(flight.missions):
+        fixed[k, fixes_of(flight.store, one.dive.mission).sample] = 1
+    return fixed
+
+
+FIX_ATTRIBUTES = {
+    "units": "1",
+    "long_name": "whether the track was corrected at a fix of this sample",
+    "flag_values": np.array([0, 1], np.int8),
+    "flag_meanings": "no_fix fix",
+}
 LEAST_SPEED = 0.05
 """[m/s] below which an angle of attack means nothing"""
 

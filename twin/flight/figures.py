@@ -13,7 +13,7 @@ from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
 
 from twin.errors import InputError, StoreError
-from twin.flight.dataset import DAC, DAC_MISSION, POSITIONS, W_WATER, flight_dataset
+from twin.flight.dataset import DAC, DAC_MISSION, GPS_FIX, POSITIONS, W_WATER, flight_dataset
 from twin.flight.dive import CLIMB, DESCENT
 from twin.flight.flight import Flight
 from twin.plot import style
@@ -154,8 +154,10 @@ def track_map(flight: xr.Dataset) -> Figure:
     tracks = tuple(
         (latitude[row, :count], longitude[row, :count]) for row, count in enumerate(samples)
     )
-    deviation = flight["position_sd"].values
-    fixed = deviation <= 1.001 * np.nanmin(deviation)  # at a fix it is that of the receiver
+    fixes = None
+    if GPS_FIX in flight:  # files of earlier versions do not say
+        fixed = flight[GPS_FIX].values == 1
+        fixes = (latitude[fixed], longitude[fixed])
     currents: tuple[Currents, ...] = ()
     if DAC in flight.sizes:
         rows = {int(number): row for row, number in enumerate(flight[MISSION].values)}
@@ -178,7 +180,7 @@ def track_map(flight: xr.Dataset) -> Figure:
         MapContent(
             tracks=tracks,
             name="corrected track",
-            fixes=(latitude[fixed], longitude[fixed]),
+            fixes=fixes,
             currents=currents,
         )
     )

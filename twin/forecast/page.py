@@ -31,10 +31,11 @@ dl div { border: 1px solid var(--line); border-radius: 6px; padding: .6rem .8rem
 dt { color: var(--dim); font-size: .85rem; }
 dd { margin: 0; font-size: 1.2rem; font-variant-numeric: tabular-nums; }
 .scroll { overflow-x: auto; }
-table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
-th, td { padding: .3rem .9rem .3rem 0; text-align: right; white-space: nowrap;
+table { border-collapse: collapse; font-size: .8rem; font-variant-numeric: tabular-nums; }
+th, td { padding: .3rem .6rem .3rem 0; text-align: right; white-space: nowrap;
   border-bottom: 1px solid var(--line); }
-th { color: var(--dim); font-weight: 600; }
+th { color: var(--dim); font-weight: 600; vertical-align: bottom; }
+th:last-child, td:last-child { padding-right: 0; }
 svg { width: 100%; height: auto; border: 1px solid var(--line); border-radius: 6px;
   touch-action: none; cursor: grab; display: block; }
 svg text { font: 13px system-ui, "DejaVu Sans", sans-serif; fill: var(--ink);
@@ -99,7 +100,8 @@ def page(found: Forecast, *, reload_s: float | None = None) -> str:
     """The HTML text."""
     request, place = found.request, found.request.place
     title = f"{request.vehicle.name}: the next surfacings"
-    state = "" if found.complete else f", {found.flown} of {request.members} members so far"
+    state = "" if found.complete else f", {found.flown} of {request.members} members"
+    state += " so far" if state and reload_s is not None else ""
     lead = (
         f"{request.mission.name}, from {place.latitude_deg:.4f}, {place.longitude_deg:.4f} at "
         f"{place.time} UTC, {request.hours:g} h ahead{state}"

@@ -65,7 +65,7 @@ def draw_graticule(axes: Axes, box: Box, *, lines: int = MOST_LINES) -> None:
     axes.set_xlim(west, east)
     axes.set_ylim(south, north)
     shrink = cosine(0.5 * (south + north))
-    axes.set_aspect(1.0 / shrink)
+    axes.set_aspect(1.0 / shrink, anchor="N")  # the layout leaves its room below, for the label
     shape = shrink * (east - west) / (north - south)
     for axis, low, high, name, most in (
         (axes.xaxis, west, east, longitude_text, max(2, min(lines, round(lines * shape)))),

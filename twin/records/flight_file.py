@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from twin.errors import quoted
 from twin.records.attributes import TITLE
 from twin.records.object_files import files_at
 from twin.records.sharded import METADATA
@@ -51,6 +52,6 @@ def open_flight(path: Path) -> xr.Dataset:
 def flight_message(path: str | StorePath) -> str:
     """What a reader of stores says of such a file."""
     return (
-        f"{path} is a flight, which `twin flight` wrote: `twin plot {path}` draws it; this needs "
-        "the store that it was made from"
+        f"{path} is a flight, which `twin flight` wrote: `twin plot {quoted(path)}` draws it; "
+        "this needs the store that it was made from"
     )

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.bounded import check_dataset
-from twin.errors import StoreError, WriteError
+from twin.errors import StoreError, WriteError, quoted
 from twin.records.attributes import PROGRAM_VERSION, SETTINGS, VERSION
 from twin.records.flight_file import flight_message, is_flight
 from twin.records.mission_dataset import STATES, signal_names, stored_columns
@@ -140,8 +140,8 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
         raise StoreError(flight_message(path))
     if not is_there(path):
         raise StoreError(
-            f"no store at {path}; make one with `factory generate --out {path}`, or of logs with "
-            f"`factory import KIND FILES --out {path}`"
+            f"no store at {path}; make one with `factory generate --out {quoted(path)}`, or of "
+            f"logs with `factory import KIND FILES --out {quoted(path)}`"
         )
     if not is_complete(path):
         raise StoreError(_no_store(path))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError, StoreError, VehicleError
+from twin.errors import InputError, StoreError, VehicleError, quoted
 from twin.plot.caption import missions_caption
 from twin.records.attributes import SCENARIO
 from twin.records.logged_trajectory import LoggedTrajectory
@@ -98,7 +98,7 @@ def _logged(
         raise StoreError(
             f"store {store}: mission {missions[0]} says nothing of its {' and '.join(lacking)}: no "
             f"flight model ({trajectory.unflown}), no track of its own and no two fixes; "
-            f"`twin plot {store} --figure log` shows what was measured"
+            f"`twin plot {quoted(store)} --figure log` shows what was measured"
         )
     if drawn is None and trajectory.vehicle is not None:
         drawn = start_vehicle(store)

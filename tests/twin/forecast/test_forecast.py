@@ -345,6 +345,25 @@ def test_the_command_begins_at_the_last_fix_of_the_logs(store, tmp_path, capsys)
     assert json.loads((out / "forecast.json").read_text())["surfacings"] == answer["surfacings"]
 
 
+def test_an_interruption_says_how_many_members_the_folder_holds(
+    tmp_path, capsys, monkeypatch, steps
+) -> None:
+    def interrupted(request, known, *, threads, refined):
+        refined(steps[0])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("twin.forecast.forecast", interrupted)
+    out = tmp_path / "next"
+    words = ["forecast", "--from", "36.8,-122.4,2026-11-22T12:00", "--goto", "37,-122.4"]
+    assert PROGRAM.main([*words, "--members", "24", "--out", str(out)]) == 130
+    assert f"interrupted: {out} holds the forecast of 1 of 24 members" in capsys.readouterr().err
+    written = json.loads((out / "forecast.json").read_text())
+    assert (written["flown"], written["members"]) == (1, 24)
+    text = (out / "index.html").read_text()
+    assert "1 of 24 members" in text
+    assert "http-equiv" not in text
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

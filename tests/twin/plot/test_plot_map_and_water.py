@@ -239,3 +239,14 @@ def test_colour_maps_exist_and_signed_ones_have_a_middle() -> None:
     assert np.mean(balance(0.5)[:3]) > 0.85
     assert isinstance(ocean_map("pitch"), str)
     assert ocean_map("pitch") in matplotlib.colormaps
+
+
+def test_the_label_below_a_map_with_a_caption_is_whole() -> None:
+    from twin.plot.caption import add_caption
+    from twin.plot.map import MapContent, draw_content
+
+    track = (np.array([48.8, 48.9]), np.array([-130.6, -130.3]))
+    figure = draw_content(MapContent(tracks=(track,), name="corrected track"))
+    add_caption(figure, "a deployment, " * 8)
+    figure.draw_without_rendering()
+    assert figure.axes[0].xaxis.label.get_window_extent().y0 > 0.0
