@@ -30,7 +30,16 @@ from factory.recipe.distribution import Choice, parse_distribution  # noqa: E402
 from factory.recipe.kinds.base import propelled  # noqa: E402
 from factory.recipe.parameter import Parameter  # noqa: E402
 from factory.recipe.parameters import parameter_table  # noqa: E402
-from twin.flight.dataset import COPIED, DAC, FLOWN, OF_DIVES, OF_FLIGHTS, PER_DIVE  # noqa: E402
+from twin.flight.dataset import (  # noqa: E402
+    COPIED,
+    DAC,
+    FIX_ATTRIBUTES,
+    FLOWN,
+    GPS_FIX,
+    OF_DIVES,
+    OF_FLIGHTS,
+    PER_DIVE,
+)
 from twin.physics.part_signals import energy_variables, part_variables  # noqa: E402
 from twin.records import place, schema  # noqa: E402
 from twin.records.attributes import (  # noqa: E402
@@ -413,6 +422,7 @@ def flight_section() -> str:
         *(row(n, f"({n})" if n == TIME else OF_MISSION, said) for n, said in OF_FLIGHTS.items()),
         when,
         *flown,
+        row(GPS_FIX, OF_SAMPLE, FIX_ATTRIBUTES),
         *copied,
         *(_of(name, OF_DAC, about) for name, about in PER_DIVE.items()),
         *(row(name, OF_DAC, said) for name, said in OF_DIVES.items()),

@@ -221,7 +221,6 @@ def _fixed(flight: Flight, longest: int) -> NDArray[np.int8]:
 
 
 FIX_ATTRIBUTES = {
-    "units": "1",
     "long_name": "whether the track was corrected at a fix of this sample",
     "flag_values": np.array([0, 1], np.int8),
     "flag_meanings": "no_fix fix",
