@@ -85,8 +85,8 @@ class Fit(JsonOption):
     optimiser: Annotated[str | None, OPTIMISER] = None
     """soap or adam with a schedule, or scg, the paper's conjugate gradients [default: soap]"""
     seconds: float | None = None
-    """time in training of each network; two are trained side by side, and
-    preparing and judging come on top: 10 s and one member take some 36 s in all [default: 120]"""
+    """time in training of each network, to which preparing and judging add (10 s of one member
+    take some 36 s in all); two are trained side by side [default: 120]"""
     epochs: int | None = None
     """passes over the training missions instead of a time (scg: iterations); repeatable"""
     window: int | None = None

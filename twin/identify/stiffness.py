@@ -1,6 +1,6 @@
 """Stiffness: the physics step that a vehicle's yaw damping allows.
 
-The damping of a rate about its own axis is stable at any step (`excess` of the plant). At an angle
+The damping of a rate about its own axis is taken implicitly and is stable at any step. At an angle
 of attack the yaw damping, which is identified in flow axes, also rolls the hull; that part is
 explicit, and the hull's small roll inertia bounds the step that holds it.
 """

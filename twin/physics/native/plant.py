@@ -58,9 +58,6 @@ ZERO = (0.0, 0.0, 0.0)
 FASTEST = 20.0
 """[m/s] through the water: what is faster has left physics, whatever it looks like later"""
 
-CARRIED = 1.5
-"""Of a rate that its damping may take in one explicit step; from 2 on the rate would grow"""
-
 _VOID = types.void(types.int64, types.int64)
 
 mj_make_mass = types.ExternalFunction("mj_makeM", _VOID)
@@ -87,16 +84,6 @@ def remember_velocity(state, velocity, time, timestep):
 def kept(damping, inertia):
     """Part of the last rate's change that the next step repeats under rotary damping."""
     return max(0.0, 1.0 + damping / inertia)
-
-
-@inline
-def excess(damping, inertia):
-    """Inertia [kg m2] that keeps rotary damping [kg m2] stable which one step cannot carry.
-
-    Beyond `CARRIED` it is taken implicitly: the change of the rate shrinks, and what the rate
-    settles at does not. Gliders at their own speeds stay below.
-    """
-    return max(0.0, -damping - CARRIED * inertia)
 
 
 @inline
@@ -227,15 +214,8 @@ def water(model, data):
         fail(state, time)
 
     law, values = int(head.law), table_of(start, head, head.law_values)
-    dp, dq, dr = law_rate_damping(law, values, law_scale * timestep, density, u, v, w, p, q, r)
-    inertia = head.rotary_inertia
-    ex, ey, ez = excess(dp, inertia[0]), excess(dq, inertia[1]), excess(dr, inertia[2])
-    if ex + ey + ez > 0.0:
-        mass[9] += ex
-        mass[14] += ey
-        mass[20] += ez
-        mj_factor_mass(model, data)
     if centred:
+        dp, dq, dr = law_rate_damping(law, values, law_scale * timestep, density, u, v, w, p, q, r)
         p += 0.5 * kept(dp, head.rotary_inertia[0]) * (p - state.earlier[3])
         q += 0.5 * kept(dq, head.rotary_inertia[1]) * (q + state.earlier[4])
         r += 0.5 * kept(dr, head.rotary_inertia[2]) * (r + state.earlier[5])
