@@ -18,7 +18,7 @@ from factory.exporting.og1.deployments import export_og1_logs
 from factory.exporting.og1.flown import ON_BOARD, STRAIGHT, flown
 from factory.importing import import_logs
 from factory.stores.stored_flight import open_exportable
-from twin.errors import InputError, VehicleError
+from twin.errors import InputError, StoreError, VehicleError
 from twin.records.logs import LogStore
 from twin.records.store import write_store
 
@@ -214,8 +214,10 @@ def test_without_a_flight_model_the_track_is_the_vehicle_s_own_or_straight(
     own = flown(LogStore(write_store(data, tmp_path / "own.zarr")), [0]).tracks[0]
     assert own.method == ON_BOARD
     np.testing.assert_allclose(own.position[own.fixes.sample], own.fixes.position, atol=1e-6)
-    with pytest.raises(VehicleError, match="unknown vehicle"):
+    with pytest.raises(StoreError, match="whatever --vehicle is given"):
         flown(bare, [0], vehicle="nautilus")
+    with pytest.raises(VehicleError, match="unknown vehicle"):
+        flown(LogStore(store), [0], vehicle="nautilus")
 
 
 def test_a_flight_of_twin_simulate_is_corrected_too(tmp_path: Path) -> None:
