@@ -19,7 +19,7 @@ import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from twin.errors import ArgumentError, TwinError, unknown_name
+from twin.errors import ArgumentError, TwinError, shown, unknown_name
 
 BY_NAME = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
 BY_PLACE = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
@@ -171,9 +171,7 @@ def _check_kind(value: Any, wanted: Sequence[Takes], what: str) -> None:
     if not wanted or any(takes(value) for takes, _ in wanted):
         return
     words = list(dict.fromkeys(word for _, word in wanted))
-    shown = repr(value)
-    shown = shown if len(shown) <= 60 else f"{shown[:60]}..."
-    raise ArgumentError(f"{what} is {shown}: give {' or '.join(words)}")
+    raise ArgumentError(f"{what} is {shown(value)}: give {' or '.join(words)}")
 
 
 def _kinds(annotation: Any) -> Iterator[Takes]:

@@ -108,6 +108,15 @@ def quoted(path: str | os.PathLike[str]) -> str:
     return shlex.quote(str(path))
 
 
+def shown(value: object) -> str:
+    """A value as a message names it: its repr, cut where it is long."""
+    try:
+        text = repr(value)
+    except ValueError:  # a whole number of thousands of digits
+        text = f"a {type(value).__name__}"
+    return text if len(text) <= 60 else f"{text[:60]}..."
+
+
 def unknown_name(kind: str, name: str, allowed: Iterable[str]) -> str:
     """One line for a name that is not among `allowed`, with the nearest one when there is one."""
     names = sorted(allowed)

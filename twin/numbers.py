@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError
+from twin.errors import InputError, shown
 
 
 def number(value: object, what: str, error: type[InputError] = InputError) -> float:
@@ -26,7 +26,7 @@ def number(value: object, what: str, error: type[InputError] = InputError) -> fl
             return math.inf
         except (TypeError, ValueError):  # an array of several, say
             pass
-    raise error(f"{what} is {_shown(value)}: give a number") from None
+    raise error(f"{what} is {shown(value)}: give a number") from None
 
 
 def numbers(values: object, what: str, error: type[InputError] = InputError) -> NDArray[np.float64]:
@@ -36,16 +36,8 @@ def numbers(values: object, what: str, error: type[InputError] = InputError) -> 
       InputError: (or `error`) it is none, or holds something else; texts are no numbers.
     """
     if isinstance(values, str | bytes | dict):
-        raise error(f"{what} is {_shown(values)}: give numbers")
+        raise error(f"{what} is {shown(values)}: give numbers")
     try:
         return np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise error(f"{what} is {_shown(values)}: give numbers") from None
-
-
-def _shown(value: object) -> str:
-    try:
-        text = repr(value)
-    except ValueError:  # a whole number of thousands of digits
-        text = f"a {type(value).__name__}"
-    return text if len(text) <= 60 else f"{text[:60]}..."
+        raise error(f"{what} is {shown(values)}: give numbers") from None

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 import xarray as xr
-from examples import ROOT, needs_docs
+from examples import needs_docs, script
 from simulated_logs import simulated_log
 
 import factory
@@ -29,12 +28,7 @@ ROW = re.compile(r"^\| `(\w+)` \| (.*) \|$", re.MULTILINE)
 @pytest.fixture(scope="module")
 def dictionary() -> ModuleType:
     """scripts/docs_dictionary.py"""
-    sys.path.insert(0, str(ROOT / "scripts"))
-    try:
-        import docs_dictionary
-    finally:
-        sys.path.remove(str(ROOT / "scripts"))
-    return docs_dictionary
+    return script("docs_dictionary")
 
 
 @pytest.fixture(scope="module")

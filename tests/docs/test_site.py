@@ -10,7 +10,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from examples import ROOT, needs_docs
+from examples import ROOT, needs_docs, script
 
 pytestmark = needs_docs
 
@@ -23,23 +23,13 @@ NAMED_PAGE = re.compile(r"docs/[\w/]+\.(?:md|png)")
 @pytest.fixture(scope="module")
 def reference() -> ModuleType:
     """scripts/docs_reference.py"""
-    sys.path.insert(0, str(ROOT / "scripts"))
-    try:
-        import docs_reference
-    finally:
-        sys.path.remove(str(ROOT / "scripts"))
-    return docs_reference
+    return script("docs_reference")
 
 
 @pytest.fixture(scope="module")
 def hooks() -> ModuleType:
     """scripts/docs_hooks.py"""
-    sys.path.insert(0, str(ROOT / "scripts"))
-    try:
-        import docs_hooks
-    finally:
-        sys.path.remove(str(ROOT / "scripts"))
-    return docs_hooks
+    return script("docs_hooks")
 
 
 @pytest.fixture(scope="module")
@@ -184,14 +174,10 @@ def test_pages_that_are_named_exist(reference: ModuleType) -> None:
 
 
 def test_the_tables_of_the_validation_are_what_is_computed() -> None:
-    sys.path.insert(0, str(ROOT / "scripts"))
-    try:
-        from docs_validation import PAGE, written
-    finally:
-        sys.path.remove(str(ROOT / "scripts"))
-    page = PAGE.read_text(encoding="utf-8")
+    validation = script("docs_validation")
+    page = validation.PAGE.read_text(encoding="utf-8")
     assert page.count("| MuJoCo | Fossen |") == 2
-    assert written(page) == page, "run python scripts/docs_validation.py --write"
+    assert validation.written(page) == page, "run python scripts/docs_validation.py --write"
 
 
 SHOWN = re.compile(r"(?:^ {4}|^\$ |^|`)((?:twin|factory|learn) [a-z][^`\n]*)", re.MULTILINE)

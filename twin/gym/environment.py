@@ -14,7 +14,6 @@ from twin.errors import InputError, UnknownName, unknown_name
 from twin.gym.episodes import LARGEST_SEED, episode_random
 from twin.gym.noise import Noise
 from twin.gym.observations import FLAT, Observations, Observed
-from twin.numbers import numbers
 from twin.suite.environment import Environment
 from twin.suite.loader import load, task_arguments
 
@@ -156,7 +155,7 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
         if self._seed is None:
             raise InputError("no episode has begun: call reset first")
         self._step = self._environment._step_count + 1
-        time_step = self._environment.step(numbers(action, "action"))
+        time_step = self._environment.step(action)
         if time_step.first():
             raise InputError("this episode is over: call reset first")
         over = time_step.last()
